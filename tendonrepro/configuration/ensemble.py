@@ -9,13 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from tendonrepro.configuration.fields.model import Identifier, Model, SchemaVersion, refuse
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import Scalar, positive, whole
-from tendonrepro.configuration.fields.strict_yaml import dump
+from tendonrepro.configuration.fields.strict_yaml import Key, dump
 from tendonrepro.configuration.load import BASE, ConfigSource, Draft, LoadedConfig, config_digest, load_config
 from tendonrepro.configuration.models.box import MOTIONS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
@@ -29,36 +29,11 @@ FAST_PERIOD = 3.33
 """Period of the motion ``fast_sine``, s: 0.3 Hz."""
 
 
-def _check_pair(pair: tuple[str, ...]) -> tuple[str, ...]:
-    try:
-        named_readings("+".join(pair))
-    except UsageError as error:
-        refuse(error.message)
-    return pair
-
-
-def _check_variation(text: str) -> str:
-    known = [variation.name for variation in VARIATIONS]
-    if text not in known:
-        refuse(f"must be one of {', '.join(known)}, found {text!r}")
-    return text
-
-
-def _check_power_of_two(quantity: Scalar) -> Scalar:
-    if math.frexp(quantity.value)[0] != 0.5:
-        refuse(f"must be a power of two, found {quantity}", "value")
-    return quantity
-
-
 class Population(Model):
     """Draws in which rows of some confidences vary and the others keep their nominal value."""
 
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
-    share: Annotated[
-        Scalar,
-        positive("1", "draws over the number asked for, a power of two", at_most=1.0),
-        AfterValidator(_check_power_of_two),
-    ]
+    share: Annotated[Scalar, positive("1", "draws over the number asked for, a power of two", at_most=1.0)]
 
 
 class EnsembleConfig(Model):
@@ -70,28 +45,41 @@ class EnsembleConfig(Model):
     base: Annotated[str, Field(min_length=1, description="file of the comparison that draws start from")]
     seed: Annotated[Scalar, whole("seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0)]
     scramblings: Annotated[Scalar, whole("independent scramblings", at_least=2.0, at_most=1024.0)]
-    block: Annotated[
-        Scalar,
-        whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0),
-        AfterValidator(_check_power_of_two),
-    ]
+    block: Annotated[Scalar, whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0)]
     shortest_run: Annotated[Scalar, positive("s", "periods are repeated until a run lasts this long")]
     longest_run: Annotated[Scalar, positive("s", "no run of the box may last longer")]
     populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
-    pairs: tuple[Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_check_pair)], ...]
+    pairs: tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...]
     """settings axis=value that are run together"""
-    variations: tuple[Annotated[str, AfterValidator(_check_variation)], ...]
+    variations: tuple[str, ...]
     box: BoxConfig
 
     @model_validator(mode="after")
-    def _check_durations(self) -> EnsembleConfig:
+    def _check(self) -> Self:
+        refuse_all(self._mistakes())
+        return self
+
+    def _mistakes(self) -> Mistakes:
+        powers: dict[Key, Scalar] = {("block",): self.block}
+        powers |= {("populations", name, "share"): held.share for name, held in self.populations.items()}
+        for path, quantity in powers.items():
+            if math.frexp(quantity.value)[0] != 0.5:
+                yield (*path, "value"), f"must be a power of two, found {quantity}"
+        for i, pair in enumerate(self.pairs):
+            try:
+                named_readings("+".join(pair))
+            except UsageError as error:
+                yield ("pairs", i), error.message
+        known = [variation.name for variation in VARIATIONS]
+        for i, name in enumerate(self.variations):
+            if name not in known:
+                yield ("variations", i), f"must be one of {', '.join(known)}, found {name!r}"
         cycles = _longest_cycles(self.box)
         kind = max(self.box.motion.choices, key=lambda kind: cycles[kind])
         longest = max(2.0 * cycles[kind], self.shortest_run.si + cycles[kind])
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
-            refuse(f"{covered}, found {self.longest_run}", "longest_run", "value")
-        return self
+            yield ("longest_run", "value"), f"{covered}, found {self.longest_run}"
 
 
 @dataclass(frozen=True)

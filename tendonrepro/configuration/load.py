@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +17,9 @@ from typing import Any, Literal, NoReturn, TypeAlias, TypeVar
 from pydantic import ValidationError
 
 from tendonrepro.configuration.fields.model import Model, describe
-from tendonrepro.configuration.fields.strict_yaml import MAX_BYTES, Key, Node, decode, dump, load, read_text
+from tendonrepro.configuration.fields.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
 from tendonrepro.configuration.messages import did_you_mean, explain
-from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig
+from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, apply_overrides, parse_override
 from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
@@ -29,7 +28,6 @@ from tendonrepro.files import sha256_of
 
 __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "LoadedConfig", "load_config"]
 
-Config: TypeAlias = CompareConfig | DecoupleConfig
 ExperimentName: TypeAlias = Literal["compare", "decouple"]
 
 BASE = "base"
@@ -37,7 +35,7 @@ MANIPULATOR = "manipulator"
 KINDS = ("compare", "decouple", "ensemble", MANIPULATOR)
 """What a configuration can be for; a manipulator is one that is only that."""
 _M = TypeVar("_M", bound=Model)
-_MODELS: Mapping[object, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
+MODELS: Mapping[str, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,7 @@ def find_source(source: ConfigSource | Path | str | None, kind: str | None) -> C
         return source
     origin = str(kind if source is None else source)
     if origin == "-":
-        name = "<stdin>"
-        text = decode(sys.stdin.buffer.read(MAX_BYTES + 1), name)
-        return ConfigSource(text, name, name, Path.cwd(), ())
+        return ConfigSource(read_text(None), STDIN, STDIN, Path.cwd(), ())
     path = Path(origin)
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
@@ -99,18 +95,20 @@ class Draft:
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
             raise ConfigError(message, where=self.where(()))
         self.tree: dict[str, Any] = tree
-        self.kind = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
+        self.kind: Any = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
         if self.kind not in KINDS or wanted not in (None, self.kind):
             expected = wanted or f"one of {', '.join(KINDS)}"
             hint = did_you_mean(self.kind, [wanted] if wanted else KINDS)
             self.refuse(("experiment",), f"must be {expected}, found {describe(self.kind)}{hint}")
-        if self.kind in _MODELS and BASE in tree:
+        if self.kind in MODELS and BASE in tree:
             self._take_from_base(tree.pop(BASE))
         changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]
         naming = [change for change in changes if change.path == (MANIPULATOR,)]
         apply_overrides(self._document, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
-            self._put_manipulator(name)
+            held = self._named_document(name, MANIPULATOR)
+            tree[MANIPULATOR] = held.tree
+            self._document.places |= {(MANIPULATOR, *key): place for key, place in held.places.items()}
         apply_overrides(self._document, [change for change in changes if change not in naming])
 
     def _take_from_base(self, name: Node) -> None:
@@ -118,8 +116,7 @@ class Draft:
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
             self.refuse((BASE,), f"must be a file beside this one or a shipped one, found {describe(name)}")
-        path = self.named_file(name, BASE)
-        base = load(read_text(path), str(path))
+        base = self._named_document(name, BASE)
         if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.kind or BASE in base.tree:
             self.refuse((BASE,), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
         left = {key: value for key, value in base.tree.items() if key not in self.tree}
@@ -127,14 +124,11 @@ class Draft:
             key: place for key, place in base.places.items() if key[:1] and key[0] in left
         }
         self.tree |= left
-        self.files.append(path)
 
-    def _put_manipulator(self, name: str) -> None:
-        path = self.named_file(name, MANIPULATOR)
-        manipulator = load(read_text(path), str(path))
-        self.tree[MANIPULATOR] = manipulator.tree
-        self._document.places |= {(MANIPULATOR, *key): place for key, place in manipulator.places.items()}
+    def _named_document(self, name: str, key: str) -> Document:
+        path = self.named_file(name, key)
         self.files.append(path)
+        return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
         """Find the file that a key names, beside the configuration or among the shipped ones.
@@ -243,13 +237,14 @@ def load_config(
     """
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
     draft = Draft(source, experiment, recorded)
-    config = draft.validate(_MODELS[draft.kind])
+    config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
         config = _only(config, draft.tree, controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
+    references = references_of(config)
     trajectories = [
         draft.named_file(held.file, *path, "file", shipped=False)
-        for path, held in config.references.items()
+        for path, held in references.items()
         if isinstance(held, Sampled)
     ]
     content = {
@@ -265,7 +260,7 @@ def load_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.source.folder,
-        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in config.references},
+        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
     )
 
 
@@ -276,9 +271,8 @@ def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> Compa
         raise UsageError(message, where="--controllers")
     wanted = {f"controller_{number}" for number in numbers}
     laws = dict.fromkeys(run.law for run in config.runs.values())
-    missing = sorted(wanted - set(laws))
-    if missing or not wanted:
-        message = f"no run has the law {missing[0]!r}" if missing else "no controller is asked for"
+    if not wanted or not wanted <= set(laws):
+        message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
     tree["runs"] = {name: tree["runs"][name] for name in kept}

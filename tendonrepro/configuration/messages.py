@@ -21,6 +21,7 @@ MOST_NAMED = 20
 _MAPPING = "must be a mapping of keys"
 _ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
 _NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
+# What replaces words of pydantic that speak of Python, by the type of the mistake.
 _WORDS = {
     "model_type": _MAPPING,
     "model_attributes_type": _MAPPING,
@@ -31,7 +32,6 @@ _WORDS = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
 }
-"""What replaces words of pydantic that speak of Python, by the type of the mistake."""
 
 
 def explain(error: ValidationError, document: Document) -> ConfigError:
@@ -45,8 +45,9 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
     """
     details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
     missing = {path for detail, path in details if detail["type"] == "missing"}
-    unknown = [path for detail, path in details if detail["type"] == "extra_forbidden"]
-    meant = {path: _meant(path, [*missing, *document.places]) for path in unknown[:MOST_NAMED]}
+    unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
+    known = missing | document.places.keys() - unknown.keys() - {()}
+    meant = {path: _meant(path, known) for path in unknown}
     found = []
     for detail, path in details:
         kind = detail["type"]
@@ -80,8 +81,7 @@ def did_you_mean(word: object, words: Iterable[str]) -> str:
 def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:
     """Path of the key beside an unknown one that it was probably meant to be, missing or set already."""
     parent = unknown[:-1]
-    beside = [str(path[-1]) for path in known if path[:-1] == parent and path not in (unknown, ())]
-    word = nearest(str(unknown[-1]), beside)
+    word = nearest(str(unknown[-1]), [str(path[-1]) for path in known if path[:-1] == parent])
     return None if word is None else (*parent, word)
 
 

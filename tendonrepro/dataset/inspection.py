@@ -16,8 +16,6 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.results.tables import Table
 
-SCHEMA_VERSION = 2
-
 
 def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
     """List what is in files, folders and archives.
@@ -51,7 +49,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, tal
     if mapping is not None:
         write_atomically(mapping, guessed["suggestion"])
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 2,
         "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
         "unread": unread,
         **guessed,

@@ -67,9 +67,13 @@ class Recorded:
         """Sampling step, s."""
         return float(self.time[1] - self.time[0])
 
+    def at(self, time: Array) -> Array:
+        """Displacement at other times (T,), s: (T, n) rad, that of the nearer end beyond the record."""
+        return np.column_stack([np.interp(time, self.time, column) for column in self.q.T])
+
     def moving(self) -> tuple[int, int]:
         """First and last sample of the motion: rest before it and after it are left out."""
-        tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
+        tolerance = max(1.5 * self.rounding, _ONSET * float(np.ptp(self.q, axis=0).max()))
         left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
         ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
         if not left.size:
@@ -185,18 +189,6 @@ def rounding_step(angles: Array) -> float:
     return step if apart < 1e-3 * step else 0.0
 
 
-def noise(record: Recorded) -> float:
-    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
-    fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
-    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
-    return found if found > 0.6 * record.rounding else 0.0
-
-
-def noise_peak(record: Recorded) -> float:
-    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
-    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
-
-
 def recover(file: TraceFile) -> Reference:
     """Recover the reference of a measured comparison from the first run that recorded it for both joints.
 
@@ -205,10 +197,10 @@ def recover(file: TraceFile) -> Reference:
     DataMissingError
         If no run holds the desired angles, or they do not move.
     """
-    holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
+    holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
     if not holding:
-        raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
-    trace = min(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS))
+        raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
+    trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
     end = float(record.time[record.moving()[1]])
     return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
@@ -216,8 +208,9 @@ def recover(file: TraceFile) -> Reference:
 
 def _complete(trace: Trace) -> bool:
     """Whether a run recorded the desired angles of both joints of the comparison."""
-    columns = zip(trace.joint, trace["q_d"].T, strict=True)
-    return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
+    if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
+        return False
+    return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
 
 
 def onset(record: Recorded) -> float:
@@ -228,7 +221,7 @@ def onset(record: Recorded) -> float:
     """
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
-    level = max(_ONSET * float(size.max()), 3.0 * record.rounding, noise_peak(record))
+    level = max(_ONSET * float(size.max()), 3.0 * record.rounding)
     found: list[tuple[float, float]] = []
     for power in (2, 3):
         passes = [_passes(record.time, q, level * factor) for factor in (1.0, 2.0**power, 4.0**power)]
@@ -263,31 +256,22 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 def zero_of(trace: Trace, reference: Reference) -> float:
     """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
-    return float(trace.time[0]) + _later(trace, reference)
-
-
-def _later(trace: Trace, reference: Reference) -> float:
-    """How much later than in the reference's run a run's desired angles move, s."""
     from scipy.optimize import minimize_scalar
 
-    other = reference.record
-    if trace.name == reference.run or "q_d" not in trace or not _complete(trace):
-        return 0.0
+    other, first = reference.record, float(trace.time[0])
+    if trace.name == reference.run or not _complete(trace):
+        return first
     ours = recorded(trace.of_joints(other.joint))
 
     def apart(late: float) -> float:
-        moved = _at(other, np.clip(ours.time - late, 0.0, other.time[-1]))
+        moved = other.at(ours.time - late)
         return float((ours.q - moved).var(axis=0).sum())
 
     guess = onset(ours) - reference.begin
     tried = guess + np.linspace(-0.5, 0.5, 41)
     best = float(tried[np.argmin([apart(late) for late in tried])])
     late = float(minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded").x)
-    return late if abs(late) > 0.05 * ours.step else 0.0
-
-
-def _at(record: Recorded, time: Array) -> Array:
-    return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
+    return first + (late if abs(late) > 0.05 * ours.step else 0.0)
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:
@@ -349,11 +333,11 @@ def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
     """Lay a quintic least-squares spline through a recorded motion, and say the spacing of its knots, s.
 
     Of all spacings the one with the smallest Bayesian information criterion is taken. A residual as small as
-    the record's rounding or noise is not reduced any further.
+    the record's rounding is not reduced any further.
     """
     from scipy.interpolate import make_lsq_spline
 
-    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding, 0.9 * noise(record))
+    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding)
     time, q = record.time, record.q
     found = []
     for spacing in _tried(record):
@@ -385,8 +369,7 @@ def _places(record: Recorded, spacing: float) -> Array:
 def thinned(record: Recorded) -> Knots:
     """Choose samples of a recorded motion, as it is smoothed.
 
-    The spacing is the widest whose spline stays within half an encoder count, or one standard deviation of
-    the record's noise, of the smoothed motion.
+    The spacing is the widest whose spline stays within half an encoder count of the smoothed motion.
 
     Raises
     ------
@@ -396,6 +379,7 @@ def thinned(record: Recorded) -> Knots:
     spline, spacing = smoothed(record)
     rate = spline(record.time, 1)
     still = _STILL * np.abs(rate).max()
+    # The rate of the spline is least sure at its ends.
     early = min(round(_FIRST / record.step), len(record.time) - 1) or 1
     if np.abs(record.q[early]).max() / record.time[early] > still:
         raise DataMissingError("the record begins in mid-motion", hint="give from_s in the mapping")
@@ -409,7 +393,7 @@ def thinned(record: Recorded) -> Knots:
             angle = np.vstack([angle, angle[-1] + rate[-1] * _BRAKE * (u - u**3 + 0.5 * u**4)])
             time = np.append(time, time[-1] + _BRAKE * u[:, 0])
         q = np.column_stack([sampled(time, column)(record.time)[0] for column in angle.T]) + first
-        if np.abs(q - target).max() <= max(HALF_COUNT, noise(record)):
+        if np.abs(q - target).max() <= HALF_COUNT:
             break
-    tolerance = max(record.rounding, HALF_COUNT + noise_peak(record))
+    tolerance = max(record.rounding, HALF_COUNT)
     return Knots(time, angle, narrower, tolerance, float(np.abs(q - record.q).max()), braked)

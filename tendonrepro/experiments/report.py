@@ -27,7 +27,7 @@ def outcome_of(file: TraceFile, growing_hz: dict[str, float]) -> Outcome:
     data |= table_data(file)
     if file.experiment == "compare":
         data["growing_hz"] = growing_hz
-    notes = [*_fitted(file), *_tensions(data), *_growing(data)]
+    notes = [*_fitted(file), *_slack(data), *_growing(data)]
     return Outcome(data, [*made_tables(file), *notes])
 
 
@@ -36,20 +36,11 @@ def _fitted(file: TraceFile) -> Iterator[str]:
         yield f"The plant was fitted to the published tables under {under}, so agreement proves nothing."
 
 
-def _tensions(data: Mapping[str, Any]) -> Iterator[str]:
-    """The smallest tension of all, and which tendons do not pull for how long."""
-    found = [
-        (least, tendon, run, at, slack)
-        for run, sizes in data["tension"].items()
-        for tendon, least, at, slack in zip(data["joints"], *sizes.values(), strict=True)
-    ]
-    if found:
-        least, tendon, run, at, _ = min(found)
-        yield f"The least tension is {least:.2f} N, of tendon {tendon} in {run} at {at:.3f} s."
-    if loose := [
-        f"tendon {tendon} in {run} for {slack:.3f} s" for _, tendon, run, _, slack in found if slack
-    ]:
-        yield f"Not pulling: {', '.join(loose)}."
+def _slack(data: Mapping[str, Any]) -> Iterator[str]:
+    for run, sizes in data["tension"].items():
+        for tendon, seconds in zip(data["joints"], sizes["slack_s"], strict=True):
+            if seconds:
+                yield f"Tendon {tendon} does not pull in {run} for {seconds:.3f} s."
 
 
 def _growing(data: Mapping[str, Any]) -> Iterator[str]:

@@ -134,23 +134,23 @@ def spot_check(
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
     """Largest relative difference of the errors' sizes; None when the steppers disagree on the status."""
-    limits = study.config.status
-    status = STATUSES[int(batch.status[0])]
+    status, limits = STATUSES[int(batch.status[0])], study.config.status
+    if status == "unresolved":
+        return 0.0
     try:
         variables = simulate(loop)
     except TendonreproError:
-        return 0.0 if status == "unresolved" else None
+        return None
     e, t = variables["e"], variables["time"]
     expected, _ = status_of(
         t, e, limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
     )
     if t.size < loop.reference.time.size:
         expected = "diverged"
-    if status == "unresolved":
-        return 0.0
     if status != expected:
         return None
     if status == "diverged":
         return 0.0
-    sizes = {"mae": mae(e), "rmse": rmse(e)}
-    return max(float(np.max(np.abs(batch.statistics[name][0] / size - 1.0))) for name, size in sizes.items())
+    sizes = np.array([mae(e), rmse(e)])
+    found = np.array([batch.statistics[name][0] for name in ("mae", "rmse")])
+    return float(np.abs(found / sizes - 1.0).max())

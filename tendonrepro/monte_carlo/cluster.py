@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import suppress
 from typing import TypeVar
 
 from tendonrepro.errors import TendonreproError, UsageError
@@ -26,14 +25,12 @@ def on_cluster(
         client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise TendonreproError(f"no scheduler answers at {address}", where="--dask") from error
-    try:
-        waiting = client.map(function, items, pure=False, retries=2)
-        for future in as_completed(waiting):  # type: ignore[no-untyped-call]
-            yield future.result()
-            future.release()
-    except KilledWorker as error:
-        message = "workers died again and again on the same block; finished blocks are kept"
-        raise TendonreproError(message, where="--dask") from error
-    finally:
-        with suppress(OSError, TimeoutError):
-            client.close()  # type: ignore[no-untyped-call]
+    with client:
+        try:
+            waiting = client.map(function, items, pure=False, retries=2)
+            for future in as_completed(waiting):  # type: ignore[no-untyped-call]
+                yield future.result()
+                future.release()
+        except KilledWorker as error:
+            message = "workers died again and again on the same block; finished blocks are kept"
+            raise TendonreproError(message, where="--dask") from error

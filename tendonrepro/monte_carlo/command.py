@@ -28,14 +28,13 @@ from tendonrepro.monte_carlo.data import PLAN, read_ensemble
 from tendonrepro.monte_carlo.figures import draw_ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
-from tendonrepro.monte_carlo.shards import FOLDER, Block, shard_files
+from tendonrepro.monte_carlo.shards import FOLDER, shard_files
 from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import refuse_others, replaced, take_over
 from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 
@@ -150,7 +149,9 @@ def run_study(
         stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
         experiments = sum(block.count for block in missing) * len(study.cases)
         if missing:
-            _announce(study, draws, missing, talk)
+            share = len(missing) / len(blocks)
+            ahead = {key: share * value for key, value in study.cost(draws).items()}
+            talk.note(f"{cost_text(ahead)}, counted in blocks of {missing[0].count * len(study.cases):,}")
         started = time.perf_counter()
         with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
             # This process is the only writer.
@@ -185,15 +186,6 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
     for path in others:
         path.unlink()
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
-
-
-def _announce(study: Study, draws: int, missing: Sequence[Block], talk: Talk) -> None:
-    """Say what is ahead: nothing is counted before the first blocks are done, minutes later."""
-    share = sum(block.count for block in missing) / sum(block.count for block in study.blocks(draws))
-    text = cost_text({key: share * value for key, value in study.cost(draws).items()})
-    if NOTHING_COMPILED:
-        talk.note("compiling once for this machine, a few seconds")
-    talk.note(f"{text}, counted in blocks of {missing[0].count * len(study.cases):,}")
 
 
 def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, read_array
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -36,8 +36,6 @@ class EnsembleData:
 
     Attributes
     ----------
-    population : str
-        ``box`` or ``firm``.
     of_paper : bool
         Whether draws start from the paper's arm, gains and payload.
     joints : tuple of int
@@ -47,45 +45,41 @@ class EnsembleData:
     runs : tuple of str
     names : tuple of str
         Of the P numbers drawn.
-    readings, variations : tuple of str
-        Names that `status` and `statistic` take; variations are no readings of the paper.
+    readings : tuple of str
+        Names that `status` and `statistic` take, as those of variations, which are no readings of the paper.
     lookup : mapping
         ``(run, reading or variation)`` -> place of its case.
-    files : tuple of (Path, Block, int)
-        Shards, their blocks, and how many of the block's draws are taken.
+    files : mapping of Block to Path
+        Shards by their blocks, in order.
     identity, planned
         Of the ensemble, and how many draws it was to have.
     """
 
-    population: str
     of_paper: bool
     joints: tuple[int, ...]
     alpha: tuple[float, ...]
     runs: tuple[str, ...]
     names: tuple[str, ...]
     readings: tuple[str, ...]
-    variations: tuple[str, ...]
     lookup: Mapping[Case, int]
-    files: tuple[tuple[Path, Block, int], ...]
+    files: Mapping[Block, Path]
     identity: str
     planned: int
     _kept: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of draws."""
-        return sum(taken for _, _, taken in self.files)
+        return sum(block.count for block in self.files)
 
     @cached_property
     def draws(self) -> Array:
         """Numbers drawn, (N, P), in the units of the box."""
-        return np.concatenate([read_array(path, "draws")[:taken] for path, _, taken in self.files])
+        return np.concatenate([read_array(path, "draws") for path in self.files.values()])
 
     @cached_property
     def replicate(self) -> NDArray[np.int64]:
         """Number of the scrambling of each draw, (N,)."""
-        return np.repeat(
-            np.array([block.replicate for _, block, _ in self.files]), [taken for _, _, taken in self.files]
-        )
+        return np.concatenate([np.full(block.count, block.replicate) for block in self.files])
 
     def has(self, run: str, reading: str) -> bool:
         """Whether a run was simulated under a reading or variation."""
@@ -119,17 +113,17 @@ class EnsembleData:
         """One array of one case over all draws."""
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
-            raise DataMissingError(message, hint=f"It holds {', '.join((*self.readings, *self.variations))}.")
+            raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
         place = self.lookup[run, reading]
         if len(self) > KEPT_DRAWS:
-            return np.concatenate([read_array(path, name)[place, :taken] for path, _, taken in self.files])
+            return np.concatenate([read_array(path, name)[place] for path in self.files.values()])
         if name not in self._kept:
-            pieces = [read_array(path, name)[:, :taken] for path, _, taken in self.files]
+            pieces = [read_array(path, name) for path in self.files.values()]
             self._kept[name] = np.concatenate(pieces, axis=1)
         return np.array(self._kept[name][place])
 
 
-def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> EnsembleData:
+def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
     """Open a finished ensemble.
 
     Parameters
@@ -138,20 +132,11 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
         Results folder.
     population : str
         ``box``, or ``firm`` for the one where only rows of high and medium confidence vary.
-    stride : int
-        Thin to this part of the draws, a power of two. The first draws of every scrambling are kept, which
-        are themselves evenly spread; every second one would fill only one half of the box.
-
-    Returns
-    -------
-    EnsembleData
 
     Raises
     ------
     DataMissingError
         When there is none, it has no such population, or a shard is missing or damaged.
-    UsageError
-        When it cannot be thinned so far.
     """
     path = folder / PLAN
     if not path.exists():
@@ -161,28 +146,14 @@ def read_ensemble(folder: Path, population: str = "box", *, stride: int = 1) -> 
     if population not in plan["populations"]:
         message = f"holds no population {population!r}"
         raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
-    per_replicate = plan["populations"][population] // plan["replicates"]
-    if stride < 1 or stride & (stride - 1) or stride > per_replicate:
-        message = f"cannot thin {per_replicate} draws a scrambling to one in {stride}; a power of two can"
-        raise UsageError(message)
-    names = ("joints", "alpha", "runs", "names", "readings", "variations")
+    blocks = [Block(*entry) for entry in sorted(plan["blocks"]) if entry[0] == population]
+    names = ("joints", "alpha", "runs", "names", "readings")
     of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
-        population=population,
         of_paper=plan["of_paper"],
         lookup={(run, name): place for run, name, place in plan["lookup"]},
-        files=_files(folder, plan, population, per_replicate // stride),
+        files={block: folder / FOLDER / block.file_name(plan["identity"]) for block in blocks},
         identity=plan["identity"],
         planned=plan["draws"],
         **of_plan,
-    )
-
-
-def _files(
-    folder: Path, plan: Mapping[str, Any], population: str, wanted: int
-) -> tuple[tuple[Path, Block, int], ...]:
-    return tuple(
-        (folder / FOLDER / block.file_name(plan["identity"]), block, min(block.count, wanted - block.first))
-        for block in sorted(Block(*entry) for entry in plan["blocks"])
-        if block.population == population and block.first < wanted
     )

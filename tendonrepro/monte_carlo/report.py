@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,10 @@ import numpy as np
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shards import Block, read_array
-from tendonrepro.monte_carlo.shares import (
-    QUANTILES,
-    RANKINGS,
-    RATIO_NAMES,
-    RATIOS,
-    reading_summary,
-)
+from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.tables import NOTHING, Table
-
-_OK, _ORDER, _BEST = "ok C1 / C2 / C3 (%)", "C1 < C2 < C3 MAE (%)", "C1 best, MAE (%)"
+from tendonrepro.results.tables import Table
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
@@ -73,105 +66,52 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
     }
 
 
-def flat_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield a row per reading, ranking or ratio, set of plants, metric and joint (or both)."""
-    for reading in summary["readings"]:
-        for of in (*RANKINGS, *RATIOS):
-            for plants, metrics in reading[of].items():
-                for metric, joints in metrics.items():
-                    for joint, found in joints.items():
-                        start = {"population": population, "reading": reading["name"], "of": of}
-                        yield start | {"over": plants, "metric": metric, "joint": joint} | _flat(found)
-
-
-def _flat(found: Mapping[str, Any]) -> dict[str, object]:
-    """Quantiles with their intervals as columns of their own."""
-    row: dict[str, object] = {}
-    for name, value in found.items():
-        ends = {f"{name}_{end}": value[end] for end in ("low", "high")} if name in QUANTILES else {}
-        row |= {name: value["value"] if ends else value} | ends
-    return row
-
-
-def status_rows(population: str, summary: Mapping[str, Any]) -> Iterator[dict[str, object]]:
-    """Yield a row per reading, run and status: count and share with its interval."""
-    for reading in summary["readings"]:
-        for run, shares in reading["status"].items():
-            for status, share in shares.items():
-                start = {"population": population, "reading": reading["name"], "run": run, "status": status}
-                yield start | {key: share[key] for key in ("count", "share", "low", "high")}
-
-
-def reader_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, str]:
-    """One reading in the table for a reader."""
-    ordered, ratios = reading["share_c1_lt_c2_lt_c3"], {key: reading[key]["all_ok"]["mae"] for key in RATIOS}
-    inside, outside = (len(reading["agreement"][key]) for key in ("inside", "outside"))
-    alone = ordered["all_ok"]["mae"]
+def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, object]:
+    """What a table says of one reading: shares, and medians over plants on which all laws are ok."""
+    ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
+    order = ordered["all_ok"]["mae"]["both"]
+    shares = {
+        **{f"ok_{run}": reading["status"][run]["ok"]["share"] for run in CONTROLLERS},
+        "order_mae": order["share"],
+        "order_mae_low": order["low"],
+        "order_mae_high": order["high"],
+        "order_rmse": ordered["all_ok"]["rmse"]["both"]["share"],
+        "order_mae_diverged_last": ordered["diverged_last"]["mae"]["both"]["share"],
+        "reverse_mae": reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]["share"],
+        "c1_best_mae": reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"],
+        "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"]["share"],
+    }
+    medians = {
+        f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
+        for key, joint in product(RATIOS, joints)
+    }
     return {
-        "Reading": reading["name"],
-        _OK: " / ".join(percent(reading["status"][run]["ok"]["share"], "") for run in CONTROLLERS),
-        "plants all ok": str(alone["both"]["plants"]),
-        _ORDER: share_text(alone["both"]),
-        **{f"joint {joint}": percent(alone[f"joint_{joint}"]["share"], "") for joint in joints},
-        "RMSE (%)": share_text(ordered["all_ok"]["rmse"]["both"]),
-        "diverged last, MAE (%)": share_text(ordered["diverged_last"]["mae"]["both"]),
-        "C3 < C2 < C1 MAE (%)": share_text(reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]),
-        _BEST: share_text(reading["share_c1_best"]["all_ok"]["mae"]["both"]),
-        **{
-            f"{RATIO_NAMES[key]} joint {joint}": quantile_text(ratio[f"joint_{joint}"])
-            for key, ratio in ratios.items()
-            for joint in joints
-        },
-        "RMSE/MAE rises (%)": share_text(reading["share_rmse_over_mae_rises"]["both"]),
-        "distance from the print": quantile_text(reading["distance"]),
-        "printed ratios inside": f"{inside} of {inside + outside}",
-        "verdict": reading["agreement"]["verdict"],
+        "reading": reading["name"],
+        "plants": order["plants"],
+        **shares,
+        **medians,
+        "distance": reading["distance"]["median"]["value"],
+        "printed_ratios_inside": len(agreement["inside"]),
+        "verdict": agreement["verdict"],
     }
 
 
-def percent(share: float | None, unit: str = " %") -> str:
-    """Share as per cent with one digit behind the point."""
-    return NOTHING if share is None else f"{100.0 * share:.1f}{unit}"
-
-
-def share_text(share: Mapping[str, Any]) -> str:
-    """Share and interval in per cent."""
-    if share["share"] is None:
-        return NOTHING
-    if share["low"] is None:
-        return percent(share["share"], "")
-    return f"{percent(share['share'], '')} ({percent(share['low'], '')} to {percent(share['high'], '')})"
-
-
-def quantile_text(ratio: Mapping[str, Any]) -> str:
-    """Median and the central 90 % of a ratio."""
-    values = [ratio[name]["value"] for name in ("median", "q05", "q95")]
-    if None in values:
-        return NOTHING
-    return "{:.3f} ({:.3f} to {:.3f})".format(*values)
-
-
 def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield ``readings`` and ``statuses`` with all digits, and a table for a reader of each population."""
-    held = summary["populations"].items()
-    for name, rows_of in (("readings", flat_rows), ("statuses", status_rows)):
-        every = [row for population, one in held for row in rows_of(population, one)]
-        yield Table(name, "", every, terminal=(), suffixes=("csv",))
-    for place, (name, one) in enumerate(held):
+    """Yield a table of the readings for each population, of which the terminal shows the first in part."""
+    for place, (name, held) in enumerate(summary["populations"].items()):
         caption = (
-            f"Population {name}, {one['plants']} plants. Shares are shares of the box, with 95 % intervals "
-            f"from {summary['scramblings']} scramblings; ratios are medians of the ratio of MAE over plants "
-            f"on which all three laws are ok, with their central 90 %."
+            f"Population {name}, {held['plants']} plants. Shares of the box, low and high from the 95 % "
+            f"interval by {summary['scramblings']} scramblings. Ratios are medians of the ratio of MAE over "
+            "plants on which all three laws are ok. Their ranges, and other intervals, are in summary.json."
         )
-        rows = [reader_row(reading, one["joints"]) for reading in one["readings"]]
-        shown = _terminal(one["joints"]) if place == 0 else ()
-        yield Table(f"readings_{name}", caption, rows, {key: (key, "") for key in rows[0]}, shown, ("md",))
-
-
-def _terminal(joints: Sequence[int]) -> list[str]:
-    """Columns that fit a terminal."""
-    ratios = [f"{name} joint {joints[0]}" for name in RATIO_NAMES.values()]
-    return ["Reading", _OK, _ORDER, _BEST, *ratios, "verdict"]
+        joints = held["joints"]
+        rows = [reading_row(reading, joints) for reading in held["readings"]]
+        headings = {key: key.replace("_", " ").replace("controller ", "C") for key in rows[0]}
+        forms = {key: ".3f" if key.startswith(("ratio", "distance")) else ".1%" for key in rows[0]}
+        columns = {key: (heading, forms[key]) for key, heading in headings.items()}
+        shown = ["reading", *(f"ok_{run}" for run in CONTROLLERS), "order_mae", "c1_best_mae"]
+        shown += [*(f"{key}_joint_{joints[0]}" for key in RATIOS), "verdict"]
+        yield Table(f"readings_{name}", caption, rows, columns, shown if place == 0 else (), ("csv", "md"))
 
 
 def cost_text(cost: Mapping[str, float]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -136,22 +136,19 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
     A quantile is always the value of one of the plants (inverted distribution function), so infinite values
     do no harm; NaN would. What is undefined is None.
     """
+    result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
+    result |= {"lowest": None, "highest": None, "plants": len(values)}
     if len(values) == 0:
-        nothing = {"value": None, "low": None, "high": None}
-        return {name: dict(nothing) for name in QUANTILES} | {"lowest": None, "highest": None, "plants": 0}
+        return result
+    parts = [values, *(values[replicate == number] for number in np.unique(replicate))]
     levels = list(QUANTILES.values())
-    pooled = np.quantile(values, levels, method="inverted_cdf")
-    parts = [values[replicate == number] for number in np.unique(replicate)]
-    each = np.array([np.quantile(part, levels, method="inverted_cdf") for part in parts])
-    result: dict[str, Any] = {}
-    for place, name in enumerate(QUANTILES):
-        value, column = float(pooled[place]), each[:, place]
-        enough = len(column) >= LEAST_SCRAMBLINGS and bool(np.isfinite(column).all())
-        reach = _half_width(column) if enough else None
-        interval = (None, None) if reach is None else (value - reach, value + reach)
-        result[name] = {"value": value, "low": interval[0], "high": interval[1]}
-    extremes = {"lowest": float(values.min()), "highest": float(values.max())}
-    return result | extremes | {"plants": len(values)}
+    pooled, *each = [np.quantile(part, levels, method="inverted_cdf") for part in parts]
+    for name, value, column in zip(QUANTILES, pooled.tolist(), np.array(each).T, strict=True):
+        result[name]["value"] = value
+        if len(column) >= LEAST_SCRAMBLINGS and np.isfinite(column).all():
+            reach = _half_width(column)
+            result[name] |= {"low": value - reach, "high": value + reach}
+    return result | {"lowest": float(values.min()), "highest": float(values.max())}
 
 
 def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
@@ -170,6 +167,37 @@ def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
     return Spread(found["median"]["value"], low["value"], high["value"], around[0], around[1], len(values))
 
 
+def _all(flags: Flags, axis: int | tuple[int, ...] = 0) -> Flags:
+    return np.asarray(flags.all(axis=axis))
+
+
+def _in_order(errors: Array) -> Flags:
+    return _all(errors[:-1] < errors[1:])
+
+
+def _ordered(order: tuple[int, ...], errors: Array) -> Flags:
+    return _in_order(errors[[*order]])
+
+
+def _tie(one: Array, other: Array) -> Flags:
+    return np.asarray(abs(one - other) <= TIE * np.maximum(one, other))
+
+
+ORDERS: Mapping[str, tuple[int, ...]] = {
+    "share_" + "_lt_".join(f"c{place + 1}" for place in order): order for order in permutations(range(3))
+}
+"""The six orders of the controllers by their places in `CONTROLLERS`, the smallest error first."""
+
+RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
+    **{name: partial(_ordered, order) for name, order in ORDERS.items()},
+    "share_c1_best": lambda errors: _all(errors[0] < errors[1:]),
+    "share_c1_worst": lambda errors: _all(errors[0] > errors[1:]),
+    "share_c2_ties_c3": lambda errors: _tie(errors[1], errors[2]),
+}
+"""What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
+
+
+@np.errstate(divide="ignore", invalid="ignore")
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
@@ -183,156 +211,122 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     errors[:, status == STATUSES.index("diverged")] = np.inf
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
     for key, hold in RANKINGS.items():
-        flags = [hold(sizes) for sizes in errors]
-        held = dict(zip(METRICS, flags, strict=True)) | {"mae_and_rmse": flags[0] & flags[1]}
+        held = dict(zip(METRICS, map(hold, errors), strict=True))
+        held["mae_and_rmse"] = held["mae"] & held["rmse"]
         result[key] = {
-            plants: {metric: _shares(data, hits, data.replicate, kept) for metric, hits in held.items()}
+            plants: {
+                metric: _shares(data.joints, hits, data.replicate, kept) for metric, hits in held.items()
+            }
             for plants, kept in counted.items()
         }
     for key, pair in RATIOS.items():
         result[key] = {
             plants: {
-                metric: _ratio_quantiles(data, sizes, pair, kept, printed_ratios(pair, metric, data.joints))
+                metric: _ratio_quantiles(
+                    data, sizes[[*pair]], kept, printed_ratios(pair, metric, data.joints)
+                )
                 for metric, sizes in zip(METRICS, errors, strict=True)
             }
             for plants, kept in counted.items()
         }
-    result["joint_3_over_2"] = _joints_apart(data, reading, counted["all_ok"])
-    result |= _shapes(data, reading, counted["all_ok"])
+    result["joint_3_over_2"] = {
+        run: {
+            metric: _quantiles(data, sizes[:, -1] / sizes[:, 0], counted["all_ok"] & (sizes[:, 0] > 0.0))
+            for metric, sizes in zip(METRICS, errors[:, place], strict=True)
+        }
+        for place, run in enumerate(CONTROLLERS)
+    }
+    steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
+    ok = counted["all_ok"]
+    result |= _shapes(data.joints, errors[0][:, ok], errors[1][:, ok], steps[:, ok], data.replicate[ok])
     return result | {"agreement": agreement(result, data.joints)}
 
 
-def _joints_apart(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
-    """Error of the last joint over that of the first, by controller and metric."""
-    found: dict[str, Any] = {}
-    for run in CONTROLLERS:
-        found[run] = {}
-        for metric in METRICS:
-            size = data.statistic(run, reading, metric)
-            counted = kept & (size[:, 0] > 0.0)
-            ratio = size[counted, -1] / size[counted, 0]
-            found[run][metric] = quantiles_of(ratio, data.replicate[counted])
-    return found
-
-
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
+    """Plants of each of `PLANT_SETS`, from the statuses of the three controllers, (3, N)."""
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
     return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": rankable}
 
 
-def _in_order(errors: Array) -> Flags:
-    return np.asarray((errors[0] < errors[1]) & (errors[1] < errors[2]))
+def _quantiles(data: EnsembleData, values: Array, kept: Flags) -> dict[str, Any]:
+    return quantiles_of(values[kept], data.replicate[kept])
 
 
-def _ordered(order: tuple[int, ...], errors: Array) -> Flags:
-    return _in_order(errors[list(order)])
+def _shares(
+    joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
+) -> dict[str, Any]:
+    """Shares over both joints together and over each, from flags (N, n)."""
+    each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
+    return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
 
 
-def _first_is_best(errors: Array) -> Flags:
-    return np.asarray((errors[0] < errors[1]) & (errors[0] < errors[2]))
+def _ratio_quantiles(
+    data: EnsembleData, errors: Array, kept: Flags, printed: Sequence[float]
+) -> dict[str, Any]:
+    """Quantiles of the ratio of two controllers' errors, (2, N, n); where both diverged there is none."""
+    defined = kept[:, np.newaxis] & np.isfinite(errors).any(axis=0) & (errors[1] > 0.0)
+    ratio = errors[0] / errors[1]
+    return {
+        f"joint_{joint}": _quantiles(data, ratio[:, i], defined[:, i]) | {"printed": printed[i]}
+        for i, joint in enumerate(data.joints)
+    }
 
 
-def _first_is_worst(errors: Array) -> Flags:
-    return np.asarray((errors[0] > errors[1]) & (errors[0] > errors[2]))
-
-
-def _last_two_tie(errors: Array) -> Flags:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(abs(errors[1] - errors[2]) <= TIE * np.maximum(errors[1], errors[2]))
-
-
-ORDERS: Mapping[str, tuple[int, ...]] = {
-    "share_" + "_lt_".join(f"c{place + 1}" for place in order): order for order in permutations(range(3))
-}
-"""The six orders of the controllers by their places in `CONTROLLERS`, the smallest error first."""
-
-RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
-    **{name: partial(_ordered, order) for name, order in ORDERS.items()},
-    "share_c1_best": _first_is_best,
-    "share_c1_worst": _first_is_worst,
-    "share_c2_ties_c3": _last_two_tie,
-}
-"""What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
-
-
-def _shapes(data: EnsembleData, reading: str, kept: Flags) -> dict[str, Any]:
+def _shapes(
+    joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
+) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
     Its growth is that of the last controller over that of the first. The distance of a plant is the root mean
     square of log(ours/printed) over what Table 2 says without a scale: the ratios C1/C2 and C2/C3 of the MAE
     and each RMSE/MAE, per joint. Beside it the shares on which other results of the paper hold on all joints,
     alone, with the printed order, and all together: Controller 1's torque has the smallest steps, RMSE/MAE
-    rises; and that of the reverse order where every MAE is within a factor `NEAR` of the print.
+    rises; and that of the reverse order where every MAE is within a factor `NEAR` of the print. Arrays are
+    (3, N, n), of plants on which all three controllers are ``ok``.
     """
-    mae, rmse, step = (
-        np.array([data.statistic(run, reading, name)[kept] for run in CONTROLLERS])
-        for name in (*METRICS, "torque_step_rms")
-    )
-    shape = np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+    shape = rmse / mae
     defined = np.isfinite(shape).all(axis=(0, 2))
-    plants = data.replicate[kept]
-    replicate, ratios = plants[defined], shape[:, defined]
-    printed = [printed_ratios(pair, "mae", data.joints) for pair in RATIOS.values()]
-    printed += [[printed_shape(run, joint) for joint in data.joints] for run in CONTROLLERS]
-    ours = np.concatenate([mae[:-1, defined] / mae[1:, defined], ratios])
-    distance = np.sqrt((np.log(ours / np.array(printed)[:, np.newaxis]) ** 2).mean(axis=(0, 2)))
-    order, smoother = _in_order(mae) & _in_order(rmse), _first_is_best(step)
+    printed = [[printed_shape(run, joint) for joint in joints] for run in CONTROLLERS]
+    scaleless = np.array([*(printed_ratios(pair, "mae", joints) for pair in RATIOS.values()), *printed])
+    apart = np.log(np.concatenate([mae[:-1] / mae[1:], shape]) / scaleless[:, np.newaxis])
+    distance = np.sqrt((apart**2).mean(axis=(0, 2)))
+    sizes = np.array([published().per_joint(f"table2.{run}.mae", joints) for run in CONTROLLERS])
+    times = np.rad2deg(mae) / sizes[:, np.newaxis]
+    near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
+    order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
+    smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
     together = {
         "share_c1_smoother": smoother,
         "share_order_and_smoother": order & smoother,
-        "share_order_and_rise": order & _in_order(shape),
-        "share_order_rise_and_smoother": order & _in_order(shape) & smoother,
+        "share_order_and_rise": order & rises,
+        "share_order_rise_and_smoother": order & rises & smoother,
     }
-    sizes = np.array([published().per_joint(f"table2.{run}.mae", data.joints) for run in CONTROLLERS])
-    times = np.rad2deg(mae) / sizes[:, np.newaxis]
-    near = np.asarray(((times <= NEAR) & (times >= 1.0 / NEAR)).all(axis=(0, 2)))
-    reverse = np.asarray((_in_order(mae[::-1]) & _in_order(rmse[::-1])).all(axis=1))
+
+    def quantiles(values: Array) -> dict[str, Any]:
+        return quantiles_of(values[defined], replicate[defined])
+
     return {
-        "share_reverse_near_print": share_of(reverse, plants, near).as_row(),
+        "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
         "rmse_over_mae": {
             run: {
-                f"joint_{joint}": quantiles_of(ratios[place, :, i], replicate)
-                | {"printed": printed_shape(run, joint)}
-                for i, joint in enumerate(data.joints)
+                f"joint_{joint}": quantiles(shape[place, :, i]) | {"printed": printed[place][i]}
+                for i, joint in enumerate(joints)
             }
             for place, run in enumerate(CONTROLLERS)
         },
         "rmse_over_mae_growth": {
-            f"joint_{joint}": quantiles_of(ratios[-1, :, i] / ratios[0, :, i], replicate)
-            for i, joint in enumerate(data.joints)
+            f"joint_{joint}": quantiles(shape[-1, :, i] / shape[0, :, i]) for i, joint in enumerate(joints)
         },
-        "share_rmse_over_mae_rises": _shares(data, _in_order(ratios), replicate),
-        "distance": quantiles_of(distance, replicate),
-    } | {name: share_of(np.asarray(hits.all(axis=1)), plants).as_row() for name, hits in together.items()}
+        "share_rmse_over_mae_rises": _shares(joints, rises[defined], replicate[defined]),
+        "distance": quantiles(distance),
+    } | {name: share_of(_all(hits, axis=1), replicate).as_row() for name, hits in together.items()}
 
 
 def printed_shape(run: str, joint: int) -> float:
     """RMSE over MAE from Table 2; NaN where the joint is not printed."""
     rmse, mae = (published().per_joint(f"table2.{run}.{metric}", [joint])[0] for metric in ("rmse", "mae"))
     return rmse / mae
-
-
-def _shares(
-    data: EnsembleData, flags: Flags, replicate: NDArray[np.int64], kept: Flags | None = None
-) -> dict[str, Any]:
-    """Shares over both joints together and over each, from flags (N, n)."""
-    joints = {f"joint_{joint}": flags[:, i] for i, joint in enumerate(data.joints)}
-    each = {"both": np.asarray(flags.all(axis=1))} | joints
-    return {name: share_of(hits, replicate, kept).as_row() for name, hits in each.items()}
-
-
-def _ratio_quantiles(
-    data: EnsembleData, errors: Array, pair: tuple[int, int], kept: Flags, printed: Sequence[float]
-) -> dict[str, Any]:
-    """Quantiles of a ratio for each joint; where both laws diverged there is none."""
-    above, below = errors[pair[0]], errors[pair[1]]
-    result: dict[str, Any] = {}
-    for i, joint in enumerate(data.joints):
-        defined = kept & (np.isfinite(above[:, i]) | np.isfinite(below[:, i])) & (below[:, i] > 0.0)
-        ratio = above[defined, i] / below[defined, i]
-        result[f"joint_{joint}"] = quantiles_of(ratio, data.replicate[defined]) | {"printed": printed[i]}
-    return result
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
@@ -343,14 +337,14 @@ def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) ->
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
     """Share of all plants on which each run ended in each status, with its ``count``."""
-    result: dict[str, Any] = {}
-    for run in data.runs:
-        codes = data.status(run, reading)
-        result[run] = {
+    return {
+        run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
             for code, name in enumerate(STATUSES)
         }
-    return result
+        for run in data.runs
+        for codes in [data.status(run, reading)]
+    }
 
 
 def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
@@ -359,20 +353,22 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
     when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
     """
-    every = {
-        f"{key} {metric} joint {joint}": found[key]["all_ok"][metric][f"joint_{joint}"]
-        for key in RATIOS
-        for metric in METRICS
-        for joint in joints
+    judged = {
+        f"{key} {metric} joint {joint}": held
+        for key, metric, joint in product(RATIOS, METRICS, joints)
+        for held in [found[key]["all_ok"][metric][f"joint_{joint}"]]
+        if held["plants"] and np.isfinite(held["printed"])
     }
-    judged = {name: held for name, held in every.items() if held["plants"] and np.isfinite(held["printed"])}
     inside = [
         n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]
     ]
     outside = [n for n in judged if n not in inside]
     beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
-    verdict = "cannot" if beyond else "in part" if outside else "agrees" if inside else "no plant"
     plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
-    if verdict != "no plant" and plants < LEAST_PLANTS:
+    if not judged:
+        verdict = "no plant"
+    elif plants < LEAST_PLANTS:
         verdict = "too few"
+    else:
+        verdict = "cannot" if beyond else "in part" if outside else "agrees"
     return {"verdict": verdict, "inside": inside, "outside": outside, "beyond": beyond}

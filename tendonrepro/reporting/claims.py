@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from tendonrepro.reporting.answer import percent
+from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import VERDICTS
-from tendonrepro.verdicts.words import number_in_words
 
 __all__ = ["MAIN", "VERDICTS", "named", "ours", "statements"]
 

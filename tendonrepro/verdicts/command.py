@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import to_json
+from tendonrepro.files import shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
-from tendonrepro.verdicts.judge import Sources, Verdict, changed, failing, judge_all
+from tendonrepro.verdicts.judge import Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
-from tendonrepro.verdicts.sensitivity import rankings
-from tendonrepro.verdicts.shipped import local_origin, shipped_ledger, with_shipped
+from tendonrepro.verdicts.rules import EDITION, FAILURES
+from tendonrepro.verdicts.sensitivity import draw_influences, rankings
 
 SCHEMA_VERSION = 1
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
 
 
-@dataclass(frozen=True)
-class Ledger:
+class Ledger(NamedTuple):
     """Verdicts and what they mean for a check, as text for a terminal and as data for ``--json``.
 
     `failed` are the claims whose verdict fails a check: all that fail, or with a baseline those that changed.
@@ -87,7 +86,8 @@ def run_claims(
     sources = found_sources(out, measured, talk)
     verdicts, judged_by = judged(sources, out, ids, talk)
     changes = {} if before is None else changed(before, verdicts)
-    failed = tuple(failing(verdicts) if before is None else changes)
+    failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
+    failed = tuple(failing if before is None else changes)
     data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
@@ -117,7 +117,6 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
     result.write("decides.json", to_json(found))
     if found:
         from tendonrepro.results.figures.style import save_drawing
-        from tendonrepro.verdicts.figures import draw_influences
 
         origin = f"Simulated, {len(data)} plants of the box"
         save_drawing(draw_influences(found), result.path / "figures", origin)
@@ -146,13 +145,15 @@ def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
     compare, folder = None, out / "compare"
     if (folder / TRACES).exists():
         stored = stored_traces(folder)
-        judged = [stored.runs[run] for run in CONTROLLERS if run in stored.runs]
-        if fitted_under(stored):
-            talk.note(f"{folder / TRACES}: fitted to what the paper prints; judging without it")
-        elif of_paper(stored) and all(of_paper(stored, run) for run in judged):
+        runs = [run for run in CONTROLLERS if run in stored.runs]
+        if (
+            of_paper(stored)
+            and all(of_paper(stored, stored.runs[run]) for run in runs)
+            and not fitted_under(stored)
+        ):
             compare = stored
         else:
-            talk.note(f"{folder / TRACES}: not the paper's arm, joints and gains; judging without it")
+            talk.note(f"{folder}: fitted, or not the paper's arm, joints and gains; judging without it")
     file = measured or (MEASURED if MEASURED.exists() else None)
     return Sources(compare, _ensemble(out / ENSEMBLE, talk), read_measured(file) if file else None)
 
@@ -178,3 +179,56 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     except (OSError, ValueError, TypeError, LookupError) as error:
         message = "is missing, damaged or not the JSON of tendonrepro claims"
         raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims") from error
+
+
+class ShippedLedger(NamedTuple):
+    """Stored entries by id, as in ``claims --json``, and what is known of their ensemble."""
+
+    entries: Mapping[str, Mapping[str, Any]]
+    ensemble: Mapping[str, Any]
+
+
+def shipped_ledger() -> ShippedLedger:
+    """Read the ledger that comes with the package, of which docs/findings.md is made too."""
+    stored = json.loads((shipped("docs/results") / "claims.json").read_text(encoding="utf-8"))
+    entries = {entry["id"]: entry for entry in stored["claims"]}
+    return ShippedLedger(entries, _origin("shipped", stored["ensemble"]))
+
+
+def local_origin(folder: Path, draws: int) -> dict[str, Any]:
+    """What is known of an ensemble in a results folder, as `ShippedLedger.ensemble`."""
+    return _origin("local", read_manifest(folder) | {"draws": draws, "rules_edition": EDITION})
+
+
+def _origin(source: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    origin = ("draws", "tendonrepro_version", "created", "rules_edition")
+    return {"source": source} | {key: known.get(key) for key in origin}
+
+
+def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Verdict]:
+    """Put the shipped verdict wherever one waits for an ensemble.
+
+    A stored verdict counts only if it is of the number or claim of today, by the rule of the same name.
+    """
+    return [
+        _taken(one, ledger) if one.kind == "ensemble" and one.verdict == "not_testable" else one
+        for one in verdicts
+    ]
+
+
+def _taken(waiting: Verdict, ledger: ShippedLedger) -> Verdict:
+    entry = ledger.entries.get(waiting.id, {})
+    if any(entry.get(key) != getattr(waiting, key) for key in ("kind", "rule", "printed")):
+        return waiting
+    # The run of the shipped plant and the measurement are those that are here, or none.
+    here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
+    evidence = {**entry["evidence"], **here, "ensemble": ledger.ensemble}
+    return replace(
+        waiting,
+        ours=entry["ours"] if here["shipped_run"] is None else waiting.ours,
+        verdict=entry["verdict"],
+        borderline=entry["borderline"],
+        evidence={name: value for name, value in evidence.items() if value is not None},
+        readings_that_change_it=tuple(entry["readings_that_change_it"]),
+        shipped=True,
+    )

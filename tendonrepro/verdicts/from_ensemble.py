@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,22 +13,10 @@ from tendonrepro.configuration.published import Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.numbers import FIRST, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
-from tendonrepro.verdicts.rules import (
-    INSIDE,
-    Decision,
-    Evidence,
-    Judged,
-    Mask,
-    missing,
-    of_claim,
-    of_number,
-    of_share,
-    of_values,
-    power_of,
-    with_values,
-)
+from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, missing
 from tendonrepro.verdicts.statements import (
     Findings,
     Statement,
@@ -50,38 +38,32 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """Families of numbers that cannot be below a number: an RMSE is never below its MAE."""
 
 
-@dataclass(frozen=True)
-class PlantNumbers:
-    """A printed number over all plants: its values (N,) in the printed unit, meaningful where `judged`.
+def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """Look up a number of Tables 2 and 3, or one that follows from them, on every plant.
 
-    `direction` is what the number claims besides its size, with the plants on which that can be ranked when a
-    diverged law counts last.
+    Returns
+    -------
+    values : array (N,)
+        In the printed unit.
+    judged : bool array (N,)
+        Plants on which the value means something.
     """
-
-    values: Array
-    judged: Mask
-    direction: tuple[Statement, Mask] | None = None
-
-
-def numbers_of(plants: Plants, paper: Published, identifier: str) -> PlantNumbers:
-    """Look up a number of Tables 2 and 3, or one that follows from them, on every plant."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
-    columns = [plants.joints.index(error.joint) for error in errors]
-    sizes = [
-        np.rad2deg(plants[error.run, error.metric][:, column])
-        for error, column in zip(errors, columns, strict=True)
-    ]
+    sizes = [np.rad2deg(plants[of.run, of.metric][:, plants.joints.index(of.joint)]) for of in errors]
     with np.errstate(divide="ignore", invalid="ignore"):
         values = formula.value(*sizes)
-    judged = plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
+    return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
+
+
+def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask] | None:
+    """What a percentage claims besides its size, and the plants that rank it with a diverged law last."""
     if not identifier.startswith(PERCENTAGES):
-        return PlantNumbers(values, judged)
-    part, whole = (error.run for error in errors)
-    pair = (part, whole) if part == FIRST else (whole, part)
-    metric = errors[0].metric
-    direction = smaller(plants, metric, *pair, metric.upper())[columns[0]]
-    return PlantNumbers(values, judged, (direction, plants.rankable(*pair)))
+        return None
+    (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
+    runs = (part, whole) if part == FIRST else (whole, part)
+    statements = smaller(plants, metric, *runs, metric.upper())
+    return statements[plants.joints.index(joint)], plants.rankable(*runs)
 
 
 def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
@@ -106,24 +88,21 @@ def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
 
 
 def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
-    found = numbers_of(plants, paper, identifier)
-    few = _too_few(found.judged)
+    values, judged = numbers_of(plants, paper, identifier)
+    few = _too_few(judged)
     if few:
         return few
-    box = spread_of(found.values[found.judged], plants.data.replicate[found.judged])
+    box = spread_of(values[judged], plants.data.replicate[judged])
     low, high = map(float, paper.interval(identifier))
-    power = power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
-    decision, remarks = of_number((low, high), box, None, power), []
-    evidence: Evidence = {
-        "box": asdict(box),
-        "also_passing": power,
-        "share_judged": float(found.judged.mean()),
-    }
-    if found.direction:
-        statement, rankable = found.direction
-        share, last = (_share(plants, statement.holds, counted) for counted in (found.judged, rankable))
+    power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
+    evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
+    decision, remarks = rules.of_number((low, high), box, None, power), []
+    direction = _direction(plants, paper, identifier)
+    if direction:
+        statement, rankable = direction
+        share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
         evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
-        decision, ranked = (of_number((low, high), box, one, power) for one in (share, last))
+        decision, ranked = (rules.of_number((low, high), box, one, power) for one in (share, last))
         if ranked.verdict != decision.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
     return Judged(decision, box.median, evidence | _remarks(decision, remarks))
@@ -156,9 +135,9 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
-        judged_by = of_values if rule == "payload" else with_values
+        judged_by = rules.of_values if rule == "payload" else rules.with_values
         decision = judged_by(decision, [value.decision for value in values])
-        if decision.verdict in INSIDE:
+        if decision.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
     evidence |= _remarks(decision, remarks)
@@ -183,7 +162,7 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
         evidence["by_measure"] = [
             {
                 "measure": name,
-                "verdict": of_claim(wholes[name], against(held)).verdict,
+                "verdict": rules.of_claim(wholes[name], against(held)).verdict,
                 **asdict(wholes[name]),
             }
             for name, held in found.measures.items()
@@ -191,7 +170,7 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
     told = found.opposite.text if found.opposite else "no statement holds"
     evidence["opposite"] = {"statement": told, **asdict(overall)}
     evidence["statements"] = _rows(plants, found.statements, counted)
-    return of_claim(wholes[best], overall), evidence
+    return rules.of_claim(wholes[best], overall), evidence
 
 
 def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
@@ -200,7 +179,9 @@ def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> lis
     for one in statements:
         share = _share(plants, one.holds, counted)
         named = {"measure": one.measure} if one.measure else {}
-        rows.append({"statement": one.text, **named, "verdict": of_share(share).verdict, **asdict(share)})
+        rows.append(
+            {"statement": one.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
+        )
     return rows
 
 
@@ -216,10 +197,9 @@ def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, M
     """
     rule = paper.judgements[identifier].rule
     if rule in NUMBERS:
-        found = numbers_of(plants, paper, identifier)
-        positive = (found.values[found.judged] > 0.0).all()
+        values, judged = numbers_of(plants, paper, identifier)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(found.values) if positive else found.values, found.judged
+            return np.log(values) if (values[judged] > 0.0).all() else values, judged
     claim = findings_of(plants, paper, rule)
     ways = map(together, claim.measures.values())
     deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))

@@ -20,7 +20,7 @@ from tendonrepro.configuration.published import (
 )
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.verdicts.numbers import cut, error_of, formula_of, percentages
+from tendonrepro.verdicts.numbers import PERCENTAGES, cut, error_of, formula_of
 from tendonrepro.verdicts.rules import Evidence, Judged, meets, of_arithmetic, of_model
 
 FAR_LESS = 0.1
@@ -75,7 +75,7 @@ def both_matrices(paper: Published, _: str) -> Judged:
 
 def all_percentages(paper: Published, _: str) -> Judged:
     """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
-    rows = [_percentage(paper, name) for name in percentages(paper)]
+    rows = [_percentage(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)]
     wrong = [row["id"] for row in rows if not row["consistent"]]
     return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
 
@@ -114,28 +114,16 @@ def _against(paper: Published, identifier: str, allowed: Interval, ours: float, 
     return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
 
 
-def tendon_1_moves_joint_2(paper: Published, _: str) -> Judged:
-    """K2: joint 2 turns when tendon 1 alone is pulled."""
-    S, _S_inv = coupling_of(table_1(paper))
-    ours = float(S[1, 0] / S[0, 0])
-    return Judged(of_model(ours != 0.0), ours, {"remarks": [_TURN]})
+TURNS: Mapping[str, Callable[[float], bool]] = {
+    "tendon_1_moves_joint_2": lambda turn: turn != 0.0,
+    "opposite_direction": lambda turn: turn < 0.0,
+    "pure_translation": lambda turn: abs(turn + 1.0) < NEARLY,
+}
+"""K2, K2a and K2b, by the turn of joint 2 over that of joint 1 when tendon 1 alone is pulled."""
 
 
-def opposite_direction(paper: Published, _: str) -> Judged:
-    """K2a: joint 2 turns against joint 1 when tendon 1 alone is pulled."""
-    return _by_turn(paper, lambda turn: turn < 0.0)
-
-
-def pure_translation(paper: Published, _: str) -> Judged:
-    """K2b: joint 2 turns back as far as joint 1 turns, so that link 2 keeps its direction."""
-    return _by_turn(paper, lambda turn: abs(turn + 1.0) < NEARLY)
-
-
-_TURN = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
-
-
-def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
-    """Judge the turn of joint 2 over that of joint 1, by the printed signs and with c12 and c13 turned round.
+def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
+    """K2, K2a, K2b: judge that turn by the printed signs, and with c12 and c13 turned round.
 
     Both leave the magnitudes of S as printed.
     """
@@ -144,8 +132,9 @@ def _by_turn(paper: Published, holds: Callable[[float], bool]) -> Judged:
         sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
         S = coupling_matrix(coupling_inverse(np.ones(3), table_1(paper), sign))
         turns.append(float(S[1, 0] / S[0, 0]))
-    printed, other = (of_model(holds(turn)) for turn in turns)
-    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [_TURN]}
+    printed, other = (of_model(TURNS[paper.judgements[identifier].rule](turn)) for turn in turns)
+    remark = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
+    evidence: Evidence = {"with_other_signs": turns[1], "remarks": [remark]}
     return Judged(printed, turns[0], evidence, {"signs=c12=-1,c13=+1": other.verdict})
 
 
@@ -200,9 +189,7 @@ FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "percentage": all_percentages,
     "same_as": same_as,
     "resolution": resolution,
-    "tendon_1_moves_joint_2": tendon_1_moves_joint_2,
-    "opposite_direction": opposite_direction,
-    "pure_translation": pure_translation,
+    **dict.fromkeys(TURNS, turn_of_joint_2),
     "motor_3_turns_less": motor_3_turns_less,
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,

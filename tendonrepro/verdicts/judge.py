@@ -28,7 +28,7 @@ from tendonrepro.verdicts.from_print import FROM_THE_PRINT
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.numbers import ErrorOf, formula_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import FAILURES, VERDICTS, Judged, VerdictName, missing
+from tendonrepro.verdicts.rules import VERDICTS, Judged, VerdictName, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
@@ -97,8 +97,13 @@ def judge_all(
         found.setdefault(name, _without_ensemble(sources, paper, name))
         if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
             found[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
-    if sources.measured is not None:
-        _add_measured(found, sources.measured, paper)
+    measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
+    for name in found.keys() & measured.keys():
+        if paper.judgements[name].kind == "measured":
+            found[name] = measured[name]
+        else:
+            verdict, ours = measured[name].decision.verdict, measured[name].ours
+            found[name].evidence["measured"] = {"verdict": verdict, "ours": ours, **measured[name].evidence}
     shipped = _shipped_numbers(sources.compare, paper)
     return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
 
@@ -121,18 +126,6 @@ def _over_the_box(
                 found[name].other_readings[reading] = judged.decision.verdict
         progress(1)
     return found
-
-
-def _add_measured(found: dict[str, Judged], file: TraceFile, paper: Published) -> None:
-    """Give the measurement's verdict to what only a measurement can tell, and note it beside all others."""
-    measured = judge_measured(measured_of(file, paper), paper)
-    for name in found.keys() & measured.keys():
-        one = measured[name]
-        if paper.judgements[name].kind == "measured":
-            found[name] = one
-        else:
-            beside = {"verdict": one.decision.verdict, "ours": one.ours} | one.evidence
-            found[name].evidence["measured"] = beside
 
 
 def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
@@ -208,11 +201,6 @@ def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
     for verdict in verdicts:
         counts[verdict.verdict] += verdict.repeats is None
     return counts
-
-
-def failing(verdicts: Iterable[Verdict]) -> list[str]:
-    """Ids whose verdict makes ``claims --check`` fail."""
-    return [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
 
 
 def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:

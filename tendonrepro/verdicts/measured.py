@@ -85,19 +85,16 @@ class OneArm:
         self._kept: dict[str, dict[str, Array]] = {}
         self.asked: dict[str, dict[str, list[float]]] = {}
 
-    def has(self, run: str, reading: str) -> bool:
+    def has(self, _run: str, reading: str) -> bool:
         """Whatever a rule asks for is looked up, so that what is missing can be named."""
-        del run
         return reading == PRINTED
 
-    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+    def status(self, run: str, _reading: str) -> NDArray[np.int8]:
         """Status code of a run, (1,)."""
-        del reading
         return np.array([STATUSES.index(self._trace(run).status)], dtype=np.int8)
 
-    def statistic(self, run: str, reading: str, name: str) -> Array:
+    def statistic(self, run: str, _reading: str, name: str) -> Array:
         """One statistic, SI, (1, 2)."""
-        del reading
         trace = self._trace(run)
         of_tables = name in ("mae", "rmse")
         found = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)

@@ -83,11 +83,6 @@ def _increase(after: Any, before: Any) -> Any:
     return 100 * after / before - 100
 
 
-def percentages(paper: Published) -> list[str]:
-    """Ids of the percentages of sections 5.3 and 5.4."""
-    return [name for name in paper.entries if name.startswith(PERCENTAGES)]
-
-
 def cut(value: Fraction, printed: PrintedNumber) -> str:
     """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
     scale = 10**printed.decimals

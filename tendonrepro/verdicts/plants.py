@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import DataMissingError
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
@@ -20,31 +20,10 @@ SHAPE = "rmse/mae"
 """Statistic that follows from two others."""
 
 
-class Ensemble(Protocol):
-    """What the rules ask of an ensemble of N plants of n joints."""
-
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """The paper's joint numbers."""
-
-    @property
-    def replicate(self) -> NDArray[np.int64]:
-        """Scrambling of each plant, (N,)."""
-
-    def has(self, run: str, reading: str) -> bool:
-        """Whether a run was simulated under a reading or variation."""
-
-    def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes, (N,)."""
-
-    def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One statistic, SI, (N, n)."""
-
-
 class Plants:
     """All plants of an ensemble under one reading; a variation of a run is called ``run@variation``."""
 
-    def __init__(self, data: Ensemble, reading: str) -> None:
+    def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
         self.data = data
         self.reading = reading
         self.joints = data.joints

@@ -9,38 +9,62 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.fields.strict_yaml import dump
+from tendonrepro.configuration.published import published
 from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.tables import NOTHING, csv_text, markdown
+from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import EDITION, HEADINGS, VERDICTS
-from tendonrepro.verdicts.words import MAIN, in_words, main_first
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
-_READER = {
-    "id": ("Id", ""),
-    "where": ("Where", ""),
-    "printed": ("Printed", ""),
-    "unit": ("Unit", ""),
-    "ours": ("Ours", ".4g"),
-    "low": ("Central 90 % from", ".3g"),
-    "high": ("to", ".3g"),
-    "also_passing": ("Also passing", ".0%"),
-    "verdict": ("Verdict", ""),
-    "borderline": ("Borderline", ""),
-    "shipped": ("Shipped", ""),
-    "readings_that_change_it": ("Readings that change it", ""),
-    "measured": ("On the measurement", ""),
+MAIN = (
+    "K1",
+    "K3",
+    "C1",
+    "C2",
+    "share.controller_1_of_2.mae.joint_2",
+    "C3",
+    "C6",
+    "E1",
+    "E3",
+    "increase.with_load.mae.joint_2",
+)
+"""The main claims in the order of the paper's argument; of two, their main number."""
+
+_NUMBERS = {
+    "table1": "ratio of diameters",
+    "table2": "error",
+    "table3": "error",
+    "S_inv": "inverse coupling matrix S⁻¹",
+    "S": "coupling matrix S",
+    "rmse_over_mae": "RMSE over MAE",
+    "joints": "joint 3 over joint 2",
+    "dose": "gain of Controller 1 on joint 3 over joint 2",
+    "share": "error in per cent of another controller's",
+    "increase": "change of Controller 1's error",
+    "mae": "MAE",
+    "rmse": "RMSE",
 }
-"""Columns of the table for a reader: headings, and how numbers are written."""
+
+
+def in_words(identifier: str) -> str:
+    """A claim in at most eight words, or what a number is of."""
+    return published().entries[identifier].short or number_in_words(identifier)
+
+
+def number_in_words(identifier: str) -> str:
+    """What a number is of: which error, run and joint."""
+    parts = identifier.split(".")
+    words = [_NUMBERS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in parts]
+    return ", ".join(words).replace("controller", "Controller")
 
 
 def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Collect the data of ``claims --json``: ``schema_version``, ``claims`` and the counts ``summary``.
 
-    `ensemble` tells which one judged; see `verdicts.shipped.ShippedLedger`.
+    `ensemble` tells which one judged; see `command.ShippedLedger`.
     """
     return {
         "schema_version": SCHEMA_VERSION,
@@ -54,14 +78,9 @@ def write_claims(
     verdicts: Sequence[Verdict], folder: Path, ensemble: Mapping[str, Any] | None = None
 ) -> None:
     """Write ``claims.json``, ``claims.csv`` and ``claims.md``; `ensemble` as in `as_data`."""
-    rows = [_row(verdict) for verdict in verdicts]
-    texts = {
-        "json": to_json(as_data(verdicts, ensemble)),
-        "csv": csv_text(rows),
-        "md": markdown(rows, " ".join([CAPTION, *shipped_note(verdicts)]), _READER),
-    }
-    for suffix, text in texts.items():
-        write_atomically(folder / f"claims.{suffix}", text)
+    write_atomically(folder / "claims.json", to_json(as_data(verdicts, ensemble)))
+    caption = " ".join([CAPTION, *shipped_note(verdicts)])
+    Table("claims", caption, [_row(verdict) for verdict in verdicts], suffixes=("csv", "md")).write(folder)
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:
@@ -76,7 +95,9 @@ def _row(verdict: Verdict) -> dict[str, Any]:
 
 def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     """Verdicts in words under their headings, the main claims alone or `every` one, and their counts."""
-    shown = [verdict for verdict in main_first(verdicts) if every or verdict.id in MAIN]
+    first = {name: place for place, name in enumerate(MAIN)}
+    ordered = sorted(verdicts, key=lambda verdict: first.get(verdict.id, len(MAIN)))
+    shown = [verdict for verdict in ordered if every or verdict.id in MAIN]
     rows = [["claim", "ours", "verdict", "id", "on the measurement"]]
     for heading, names in HEADINGS.items():
         under = [verdict for verdict in shown if verdict.verdict in names]

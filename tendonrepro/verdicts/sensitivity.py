@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import TypedDict
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Mask
 
+if TYPE_CHECKING:
+    from tendonrepro.results.figures.style import Drawing
+
 RESAMPLES = 50
 SHUFFLES = 40
 SEED = 20260515
@@ -33,31 +36,16 @@ _HARMONICS = 6
 
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
+SHOWN = 12
+"""Unknowns in the picture."""
 LEAST_FITTED = 300
 """Plants below which no surrogate is fitted."""
 SURROGATE = 8
 """Unknowns, the strongest ones, of which a surrogate tells what they explain together."""
 
 
-class Influence(TypedDict):
-    """One row of the box: its first-order index, and half the width of the index's 95 % bootstrap interval.
-
-    Of the strongest rows also the total index: what they explain alone or with one other.
-    """
-
-    name: str
-    index: float
-    half_width: float
-    total: float | None
-
-
-class Ranking(TypedDict):
-    """Rows by index, the largest first; the floor of chance; what single rows leave unexplained."""
-
-    rows: list[Influence]
-    noise_floor: float
-    unexplained: float
-    draws: int
+Ranking: TypeAlias = dict[str, Any]
+"""What `ranked` returns."""
 
 
 def ranked(
@@ -67,9 +55,16 @@ def ranked(
 
     First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
     only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
-    of all rows, or the one given, of another outcome on as many draws. None with too few finite outcomes,
-    `LEAST_PLANTS`, or when fewer than 20 of them differ from the commonest: a bootstrap of so rare an outcome
-    may well not hold it at all.
+    of all rows, or the one given, of another outcome on as many draws.
+
+    Returns
+    -------
+    dict or None
+        ``rows``, the largest index first, each with ``name``, ``index``, ``half_width`` of the index's 95 %
+        bootstrap interval, and of the strongest ``total``: what the unknown explains alone or with one other;
+        ``noise_floor``; ``unexplained`` by single rows above it; ``draws``. None with too few finite
+        outcomes, `LEAST_PLANTS`, or when fewer than 20 of them differ from the commonest: a bootstrap of so
+        rare an outcome may well not hold it at all.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -84,7 +79,7 @@ def ranked(
     draws, outcome = draws[order], outcome[order]
     problem = {"num_vars": len(names), "names": list(names)}
     found = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
-    rows: list[Influence] = [
+    rows: list[dict[str, Any]] = [
         {"name": name, "index": float(index), "half_width": float(half), "total": None}
         for name, index, half in zip(names, found["S1"], found["S1_conf"], strict=True)
     ]
@@ -178,3 +173,31 @@ def _largest_index(draws: Array, outcome: Array) -> float:
         for column in draws.T
     ]
     return float(rbd_fast.unskew_S1(max(raw), _HARMONICS, len(outcome)))
+
+
+def draw_influences(found: Mapping[str, Ranking]) -> Drawing:
+    """Picture of the share of the variance that the strongest unknowns explain of each outcome."""
+    from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
+
+    shares = {
+        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in held["rows"]}
+        for name, held in found.items()
+    }
+    unknowns = sorted(
+        next(iter(shares.values())), key=lambda name: -sum(held[name] for held in shares.values())
+    )[:SHOWN]
+    cells = np.array([[100.0 * held[name] for held in shares.values()] for name in unknowns])
+    with journal_style():
+        figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
+        axes = figure.subplots()
+        axes.imshow(cells, cmap="Blues", vmin=0.0, vmax=60.0, aspect="auto")
+        for (row, column), value in np.ndenumerate(cells):
+            if value >= 1.0:
+                ink = "white" if value > 35.0 else "black"
+                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
+        axes.set_yticks(np.arange(len(unknowns)), unknowns)
+        names = [name.replace(".", " ").replace("_", " ") for name in shares]
+        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
+        axes.set_title("What decides each claim and number: share of the variance, %")
+    caption = "Share of the variance of an outcome that an unknown explains, alone or with one other."
+    return Drawing("decides", figure, [axes], caption)

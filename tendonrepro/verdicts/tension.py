@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
-from tendonrepro.experiments.statics.survey import COURSES, Mechanism, mechanism
+from tendonrepro.experiments.statics.command import COURSES, Mechanism, mechanism
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.draw import put_links
@@ -58,12 +58,8 @@ def tension(data: EnsembleData | None) -> Judged:
     ]
     # The claim is about tendon 4, so a machine without it can tell nothing.
     readings = verdicts | {"tensioner=absent": "not_testable"}
-    alone = _tense(_corner_torque(MARGINS[0], machines), 0.0 * machines.force, mechanism(_arm(), COURSES[0]))
-    if alone.all():
-        remarks.append("the weight alone keeps all tendons tense there, so this hardly asks for tendon 4")
     evidence = {
         "courses": rows,
-        "weight_alone": asdict(share_of(alone, machines.replicate)),
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
         "remarks": remarks,
     }

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from tendonrepro.configuration.fields.model import Model
-from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Physical, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import (
+    UNITS,
+    Joints,
+    Matrix,
+    Moving,
+    Pair,
+    Physical,
+    Scalar,
+)
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 
 SOURCE = "assumed: for a test"
@@ -20,10 +28,10 @@ SOURCE = "assumed: for a test"
 class Sample(Model):
     angle: Annotated[Scalar, Physical("rad", "an angle", at_least=-np.pi, at_most=np.pi)] | None = None
     count: Annotated[Scalar, Physical("1", "a count", above=0.0, whole=True)] | None = None
-    lengths: Annotated[Vector, Physical("m", "lengths", above=0.0, size="joints")] | None = None
-    torques: Annotated[Vector, Physical("N m", "torques", size="moving")] | None = None
-    band: Annotated[Vector, Physical("Hz", "a band", below=100.0, size="pair")] | None = None
-    table: Annotated[Matrix, Physical("m", "a table", size="joints")] | None = None
+    lengths: Annotated[Joints, Physical("m", "lengths", above=0.0)] | None = None
+    torques: Annotated[Moving, Physical("N m", "torques")] | None = None
+    band: Annotated[Pair, Physical("Hz", "a band", below=100.0)] | None = None
+    table: Annotated[Matrix, Physical("m", "a table")] | None = None
 
 
 def sample(field: str, value: Any, unit: str, source: str = SOURCE) -> Any:

@@ -17,13 +17,15 @@ from tendonrepro.experiments.sweep.command import (
     IN_DEGREES,
     IN_SI,
     load_sweep,
+    numbers_per_joint,
+    parse_over,
     point_rows,
     run_rows,
     run_sweep,
     simulate_sweep,
+    unit_of,
 )
 from tendonrepro.experiments.sweep.figures import draw_sweep
-from tendonrepro.experiments.sweep.points import numbers_per_joint, parse_over, unit_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import read_manifest
 from tendonrepro.simulation.batch import simulate_batch

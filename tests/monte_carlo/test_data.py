@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.fake_batch import DRAWS, small_study
 
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.shards import FOLDER, read_array, shard_files
 
@@ -23,19 +23,6 @@ def test_data_stand_in_canonical_order(unbroken):
         np.testing.assert_array_equal(data.status(name, reading), np.concatenate(codes))
         expected = np.concatenate(sizes).astype(np.float64)
         np.testing.assert_array_equal(data.statistic(name, reading, "mae"), expected)
-
-
-def test_thinning_keeps_the_first_draws_of_every_scrambling(unbroken):
-    data, thin = read_ensemble(unbroken), read_ensemble(unbroken, stride=4)
-    kept = np.concatenate([np.flatnonzero(data.replicate == r)[:2] for r in range(8)])
-    np.testing.assert_array_equal(thin.draws, data.draws[kept])
-    np.testing.assert_array_equal(
-        thin.statistic("controller_2", "printed", "rmse"),
-        data.statistic("controller_2", "printed", "rmse")[kept],
-    )
-    for stride in (0, 3, 16):
-        with pytest.raises(UsageError, match="cannot thin"):
-            read_ensemble(unbroken, stride=stride)
 
 
 def test_what_is_not_there_is_missing(unbroken):

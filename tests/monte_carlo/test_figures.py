@@ -3,7 +3,7 @@
 import numpy as np
 from support.made_ensemble import DIVERGED, JOINTS, PLANTS, ensemble, random_errors, whole
 
-from tendonrepro.monte_carlo.figures import draw_ensemble_figures, draw_ratios, draw_shares
+from tendonrepro.monte_carlo.figures import draw_ensemble_figures, draw_ratios
 from tendonrepro.monte_carlo.report import population_summary
 from tendonrepro.monte_carlo.shares import printed_ratios
 
@@ -33,22 +33,8 @@ def test_ratios_show_median_print_and_theory(mixed):
     assert low > high
 
 
-def test_shares_stand_at_their_values(mixed):
-    summary = population_summary(mixed)
-    panel = draw_shares("box", summary).axes[0]
-    marks = np.concatenate([container.lines[0].get_xdata() for container in panel.containers])
-    wanted = [
-        100.0 * reading["share_c1_lt_c2_lt_c3"][plants]["mae"]["both"]["share"]
-        for plants in ("all_ok", "diverged_last")
-        for reading in summary["readings"]
-    ]
-    np.testing.assert_allclose(marks, wanted)
-
-
 def test_figures_are_drawn_without_plants_too(tmp_path):
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
     paths = draw_ensemble_figures(whole(data), tmp_path)
-    assert {path.name for path in paths} == {
-        f"{stem}_box.{suffix}" for stem in ("ratios", "shares") for suffix in ("pdf", "svg", "png")
-    }
+    assert {path.name for path in paths} == {f"ratios_box.{suffix}" for suffix in ("pdf", "svg", "png")}
     assert all(path.stat().st_size > 1000 for path in paths)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from support.made_ensemble import (
     DIVERGED,
-    JOINTS,
     PLANTS,
     READINGS,
     RUNS,
@@ -19,15 +18,7 @@ from support.made_ensemble import (
     whole,
 )
 
-from tendonrepro.monte_carlo.report import (
-    _slow_ratio,
-    ensemble_tables,
-    flat_rows,
-    population_summary,
-    reader_row,
-    status_rows,
-)
-from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.monte_carlo.report import _slow_ratio, ensemble_tables, population_summary
 
 
 def test_theory_follows_the_weights(mixed):
@@ -52,29 +43,29 @@ def test_theory_knows_what_makes_the_estimate_older(mixed, reading, joint_2):
     assert _slow_ratio(mixed, reading)["joint_2"] == pytest.approx(joint_2, nan_ok=True)
 
 
-def test_files_hold_every_number(mixed, tmp_path):
+def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):
     summary = whole(mixed)
-    tables = list(ensemble_tables(summary))
-    for table in tables:
-        table.write(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"readings.csv", "statuses.csv", "readings_box.md"}
-    rows = list(csv.DictReader(io.StringIO((tmp_path / "readings.csv").read_text())))
-    assert len(rows) == len(list(flat_rows("box", summary)))
-    first = summary["readings"][0]["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
-    assert float(rows[0]["share"]) == first["share"]
-    ratio = summary["readings"][1]["ratio_c2_c3"]["all_ok"]["rmse"]["joint_3"]
-    asked = {"reading": READINGS[1], "of": "ratio_c2_c3", "over": "all_ok", "metric": "rmse"}
-    (row,) = (row for row in rows if asked.items() <= row.items() and row["joint"] == "joint_3")
-    assert (float(row["q95"]), float(row["q95_low"])) == (ratio["q95"]["value"], ratio["q95"]["low"])
-    assert float(row["printed"]) == ratio["printed"]
-    assert len(list(status_rows("box", summary))) == len(READINGS) * len(RUNS) * len(STATUSES)
-    text, terminal = (tmp_path / "readings_box.md").read_text(), tables[-1].text()
+    (table,) = ensemble_tables(summary)
+    table.write(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"readings_box.csv", "readings_box.md"}
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "readings_box.csv").read_text())))
+    assert [row["reading"] for row in rows] == list(READINGS)
+    for row, reading in zip(rows, summary["readings"], strict=True):
+        order = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
+        assert [float(row[f"order_mae{end}"]) for end in ("", "_low", "_high")] == [
+            order[key] for key in ("share", "low", "high")
+        ]
+        median = reading["ratio_c2_c3"]["all_ok"]["mae"]["joint_3"]["median"]["value"]
+        assert float(row["ratio_c2_c3_joint_3"]) == median
+        assert float(row["ok_controller_2"]) == reading["status"]["controller_2"]["ok"]["share"]
+    text, terminal = (tmp_path / "readings_box.md").read_text(), table.text()
     assert all(f"| {name} |" in text and name in terminal for name in READINGS)
 
 
-def test_a_table_without_plants_has_dashes():
+def test_a_table_without_plants_has_no_numbers():
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
-    assert list(reader_row(whole(data)["readings"][0], JOINTS).values())[3] == "--"
+    (table,) = ensemble_tables(whole(data))
+    assert table.rows[0]["order_mae"] is table.rows[0]["distance"] is None
 
 
 @pytest.mark.parametrize(

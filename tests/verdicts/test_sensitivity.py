@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from support.made_claims import NAMES, ranking_of
 
-from tendonrepro.verdicts.figures import draw_influences
-from tendonrepro.verdicts.sensitivity import ranked
+from tendonrepro.verdicts.sensitivity import draw_influences, ranked
 
 
 def index(ranking, name):

@@ -13,11 +13,10 @@ from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.data import PLAN
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
-from tendonrepro.verdicts.command import run_claims
+from tendonrepro.verdicts.command import ShippedLedger, run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import details_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
-from tendonrepro.verdicts.shipped import ShippedLedger, shipped_ledger, with_shipped
 
 QUIET = Talk(quiet=True)
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable
 from typing import Annotated, Literal, NoReturn, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from tendonrepro.configuration.fields.strict_yaml import Key
+
+Mistakes: TypeAlias = Iterable[tuple[Key, str]]
+"""Places below the value being validated, each with words."""
 
 
 class Model(BaseModel):
@@ -27,13 +29,13 @@ def refuse(message: str, *at: str | int) -> NoReturn:
     raise _error([(at, message)])
 
 
-def refuse_all(mistakes: Iterable[tuple[Key, str]]) -> None:
+def refuse_all(mistakes: Mistakes) -> None:
     """Raise mistakes together, each at its path relative to the value being validated; or none."""
     if found := list(mistakes):
         raise _error(found)
 
 
-def _error(mistakes: Iterable[tuple[Key, str]]) -> ValidationError:
+def _error(mistakes: Mistakes) -> ValidationError:
     details = [
         InitErrorDetails(type=PydanticCustomError("problem", "{text}", {"text": message}), loc=at, input=None)
         for at, message in mistakes
@@ -41,15 +43,8 @@ def _error(mistakes: Iterable[tuple[Key, str]]) -> ValidationError:
     return ValidationError.from_exception_data("configuration", details)
 
 
-def _not_reserved(name: str) -> str:
-    if name == "plant":
-        refuse("is the name of something else among the results; choose another")
-    return name
-
-
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-RunName: TypeAlias = Annotated[Identifier, AfterValidator(_not_reserved)]
 SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of this file format")]
 
 
@@ -57,9 +52,3 @@ def describe(value: object) -> str:
     """Show a value that is not what was expected, as YAML of at most one line."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else f"{text[:60]}..."
-
-
-def is_multiple(duration: float, step: float) -> bool:
-    """Whether a duration is a whole number, from one, of steps, within rounding (1e-9 relative)."""
-    count = duration / step
-    return math.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

@@ -7,15 +7,14 @@ import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property, partial
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
-from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number, describe, refuse, refuse_all
+from tendonrepro.configuration.fields.model import Mistakes, Model, Number, describe, refuse, refuse_all
 from tendonrepro.configuration.fields.strict_yaml import Key
 
 
@@ -52,10 +51,14 @@ def to_si(value: Any, unit: str) -> Any:
     return value * known.factor / known.divisor
 
 
+Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
+
+
 class Quantity(Model):
     """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
 
     rank: ClassVar[int]
+    size: ClassVar[Size] = "one"
     value: Any
     unit: str
     source: Source
@@ -104,20 +107,37 @@ Row: TypeAlias = Annotated[tuple[Number, ...], Field(min_length=1)]
 
 
 class Vector(_Several):
-    """A list of numbers, one per joint unless said otherwise."""
+    """A list of numbers."""
 
     rank = 1
     value: Row
 
 
+class Joints(Vector):
+    """One number per joint of the manipulator."""
+
+    size = "joints"
+
+
+class Moving(Vector):
+    """One number per moving joint."""
+
+    size = "moving"
+
+
+class Pair(Vector):
+    """A lower and an upper number."""
+
+    size = "pair"
+
+
 class Matrix(_Several):
-    """A list of rows of numbers."""
+    """A list of rows of numbers, one per joint of the manipulator both ways."""
 
     rank = 2
+    size = "joints"
     value: Annotated[tuple[Row, ...], Field(min_length=1)]
 
-
-Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
 
 LARGEST = 1e30
 """Largest size of a quantity, and of its inverse unless it is 0, SI: products of some stay finite."""
@@ -127,13 +147,13 @@ PER_ENTRY: Mapping[Size, str] = {
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
 }
+# Name of a limit in the JSON schema, and what it admits.
 _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
     "above": ("exclusiveMinimum", operator.gt),
     "at_least": ("minimum", operator.ge),
     "below": ("exclusiveMaximum", operator.lt),
     "at_most": ("maximum", operator.le),
 }
-"""Name of a limit in the JSON schema, and what it admits."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +161,7 @@ class Physical:
     """What a field with a unit means and allows, as metadata in ``Annotated``.
 
     ``unit`` is the SI unit, of the limits too; the file may use every unit that converts to it. ``above`` and
-    ``below`` exclude the limit itself. ``size`` is that of a vector, or of the rows and columns of a matrix.
+    ``below`` exclude the limit itself.
     """
 
     unit: str
@@ -151,13 +171,12 @@ class Physical:
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
-    size: Size = "one"
     whole: bool = False
 
     def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
         schema: Any = Field(description=self.about)
         if issubclass(source, Quantity):
-            schema = WithJsonSchema(self._json_schema(source.rank))
+            schema = WithJsonSchema(self._json_schema(source))
         return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
 
     @cached_property
@@ -176,7 +195,7 @@ class Physical:
         refuse_all(self._out_of_range(held))
         return held
 
-    def _out_of_range(self, held: Any) -> Iterator[tuple[Key, str]]:
+    def _out_of_range(self, held: Any) -> Mistakes:
         """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
         unit = held.unit
         unit_words = "" if unit == "1" else f" {unit}"
@@ -196,16 +215,16 @@ class Physical:
             elif self.whole and not value.is_integer():
                 yield place, f"must be a whole number, found {value:g}"
 
-    def _json_schema(self, rank: int) -> dict[str, Any]:
+    def _json_schema(self, kind: type[Quantity]) -> dict[str, Any]:
         value: dict[str, Any] = {"type": "integer" if self.whole else "number"}
         for name, limit in self._limits.items():
             # A schema knows no units, so it can only state limits that are the same number in all of them.
             if limit == 0.0 or len(self._units) == 1:
                 value[_LIMITS[name][0]] = limit
-        length = {"minItems": 2, "maxItems": 2} if self.size == "pair" else {"minItems": 1}
-        for _ in range(rank):
+        length = {"minItems": 2, "maxItems": 2} if kind.size == "pair" else {"minItems": 1}
+        for _ in range(kind.rank):
             value = {"type": "array", "items": value} | length
-        size = f"; {PER_ENTRY[self.size]}" if rank else ""
+        size = f"; {PER_ENTRY[kind.size]}" if kind.rank else ""
         return {
             "type": "object",
             "description": f"{self.about}{size}; unit {' or '.join(self._units)}",
@@ -222,11 +241,3 @@ class Physical:
 positive = partial(Physical, above=0.0)
 from_zero = partial(Physical, at_least=0.0)
 whole = partial(Physical, "1", whole=True)
-per_joint = partial(Physical, size="joints")
-per_moving = partial(Physical, size="moving")
-
-
-def rule_of(field: FieldInfo) -> Physical | None:
-    """What a field asks of its quantity, whether it may be absent or not."""
-    optional = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
-    return next((item for item in [*field.metadata, *optional] if isinstance(item, Physical)), None)

@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from functools import cache
+from collections.abc import Mapping
 
-from tendonrepro.configuration.fields.model import Model
-from tendonrepro.configuration.fields.quantity import PER_ENTRY, Matrix, Quantity, Size, rule_of
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.fields.model import Mistakes, Model
+from tendonrepro.configuration.fields.quantity import PER_ENTRY, Matrix, Quantity, Size
 
 
-def wrong_sizes(part: object, sizes: Mapping[Size, int], size: Size = "one") -> Iterator[tuple[Key, str]]:
-    """Mistakes of all vectors and matrices in a part of a configuration, each with its place.
+def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
+    """Mistakes of all vectors and matrices in a model or dict of models, each with its place.
 
-    Parameters
-    ----------
-    part : Model or dict
-    sizes : mapping of str to int
-        Number of joints, and of moving joints, where they are known.
-    size : str
-        What `part` itself should have, if it is a vector or matrix.
+    `sizes` holds the number of joints and of moving joints, where they are known.
     """
-    if isinstance(part, Quantity):
-        rows = part.value if isinstance(part, Matrix) else ()
-        lengths = {len(part.value), *map(len, rows)} if size in sizes else set()
-        if lengths - {sizes.get(size)}:
+    if isinstance(part, Quantity) and part.size in sizes:
+        lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
+        if lengths != {sizes[part.size]}:
             found = " and ".join(map(str, sorted(lengths)))
-            yield ("value",), f"must have {sizes[size]} entries, {PER_ENTRY[size]}, found {found}"
-    elif isinstance(part, Model | dict):
-        wanted = {} if isinstance(part, dict) else _sizes_of(type(part))
+            yield ("value",), f"must have {sizes[part.size]} entries, {PER_ENTRY[part.size]}, found {found}"
+    elif isinstance(part, Model | dict) and not isinstance(part, Quantity):
         for name, item in part.items() if isinstance(part, dict) else part:
-            for place, words in wrong_sizes(item, sizes, wanted.get(name, "one")):
+            for place, words in wrong_sizes(item, sizes):
                 yield (name, *place), words
-
-
-@cache
-def _sizes_of(model: type[Model]) -> Mapping[str, Size]:
-    """What each field of a model should have."""
-    rules = {name: rule_of(field) for name, field in model.model_fields.items()}
-    return {name: rule.size for name, rule in rules.items() if rule}

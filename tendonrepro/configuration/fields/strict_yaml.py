@@ -7,6 +7,7 @@ such as ``on`` or ``1:30``. Tags mean nothing.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,12 +21,9 @@ Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | Non
 Key: TypeAlias = tuple[str | int, ...]
 
 MAX_BYTES = 1 << 20
+STDIN = "<stdin>"
 
-_CONSTANTS: Mapping[str, bool | None] = {
-    "null": None, "Null": None, "NULL": None, "~": None, "": None,
-    "true": True, "True": True, "TRUE": True,
-    "false": False, "False": False, "FALSE": False,
-}  # fmt: skip
+_CONSTANTS: Mapping[str, bool | None] = {"null": None, "~": None, "": None, "true": True, "false": False}
 _INTEGER = re.compile(r"[-+]?[0-9]{1,300}")  # what is longer is an infinite float
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 
@@ -48,7 +46,7 @@ class Place(NamedTuple):
 class Document:
     """A YAML text as plain Python values, with the place of every key and list item."""
 
-    tree: Node
+    tree: Any
     places: dict[Key, Place] = field(default_factory=dict)
 
     def place(self, path: Key) -> Place:
@@ -58,25 +56,24 @@ class Document:
         return self.places[path]
 
 
-def read_text(path: Path, hint: str | None = None) -> str:
-    """Read a YAML file of at most 1 MiB as UTF-8 text; the hint is said when it cannot be read.
+def read_text(path: Path | None, hint: str | None = None) -> str:
+    """Read a YAML file of at most 1 MiB as UTF-8 text, None is standard input.
 
     Raises
     ------
     ConfigError
-        When the file is missing, a folder, unreadable, too large or not UTF-8.
+        When the file is missing, a folder, unreadable (then the hint is said), too large or not UTF-8.
     """
+    name = STDIN if path is None else str(path)
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
+        if path is None:
+            raw = sys.stdin.buffer.read(MAX_BYTES + 1)
+        else:
+            with path.open("rb") as stream:
+                raw = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL inside the path
         reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"cannot be read: {reason}", where=str(path), hint=hint) from None
-    return decode(raw, str(path))
-
-
-def decode(raw: bytes, name: str) -> str:
-    """Turn the bytes of a YAML text into a string; the limits are those of `read_text`."""
+        raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None
     if len(raw) > MAX_BYTES:
         hint = "Samples of a motion stand in a file of their own: reference: {kind: sampled, file: FILE.csv}."
         raise ConfigError("is larger than 1 MiB, so it is not a configuration", where=name, hint=hint)
@@ -97,12 +94,11 @@ def load(text: str, name: str) -> Document:
     """
     try:
         root = yaml.compose(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        colon = "mapping values are not allowed" in str(error.problem)
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair
+        problem = getattr(error, "problem", None) or "it contains control characters"
+        colon = "mapping values are not allowed" in problem
         hint = "Text that contains ': ' must be in quotes." if colon else None
-        _refuse(f"not valid YAML: {error.problem}", name, error.problem_mark, hint)
-    except (yaml.YAMLError, ValueError):  # ValueError: half of a surrogate pair
-        raise ConfigError("not valid YAML: it contains control characters", where=name) from None
+        _refuse(f"not valid YAML: {problem}", name, getattr(error, "problem_mark", None), hint)
     if root is None:
         raise ConfigError("is empty", where=name)
     places: dict[Key, Place] = {(): Place(name, root.start_mark.line + 1)}
@@ -146,8 +142,8 @@ def _value(node: yaml.Node, path: Key, places: dict[Key, Place], name: str) -> N
 
 def _plain(text: str) -> Node:
     """Read an unquoted scalar."""
-    if text in _CONSTANTS:
-        return _CONSTANTS[text]
+    if text.lower() in _CONSTANTS:
+        return _CONSTANTS[text.lower()]
     if _INTEGER.fullmatch(text):
         return int(text)
     return float(text) if _FLOAT.fullmatch(text) else text

@@ -74,8 +74,6 @@ class _OneOf(_Known):
         if self.nominal not in self.choices:
             known = ", ".join(map(str, self.choices))
             refuse(f"must be one of the choices, {known}, found {self.nominal}", "nominal")
-        if len(set(self.choices)) < len(self.choices):
-            refuse("must not name a choice twice", "choices")
         return self
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tendonrepro.configuration.fields.model import Identifier, Model, refuse_all
-from tendonrepro.configuration.fields.quantity import Physical, Scalar, Vector, per_moving
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -23,17 +22,15 @@ FILTERED = ("low_pass", "acceleration", "estimate")
 class Gains(Model):
     """Gains of the control laws, one entry per moving joint."""
 
-    M_bar: Annotated[Vector, per_moving("kg m2", "constant inertia of Eq. (6)", above=0.0)]
-    lam: Annotated[Vector, per_moving("s-1", "reaching gain of Eq. (14)", above=0.0)]
-    b: Annotated[Vector, per_moving("1", "exponent of Eq. (12)", above=0.0, below=1.0)]
-    eta: Annotated[Vector, per_moving("1", "surface gain of Eq. (11)", above=0.0)]
-    Delta: Annotated[Vector, per_moving("rad", "error at which Eq. (12) changes", above=0.0)]
-    alpha: Annotated[
-        Vector, per_moving("1", "weight of the older estimate, Eq. (15)", at_least=0.0, at_most=1.0)
-    ]
-    beta: Annotated[Vector, per_moving("s-1", "surface gain of Controller 3", above=0.0)]
-    K_d: Annotated[Vector, per_moving("s-1", "rate gain of Eq. (9)", above=0.0)] | None = None
-    K_p: Annotated[Vector, per_moving("s-2", "error gain of Eq. (9)", above=0.0)] | None = None
+    M_bar: Annotated[Moving, positive("kg m2", "constant inertia of Eq. (6)")]
+    lam: Annotated[Moving, positive("s-1", "reaching gain of Eq. (14)")]
+    b: Annotated[Moving, positive("1", "exponent of Eq. (12)", below=1.0)]
+    eta: Annotated[Moving, positive("1", "surface gain of Eq. (11)")]
+    Delta: Annotated[Moving, positive("rad", "error at which Eq. (12) changes")]
+    alpha: Annotated[Moving, from_zero("1", "weight of the older estimate, Eq. (15)", at_most=1.0)]
+    beta: Annotated[Moving, positive("s-1", "surface gain of Controller 3")]
+    K_d: Annotated[Moving, positive("s-1", "rate gain of Eq. (9)")] | None = None
+    K_p: Annotated[Moving, positive("s-2", "error gain of Eq. (9)")] | None = None
 
 
 PRINTED_LAWS = {
@@ -138,22 +135,19 @@ class Control(Model):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        refuse_all([*self._wrong_laws(), *self._missing_keys()])
+        refuse_all(self._mistakes())
         return self
 
-    def _wrong_laws(self) -> Iterator[tuple[Key, str]]:
+    def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():
             held = law.surface, law.estimator
             printed = PRINTED_LAWS.get(name, held)
             if held != printed:
                 paper = "surface {} and estimator {}".format(*printed)
                 yield ("laws", name), f"is the paper's, {paper}: give yours another name"
-
-    def _missing_keys(self) -> Iterator[tuple[Key, str]]:
-        plain = [name for name, law in self.laws.items() if law.surface == "pd"]
-        for gain in ("K_d", "K_p"):
-            if plain and getattr(self.gains, gain) is None:
-                yield ("gains",), f"missing key {gain!r}, which the law {plain[0]!r} needs"
+            for gain in ("K_d", "K_p"):
+                if law.surface == "pd" and getattr(self.gains, gain) is None:
+                    yield ("gains",), f"missing key {gain!r}, which the law {name!r} needs"
         for reading in ("error_rate", "estimate_filter"):
             value = getattr(self.readings, reading)
             if value in FILTERED and self.filter_cutoff is None:

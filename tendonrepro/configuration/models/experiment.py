@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Iterator
+import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import ConfigDict, Field, StrictInt, field_validator, model_validator
+from pydantic import ConfigDict, Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import (
-    Model,
-    RunName,
-    SchemaVersion,
-    is_multiple,
-    refuse,
-    refuse_all,
-)
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
 from tendonrepro.configuration.fields.quantity import (
+    Joints,
+    Moving,
+    Pair,
+    Physical,
     Scalar,
-    Vector,
     from_zero,
-    per_joint,
-    per_moving,
     positive,
     whole,
 )
 from tendonrepro.configuration.fields.sizes import wrong_sizes
-from tendonrepro.configuration.fields.strict_yaml import Key
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig
@@ -48,7 +40,7 @@ class StepDisturbance(Model):
     """A constant torque from a start time on."""
 
     kind: Literal["step"]
-    torque: Annotated[Vector, per_moving("N m", "torque on each joint")]
+    torque: Annotated[Moving, Physical("N m", "torque on each joint")]
     start: Annotated[Scalar, from_zero("s", "time of the step")]
 
 
@@ -56,7 +48,7 @@ class SineDisturbance(Model):
     """A sine that is zero at the start."""
 
     kind: Literal["sine"]
-    torque: Annotated[Vector, per_moving("N m", "amplitude on each joint")]
+    torque: Annotated[Moving, Physical("N m", "amplitude on each joint")]
     frequency: Annotated[Scalar, positive("Hz", "frequency")]
 
 
@@ -64,16 +56,9 @@ class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Vector, per_moving("N m", "RMS torque on each joint", at_least=0.0)]
-    band: Annotated[Vector, from_zero("Hz", "lowest and highest frequency", size="pair")]
+    torque: Annotated[Moving, from_zero("N m", "RMS torque on each joint")]
+    band: Annotated[Pair, from_zero("Hz", "lowest and highest frequency")]
     components: Annotated[Scalar, whole("number of sines", at_least=1.0, at_most=100.0)]
-
-    @field_validator("band")
-    @classmethod
-    def _check_band(cls, band: Vector) -> Vector:
-        if len(band.value) != 2 or band.value[0] >= band.value[1]:
-            refuse(f"must be two numbers, the lower one first, found {list(band.value)}", "value")
-        return band
 
 
 DisturbanceConfig: TypeAlias = Annotated[
@@ -122,59 +107,18 @@ class Experiment(Model):
     manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
     joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
     """moving joints: the last ones, in order"""
-    posture: Annotated[Vector, per_joint("rad", "joint angles at which the encoders read zero")]
+    posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
     sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
     seed: Annotated[Scalar, whole("seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
     status: StatusLimits
 
-    @property
-    @abstractmethod
-    def references(self) -> dict[tuple[str, ...], ReferenceConfig]:
-        """Reference motions by the path of their keys."""
-
     @model_validator(mode="after")
     def _check_together(self) -> Self:
-        refuse_all(self._misfits())
+        assert isinstance(self, CompareConfig | DecoupleConfig)
+        refuse_all(_misfits(self))
         return self
-
-    def _misfits(self) -> Iterator[tuple[Key, str]]:
-        """Mistakes that only show when sections are compared."""
-        last, moving = self.manipulator.joints, self.joints
-        yield from wrong_sizes(self, {"joints": last, "moving": len(moving)})
-        if moving != tuple(range(last - len(moving) + 1, last + 1)):
-            yield (
-                ("joints",),
-                f"must be the last joints in order, up to {last}, found {list(moving)}",
-            )
-        period, step = self.sampling_period, self.solver.max_step
-        steps = period.si / step.si
-        if not is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
-            parts = f"{period}, into at most {MOST_STEPS:g} parts"
-            yield ("solver", "max_step", "value"), f"must divide the sampling period, {parts}, found {step}"
-        start = self.disturbance.start if isinstance(self.disturbance, StepDisturbance) else None
-        if start and start.si > 0.0 and not is_multiple(start.si, period.si):
-            message = f"must be a multiple of the sampling period, {period}, found {start}"
-            yield ("disturbance", "start", "value"), message
-        for path, reference in self.references.items():
-            for at, message in _unfit(reference, moving, period):
-                yield (*path, *at), message
-
-
-def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Iterator[tuple[Key, str]]:
-    """Mistakes of a reference for these moving joints and this sampling period."""
-    if isinstance(reference, PerJoint) and len(reference.references) != len(joints):
-        message = f"must have one motion per moving joint, {len(joints)}, found {len(reference.references)}"
-        yield ("references",), message
-    for i, turn in enumerate(reference.turns or () if isinstance(reference, InTurns) else ()):
-        if not set(turn) <= set(joints):
-            yield ("turns", i), f"must name joints that move, {list(joints)}, found {list(turn)}"
-    duration = reference.duration
-    if duration and duration > MOST_SAMPLES * period.si:
-        yield (), f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
-    elif duration and not is_multiple(duration, period.si):
-        yield (), f"lasts {duration:.9g} s, which must be a multiple of the sampling period, {period}"
 
 
 class CompareRun(Model):
@@ -190,26 +134,14 @@ class CompareConfig(Experiment):
     experiment: Literal["compare"]
     reference: ReferenceConfig
     control: Control
-    runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
-
-    @property
-    def references(self) -> dict[tuple[str, ...], ReferenceConfig]:
-        """Reference motions by the path of their keys."""
-        return {("reference",): self.reference}
-
-    def _misfits(self) -> Iterator[tuple[Key, str]]:
-        yield from super()._misfits()
-        laws = self.control.laws
-        for name, run in self.runs.items():
-            if run.law not in laws:
-                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+    runs: Annotated[dict[Identifier, CompareRun], Field(min_length=1, description="runs by name")]
 
 
 class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
-    stiffness: Annotated[Vector, per_moving("N m rad-1", "stiffness at the winch", above=0.0)]
-    damping: Annotated[Vector, per_moving("N m s rad-1", "damping at the winch", at_least=0.0)]
+    stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
+    damping: Annotated[Moving, from_zero("N m s rad-1", "damping at the winch")]
 
 
 class DecoupleRun(Model):
@@ -226,9 +158,64 @@ class DecoupleConfig(Experiment):
 
     experiment: Literal["decouple"]
     position_loop: PositionLoop
-    runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[Identifier, DecoupleRun], Field(min_length=1, description="runs by name")]
 
-    @property
-    def references(self) -> dict[tuple[str, ...], ReferenceConfig]:
-        """Reference motions by the path of their keys."""
-        return {("runs", name, "reference"): run.reference for name, run in self.runs.items()}
+
+Config: TypeAlias = CompareConfig | DecoupleConfig
+
+
+def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
+    """Reference motions by the path of their keys."""
+    if isinstance(config, CompareConfig):
+        return {("reference",): config.reference}
+    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
+
+
+def _misfits(config: Config) -> Mistakes:
+    """Mistakes that only show when sections are compared."""
+    last, moving = config.manipulator.joints, config.joints
+    yield from wrong_sizes(config, {"joints": last, "moving": len(moving), "pair": 2})
+    if moving != tuple(range(last - len(moving) + 1, last + 1)):
+        yield ("joints",), f"must be the last joints in order, up to {last}, found {list(moving)}"
+    period, step = config.sampling_period, config.solver.max_step
+    steps = period.si / step.si
+    if not _is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
+        parts = f"{period}, into at most {MOST_STEPS:g} parts"
+        yield ("solver", "max_step", "value"), f"must divide the sampling period, {parts}, found {step}"
+    match config.disturbance:
+        case StepDisturbance(start=start) if start.si > 0.0 and not _is_multiple(start.si, period.si):
+            message = f"must be a multiple of the sampling period, {period}, found {start}"
+            yield ("disturbance", "start", "value"), message
+        case NoiseDisturbance(band=band) if list(band.value) != sorted(set(band.value)):
+            yield ("disturbance", "band", "value"), f"must rise, found {list(band.value)}"
+    for path, reference in references_of(config).items():
+        for at, message in _unfit(reference, moving, period):
+            yield (*path, *at), message
+    if "plant" in config.runs:
+        yield ("runs", "plant"), "is the name of something else among the results; choose another"
+    if isinstance(config, CompareConfig):
+        laws = config.control.laws
+        for name, run in config.runs.items():
+            if run.law not in laws:
+                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+
+
+def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:
+    """Mistakes of a reference for these moving joints and this sampling period."""
+    if isinstance(reference, PerJoint) and len(reference.references) != len(joints):
+        message = f"must have one motion per moving joint, {len(joints)}, found {len(reference.references)}"
+        yield ("references",), message
+    for i, turn in enumerate(reference.turns or () if isinstance(reference, InTurns) else ()):
+        if not set(turn) <= set(joints):
+            yield ("turns", i), f"must name joints that move, {list(joints)}, found {list(turn)}"
+    duration = reference.duration
+    if duration and duration > MOST_SAMPLES * period.si:
+        yield (), f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
+    elif duration and not _is_multiple(duration, period.si):
+        yield (), f"lasts {duration:.9g} s, which must be a multiple of the sampling period, {period}"
+
+
+def _is_multiple(duration: float, step: float) -> bool:
+    """Whether a duration is a whole number, from one, of steps, within rounding (1e-9 relative)."""
+    count = duration / step
+    return math.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

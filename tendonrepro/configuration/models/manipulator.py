@@ -4,73 +4,61 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector, from_zero, per_joint, positive
+from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, from_zero, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
-from tendonrepro.configuration.fields.strict_yaml import Key
 
 
 class Routing(Model):
     """Winches, pulleys and the sides tendons pass them on: all that Eqs. (1) and (2) need."""
 
-    winch_diameter: Annotated[Vector, per_joint("m", "winch diameter D_n", above=0.0)]
+    winch_diameter: Annotated[Joints, positive("m", "winch diameter D_n")]
     pulley_diameter: Annotated[
-        Matrix, per_joint("m", "pulley diameter D_pq, joint p (row), tendon q (column)", at_least=0.0)
+        Matrix, from_zero("m", "pulley diameter D_pq, joint p (row), tendon q (column)")
     ]
     sign: Annotated[
         Matrix,
-        per_joint("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
+        Physical("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
     ]
 
     @field_validator("pulley_diameter", "sign")
     @classmethod
-    def _check_triangle(cls, matrix: Matrix, info: ValidationInfo) -> Matrix:
-        nonzero = "1 or -1" if info.field_name == "sign" else "above 0"
-        mistakes: list[tuple[Key, str]] = []
-        for i, row in enumerate(matrix.value):
-            for j, entry in enumerate(row):
-                place = f"for joint {i + 1} and tendon {j + 1}"
-                if i > j and entry != 0.0:
-                    message = f"must be 0 {place}, which does not pass that joint, found {entry:g}"
-                    mistakes.append((("value", i, j), message))
-                elif i <= j and entry == 0.0:
-                    message = f"must be {nonzero} {place}, else the coupling matrix is singular; found 0"
-                    mistakes.append((("value", i, j), message))
-        refuse_all(mistakes)
+    def _check_triangle(cls, matrix: Matrix) -> Matrix:
+        below = "must be 0, as the tendon of this column does not pass the joint of this row"
+        above = "must not be 0, else the coupling matrix is singular"
+        entries = [(i, j, entry) for i, row in enumerate(matrix.value) for j, entry in enumerate(row)]
+        wrong = [(i, j) for i, j, entry in entries if (entry == 0.0) != (i > j)]
+        refuse_all((("value", i, j), below if i > j else above) for i, j in wrong)
         return matrix
 
 
 class Links(Model):
     """Rigid links from one joint axis to the next; the last one ends at the tool."""
 
-    length: Annotated[Vector, per_joint("m", "link length", above=0.0)]
-    mass: Annotated[Vector, per_joint("kg", "link mass", above=0.0)]
-    com: Annotated[Vector, per_joint("m", "centre of mass from the proximal axis", at_least=0.0)]
-    inertia: Annotated[Vector, per_joint("kg m2", "inertia about the centre of mass", above=0.0)]
+    length: Annotated[Joints, positive("m", "link length")]
+    mass: Annotated[Joints, positive("kg", "link mass")]
+    com: Annotated[Joints, from_zero("m", "centre of mass from the proximal axis")]
+    inertia: Annotated[Joints, positive("kg m2", "inertia about the centre of mass")]
 
 
 class Winches(Model):
     """Motor side of Eq. (3), per winch, after the reducer."""
 
     reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch")]
-    reflected_inertia: Annotated[
-        Vector, per_joint("kg m2", "rotor and reducer inertia at the winch", above=0.0)
-    ]
-    drum_inertia: Annotated[Vector, per_joint("kg m2", "inertia of the drum", at_least=0.0)]
-    viscous: Annotated[Vector, per_joint("N m s rad-1", "viscous damping D_m at the winch", at_least=0.0)]
+    reflected_inertia: Annotated[Joints, positive("kg m2", "rotor and reducer inertia at the winch")]
+    drum_inertia: Annotated[Joints, from_zero("kg m2", "inertia of the drum")]
+    viscous: Annotated[Joints, from_zero("N m s rad-1", "viscous damping D_m at the winch")]
 
 
 class Tendons(Model):
     """Elasticity of Eq. (5), per tendon, and assembly clearance."""
 
-    axial_stiffness: Annotated[Vector, per_joint("N m-1", "axial stiffness of a tendon", above=0.0)]
-    axial_damping: Annotated[Vector, per_joint("N s m-1", "axial damping of a tendon", at_least=0.0)]
+    axial_stiffness: Annotated[Joints, positive("N m-1", "axial stiffness of a tendon")]
+    axial_damping: Annotated[Joints, from_zero("N s m-1", "axial damping of a tendon")]
     damping_factor: Annotated[Scalar, positive("1", "common factor on the axial damping")]
-    clearance: Annotated[
-        Vector, per_joint("m", "slack a tendon takes up before it pulls; 0 is none", at_least=0.0)
-    ]
+    clearance: Annotated[Joints, from_zero("m", "slack a tendon takes up before it pulls; 0 is none")]
     unilateral: Literal["off", "on"] | None = None
     """on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"""
 
@@ -78,18 +66,16 @@ class Tendons(Model):
 class DryFriction(Model):
     """Coulomb and static friction, per joint or winch."""
 
-    coulomb: Annotated[Vector, per_joint("N m", "Coulomb friction", at_least=0.0)]
-    static_ratio: Annotated[Vector, per_joint("1", "static over Coulomb friction", at_least=1.0)]
-    stribeck_velocity: Annotated[Vector, per_joint("rad s-1", "Stribeck velocity", above=0.0)]
-    smoothing_velocity: Annotated[
-        Vector, per_joint("rad s-1", "velocity over which the sign is smoothed", above=0.0)
-    ]
+    coulomb: Annotated[Joints, from_zero("N m", "Coulomb friction")]
+    static_ratio: Annotated[Joints, Physical("1", "static over Coulomb friction", at_least=1.0)]
+    stribeck_velocity: Annotated[Joints, positive("rad s-1", "Stribeck velocity")]
+    smoothing_velocity: Annotated[Joints, positive("rad s-1", "velocity over which the sign is smoothed")]
 
 
 class LinkFriction(DryFriction):
     """Friction F(q, dq) of Eq. (4), per joint."""
 
-    viscous: Annotated[Vector, per_joint("N m s rad-1", "viscous friction of a joint", at_least=0.0)]
+    viscous: Annotated[Joints, from_zero("N m s rad-1", "viscous friction of a joint")]
 
 
 class WinchFriction(DryFriction):
@@ -111,7 +97,7 @@ class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
     force: Annotated[Scalar, from_zero("N", "constant force on the tendon; 0 is off")]
-    diameter: Annotated[Vector, per_joint("m", "diameter it passes at each joint", above=0.0)]
+    diameter: Annotated[Joints, positive("m", "diameter it passes at each joint")]
     side: Literal["negative", "distal_only", "alternating"]
     """on which side of the joints the tensioning tendon passes"""
 
@@ -140,7 +126,7 @@ class Encoders(Model):
 class ActuatorConfig(Model):
     """From commanded to applied torque, at the winch."""
 
-    torque_limit: Annotated[Vector, per_joint("N m", "saturation at the winch", above=0.0)]
+    torque_limit: Annotated[Joints, positive("N m", "saturation at the winch")]
     torque_resolution: Annotated[
         Scalar, from_zero("N m", "step of the torque command at the winch; 0 is off")
     ]

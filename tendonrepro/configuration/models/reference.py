@@ -9,17 +9,14 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, StrictInt, model_validator
 
 from tendonrepro.configuration.fields.model import Model, refuse, refuse_all
-from tendonrepro.configuration.fields.quantity import Scalar, Vector, from_zero, per_moving, positive, whole
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive, whole
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.physics.trajectory import trapezoid_times
 
-Amplitude: TypeAlias = Annotated[Vector, per_moving("rad", "largest angle of each joint")]
+Amplitude: TypeAlias = Annotated[Moving, Physical("rad", "largest angle of each joint")]
 Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
 Hold: TypeAlias = Annotated[Scalar, from_zero("s", "pause after each stroke")]
-TurnOrder: TypeAlias = Annotated[
-    tuple[Annotated[tuple[StrictInt, ...], Field(min_length=1)], ...] | None,
-    Field(min_length=1, description="joints that move in each turn; absent: all at once"),
-]
+Turn: TypeAlias = Annotated[tuple[StrictInt, ...], Field(min_length=1)]
 
 
 class Periodic(Model):
@@ -41,7 +38,8 @@ class Periodic(Model):
 class InTurns(Periodic):
     """A periodic motion in which the joints may take turns; a period is then all turns once."""
 
-    turns: TurnOrder = None
+    turns: Annotated[tuple[Turn, ...] | None, Field(min_length=1)] = None
+    """joints that move in each turn; absent: all at once"""
 
     @property
     def duration(self) -> float:
@@ -98,7 +96,7 @@ class Sine(Periodic):
 
     kind: Literal["sine"]
     amplitude: Amplitude
-    offset: Annotated[Vector, per_moving("rad", "centre of the sine of each joint")]
+    offset: Annotated[Moving, Physical("rad", "centre of the sine of each joint")]
     period: Duration
     blend: Annotated[Scalar, positive("s", "duration of the start from rest, part of the motion")]
 

@@ -1,15 +1,126 @@
-"""Tensions over the working half-plane as plain numbers and as files."""
+"""Tensions at rest over the postures of the working half-plane, for every course of tendon 4."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from itertools import product
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.models.box import BoxRange
+from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.experiments.statics.survey import Survey, survey
+from tendonrepro.errors import ConfigError
+from tendonrepro.experiments.rig import Experiment, build_arm, coupling, start_angles
+from tendonrepro.physics import statics
+from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
+from tendonrepro.physics.statics import SLACK, Spring
+from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
+
+SCHEMA_VERSION = 1
+
+COURSES = tuple(statics.TENSIONER_SIDES)
+"""Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
+
+RESERVE = 5.0
+"""Tension that should be left, N; at a 37 mm winch a disturbance of 0.09 N m takes it away."""
+
+STRETCH = 0.1
+"""How far the spring is stretched in the start posture, m; it then pulls as hard as the motor."""
+
+MAP_ANGLES = np.linspace(0.0, np.pi, 91)
+"""Angles along each side of a map, rad from hanging, (A,)."""
+
+_MOST_POSTURES = 5e4
+_FINEST = 36
+
+
+class Mechanism(NamedTuple):
+    """Routing of the n moving joints.
+
+    ``S`` (n, n), ``winch`` diameters (n,), m; ``side`` and ``diameter`` (n, n + 1) of every tendon at every
+    joint, tendon 4 last, m; ``phi_0`` (n,) the links' start angles, rad.
+    """
+
+    S: Array
+    winch: Array
+    side: Array
+    diameter: Array
+    phi_0: Array
+
+    @property
+    def tendon_4(self) -> tuple[Array, Array]:
+        """Its side and its diameter at every joint, (n,) each, m."""
+        return self.side[:, -1], self.diameter[:, -1]
+
+    def stretch(self, phi: Array) -> Array:
+        """Rope drawn from tendon 4's end since the start, m, (...), at link angles (n, ...), rad."""
+        return statics.tensioner_stretch(joint_angles(phi, self.phi_0), *self.tendon_4)
+
+    def tension(self, phi: Array, arm: Arm, spring: Spring) -> Array:
+        """Tensions of the motors' tendons at rest, N, (n, ...), at link angles (n, ...), rad."""
+        weight = gravity_torque(joint_angles(phi, self.phi_0), arm)
+        added = statics.tensioner_torque(statics.spring_force(self.stretch(phi), spring), *self.tendon_4)
+        return statics.tendon_tension(weight - added, self.S, self.winch)
+
+    def per_newton(self) -> Array:
+        """Tension that a newton of tendon 4 adds to each tendon, (n,)."""
+        added = statics.tendon_tension(-statics.tensioner_torque(1.0, *self.tendon_4), self.S, self.winch)
+        # Diameters that cancel leave rounding behind.
+        return np.where(np.abs(added) < SLACK, 0.0, added)
+
+    def travel(self) -> float:
+        """Range of tendon 4's length over the half-plane, m; its ends are at corners."""
+        corners = np.array(list(product((0.0, np.pi), repeat=len(self.side)))).T
+        return float(np.ptp(self.stretch(corners)))
+
+
+class Case(NamedTuple):
+    """What an arm carries, and what pulls tendon 4."""
+
+    arm: Arm
+    spring: Spring
+
+
+WEIGHT_ALONE = Spring(0.0, 0.0)
+"""Tendon 4 does not pull."""
+
+
+class Maps(NamedTuple):
+    """What a course of tendon 4 gives over the angles of the last two links, N.
+
+    Attributes
+    ----------
+    least : mapping of str to array (A, A)
+        Smallest tension of any tendon, by case.
+    band : array (2, A, A)
+        Lowest and highest such tension of the case ``motor`` with friction of the guide pulleys.
+    needed : array (A, A)
+        Least force of tendon 4 that leaves the reserve to every tendon it can reach.
+    room : array (A, A)
+        Below zero where no force leaves the reserve to all: by how much too little some tendon has that
+        tendon 4 does not reach, or by how much the least force is above the largest.
+    """
+
+    least: Mapping[str, Array]
+    band: Array
+    needed: Array
+    room: Array
+
+
+class Survey(NamedTuple):
+    """Tensions of an arm: numbers with the keys of ``--json``, and maps by course of tendon 4."""
+
+    data: dict[str, Any]
+    maps: Mapping[str, Maps]
+    origin: str
 
 
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
@@ -36,18 +147,170 @@ def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
 
 def study_statics(loaded: LoadedConfig) -> Outcome:
     """Survey the tensions of a configuration."""
-    from tendonrepro.experiments.statics.figures import figures
+    from tendonrepro.experiments.statics.figures import draw_margin
 
     found = survey(loaded)
-    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures(found), {"solver": None})
+    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
+    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
+
+
+def survey(loaded: LoadedConfig) -> Survey:
+    """Work out tensions over the half-plane.
+
+    Raises
+    ------
+    ConfigError
+        If fewer than two joints move.
+    """
+    config = loaded.config
+    n, joints = len(config.joints), list(config.joints)
+    if n < 2:
+        message = f"maps are over the angles of two links, but {n} joint moves"
+        raise ConfigError(message, where="joints")
+    force, force_source = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
+    loss, loss_source = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
+    payload = published().number("hardware.payload")
+    arm, motor = build_arm(config, 0.0), Spring(force, 0.0)
+    cases = {
+        "motor": Case(arm, motor),
+        "payload": Case(build_arm(config, payload), motor),
+        "spring": Case(arm, Spring(force, force / STRETCH)),
+    }
+    grid, everywhere = map_postures(config), half_plane(n)
+    routes = {course: mechanism(config, course) for course in COURSES}
+    maps = {course: _maps(grid, cases, route, loss) for course, route in routes.items()}
+    courses = {course: _course(everywhere, cases, routes[course], maps[course], joints) for course in COURSES}
+    # Without its pull the course of tendon 4 does not matter.
+    weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
+    data = {
+        "schema_version": SCHEMA_VERSION,
+        "command": "statics",
+        "of_paper": is_arm_of_paper(config.manipulator),
+        "joints": joints,
+        "held_joints": [k for k in range(1, config.manipulator.joints + 1) if k not in joints],
+        "start_link_angles_deg": np.rad2deg(np.cumsum(config.posture.si)).tolist(),
+        "map": {
+            "across": f"link {joints[-2]}",
+            "upright": f"link {joints[-1]}",
+            "held_link_angles_deg": np.rad2deg(start_angles(config)[:-2]).tolist(),
+        },
+        "postures": everywhere.shape[1],
+        "nearest_edge_deg": float(np.rad2deg(everywhere.min())),
+        "tensioner_force_N": force,
+        "pulley_loss": loss,
+        "payload_kg": payload,
+        "sources": {"force": force_source, "loss": loss_source, "payload": "printed: section 5.4"},
+        "reserve_N": RESERVE,
+        "spring_stretch_mm": 1e3 * STRETCH,
+        "least_tension_of_weight_alone_N": weight_alone.min(axis=1).tolist(),
+        "courses": courses,
+    }
+    return Survey(data, maps, f"{loaded.origin} (sha256 {loaded.sha256[:12]})")
+
+
+def _value_or_box(configured: float, row: str) -> tuple[float, str]:
+    """A value of the configuration or, where that switches the effect off, the nominal of the box."""
+    if configured > 0.0:
+        return configured, "as configured"
+    held = dict(load_ensemble(None).config.box)[row]
+    assert isinstance(held, BoxRange)
+    return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
+
+
+def mechanism(config: Experiment, course: str) -> Mechanism:
+    """Routing of the moving joints with tendon 4 on a course; sides follow from the signs of Eq. (1)."""
+    manipulator, n = config.manipulator, len(config.joints)
+    routing, tendon_4 = manipulator.routing, statics.tensioner_side(course, manipulator.joints)
+    side = np.column_stack([statics.sign_of_side(routing.sign.si), tendon_4])
+    diameter = np.column_stack([routing.pulley_diameter.si, manipulator.tensioner.diameter.si])
+    return Mechanism(
+        S=coupling(config)[0],
+        winch=routing.winch_diameter.si[-n:],
+        side=side[-n:, -n - 1 :],
+        diameter=diameter[-n:, -n - 1 :],
+        phi_0=start_angles(config),
+    )
+
+
+def map_postures(config: Experiment) -> Array:
+    """Link angles of a map, (n, A, A), rad: the last link upwards, the one before across, the others held."""
+    last, before = np.meshgrid(MAP_ANGLES, MAP_ANGLES, indexing="ij")
+    held = start_angles(config)[:-2]
+    return np.stack([*(np.full_like(last, angle) for angle in held), before, last])
+
+
+def half_plane(n: int) -> Array:
+    """Link angles of n links spread evenly over the half-plane, (n, P), rad: centres of cells, no edges."""
+    cells = min(_FINEST, int(_MOST_POSTURES ** (1.0 / n)))
+    centres = (np.arange(cells) + 0.5) * np.pi / cells
+    return np.stack(np.meshgrid(*[centres] * n, indexing="ij")).reshape(n, -1)
+
+
+def _maps(grid: Array, cases: Mapping[str, Case], route: Mechanism, loss: float) -> Maps:
+    weight, per_newton = route.tension(grid, cases["motor"].arm, WEIGHT_ALONE), route.per_newton()
+    reached = per_newton != 0.0
+    needed, largest = statics.force_window(weight[reached], per_newton[reached], RESERVE)
+    beyond = np.min(weight[~reached] - RESERVE, axis=0, initial=np.inf)
+    return Maps(
+        least={name: route.tension(grid, *case).min(axis=0) for name, case in cases.items()},
+        band=_friction_band(grid, cases["motor"], route, loss),
+        needed=needed,
+        room=np.minimum(largest - needed, beyond),
+    )
+
+
+def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Array:
+    """Lowest and highest of the smallest tension, N, (2, ...), over all ways in which pulleys may hold rope.
+
+    Between its ends the tension of a tendon is monotonic in what each pulley passes on, so the extremes are
+    where every tendon is on the point of moving one way or the other.
+    """
+    weight = gravity_torque(joint_angles(phi, route.phi_0), motor.arm)
+    pull = np.full(weight.shape[1:], motor.spring.force)
+    smallest = []
+    for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
+        passed_on = 1.0 + loss * np.array(senses)
+        found = statics.tension_with_losses(weight, pull, route.side, route.diameter, passed_on)
+        smallest.append(found.min(axis=0))
+    return np.stack([np.min(smallest, axis=0), np.max(smallest, axis=0)])
+
+
+def _course(
+    everywhere: Array, cases: Mapping[str, Case], route: Mechanism, maps: Maps, joints: list[int]
+) -> dict[str, Any]:
+    """Numbers of one course of tendon 4."""
+    return {
+        "tension_per_newton": route.per_newton().tolist(),
+        "change_of_length_mm": 1e3 * route.travel(),
+        "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
+        "map_least_tension_with_friction_N": float(maps.band[0].min()),
+        "map_force_for_reserve_N": float(maps.needed.max()),
+        "map_share_where_a_force_leaves_reserve": float((maps.room >= 0.0).mean()),
+        "half_plane": {name: _over_all(everywhere, case, route, joints) for name, case in cases.items()},
+    }
+
+
+def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> dict[str, Any]:
+    """Smallest tension of any tendon over postures (n, P): value, tendon, posture; share that are tense."""
+    tension, pull = route.tension(phi, *case), statics.spring_force(route.stretch(phi), case.spring)
+    lowest, highest = statics.force_window(route.tension(phi, case.arm, WEIGHT_ALONE), route.per_newton())
+    least = tension.min(axis=0)
+    place = int(least.argmin())
+    return {
+        "least_tension_N": float(least[place]),
+        "tendon": joints[int(tension[:, place].argmin())],
+        "link_angles_deg": np.rad2deg(phi[:, place]).round(6).tolist(),
+        "share_tense": float((least > 0.0).mean()),
+        "pull_N": [float(pull.min()), float(pull.max())],
+        "force_window_N": [float(lowest.max()), float(highest.min())],
+    }
 
 
 def _weight(data: dict[str, Any]) -> str:
     """What tendon 4 is needed for."""
     numbers = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
     tendons = ", ".join(map(str, data["joints"]))
-    held = "".join(f"; joint {joint} held rigidly" for joint in data["held_joints"])
-    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest{held}."
+    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest."
 
 
 def _tables(found: Survey) -> list[Table]:

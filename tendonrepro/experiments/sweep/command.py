@@ -1,14 +1,17 @@
-"""One experiment over values of one or two keys, as tables and picture."""
+"""The comparison over values of one or two keys, as tables and picture."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from itertools import product
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from tendonrepro.configuration.fields.strict_yaml import Node, load
 from tendonrepro.configuration.load import (
     CompareConfig,
     LoadedConfig,
@@ -18,16 +21,8 @@ from tendonrepro.configuration.load import (
 )
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import build_law
-from tendonrepro.experiments.sweep.points import (
-    Axes,
-    Point,
-    numbers_per_joint,
-    parse_over,
-    sweep_points,
-    text_of,
-    unit_of,
-)
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.study import Outcome, run_study
@@ -35,8 +30,16 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
+from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
+OPTION = "--over"
+
+_EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
+_PERIOD, _STEP = "sampling_period", "solver.max_step"
+
+Axes: TypeAlias = Mapping[str, Sequence[Node]]
+"""Values by dotted key."""
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
 """Ratios by their keys, and the runs they compare."""
@@ -46,6 +49,20 @@ IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "ove
 
 IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "saturated", "fast_share")
 """What else is kept, under the batch's names."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One configuration of a sweep with its closed loops.
+
+    `label` spells its values as the command line does; `places` is the index of each key's value.
+    """
+
+    label: str
+    values: Mapping[str, Node]
+    places: list[int]
+    loaded: LoadedConfig
+    loops: Mapping[str, Loop]
 
 
 @dataclass(frozen=True)
@@ -96,11 +113,10 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     axes = parse_over(over)
     # Standard input can be read only once.
     source = find_source(request.config, "compare")
-
-    load = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
+    load_one = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
 
     def load_changed(changes: list[str]) -> LoadedConfig:
-        return load(overrides=[*request.overrides, *changes])
+        return load_one(overrides=[*request.overrides, *changes])
 
     base, points = load_changed([]), sweep_points(load_changed, axes)
     base = replace(
@@ -111,14 +127,99 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     return Sweep(base, axes, points)
 
 
+def parse_over(over: Sequence[str]) -> Axes:
+    """Read ``key=a,b,c``, once or twice."""
+    axes = dict(map(_axis, over))
+    if not 1 <= len(axes) == len(over) <= 2:
+        message = f"a sweep is over one or two keys, each given once, not {len(over)}"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    return axes
+
+
+def _axis(text: str) -> tuple[str, list[Node]]:
+    key, equals, listed = text.partition("=")
+    key = key.strip()
+    values = load(f"[{listed}]", f"{OPTION} {key}").tree
+    if not equals or not isinstance(values, list) or len(values) < 2:
+        message = f"{text!r} is not of the form key=a,b,c with two values or more"
+        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+    return key, values
+
+
+def text_of(value: Node) -> str:
+    """A value for a reader."""
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) -> list[Point]:
+    """Make the configurations of a sweep; the last key's values change fastest.
+
+    `load_changed` loads one with overrides.
+
+    Raises
+    ------
+    ConfigError
+        If one of them cannot be used.
+    UsageError
+        If they differ in joints or runs.
+    """
+    unit = load_changed([]).config.sampling_period.unit
+    points = []
+    for numbered in product(*(enumerate(values) for values in axes.values())):
+        values = {key: value for key, (_, value) in zip(axes, numbered, strict=True)}
+        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
+        changed = _following_step(values, unit) | values
+        try:
+            loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
+            loops = all_loops(loaded)
+        except ConfigError as error:
+            raise ConfigError(str(error), where=f"{OPTION} {label}") from None
+        points.append(Point(label, values, [place for place, _ in numbered], loaded, loops))
+    if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
+        message = "all points of a sweep must move the same joints and have the same runs"
+        raise UsageError(message, where=OPTION)
+    return points
+
+
+def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
+    """Let the other solver's longest step, which has to divide the sampling period, follow it."""
+    period = chosen.get(_PERIOD)
+    if period is None or any(key.startswith(_STEP) for key in chosen):
+        return {}
+    quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}
+    return {_STEP: period if isinstance(period, dict) else quantity}
+
+
+def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
+    """Unit of the quantity that a key names or stands in; None where there is none."""
+    node: Node = dict(tree)
+    unit: Node = None
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, dict) else None
+        unit = node.get("unit", unit) if isinstance(node, dict) else unit
+    return unit if isinstance(unit, str) else None
+
+
+def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
+    """Place of every value on an axis of numbers, for each of the n moving joints, the last of `total`.
+
+    None where a value is no number and no list with an entry for each joint, or where two values are the
+    same for a joint.
+    """
+    rows = [value if isinstance(value, list) else [value] * n for value in values]
+    numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
+    if any(len(row) not in (n, total) for row in rows) or any(len(row) < n for row in numbers):
+        return None
+    distinct = all(len(set(column)) == len(column) for column in zip(*numbers, strict=True))
+    return numbers if distinct else None
+
+
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
     total = sum(len(point.loops) for point in sweep.points)
     with talk.bar(f"simulating {total} runs", total) as progress:
         points = [_simulate_point(point, progress) for point in sweep.points]
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
-    for name, ended in status.items():
-        talk.detail(f"{name}: {ended}")
     config = sweep.points[0].loaded.config
     return {
         "schema_version": SCHEMA_VERSION,
@@ -179,14 +280,12 @@ def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dic
 
 def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
     """A row per point and joint for the terminal, and a row per point, run and joint with every number."""
-    keys = " and ".join(axis["key"] for axis in data["keys"])
-    caption = f"{data['config']} over values of {keys} (sweep {data['config_sha256'][:12]}). "
-    caption += "A diverged run has its numbers up to its end."
+    swept = f"{data['config']} over {' and '.join(axis['key'] for axis in data['keys'])}"
+    points = f"{swept}: MAE of each run, deg, and ratios of MAE."
+    every = f"{swept}, sweep {data['config_sha256'][:12]}. A diverged run has its numbers up to its end."
     return [
-        Table(
-            "points", f"Sweep over {keys}: MAE of each run, deg, and ratios of MAE", list(point_rows(data))
-        ),
-        Table("sweep", caption, list(run_rows(data)), terminal=()),
+        Table("points", points, list(point_rows(data))),
+        Table("sweep", every, list(run_rows(data)), terminal=()),
     ]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,32 +10,23 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.sweep.points import text_of
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    Drawing,
-    journal_style,
-    letter_panels,
-    open_figure,
-    stroke_of,
-)
+from tendonrepro.results.figures import style
 
 Points: TypeAlias = Sequence[Mapping[str, Any]]
 
 GONE = ("diverged", "unresolved")
 """Statuses of runs whose errors cannot be compared."""
 
-_PANEL_MM, _FRAME_MM = 48.0, 16.0
 _SPREAD = 7.5
 """From this ratio of the largest to the smallest value on, an axis is logarithmic."""
 
 
-@journal_style()
-def draw_sweep(data: Mapping[str, Any]) -> Drawing:
+@style.journal_style()
+def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
     """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
     keys, joints = [axis["key"] for axis in data["keys"]], data["joints"]
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
-    figure = open_figure(PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
+    figure = style.open_figure(style.PAGE_MM, 48.0 * len(rows) + 16.0)
     grid = figure.subplots(len(rows), len(joints), sharex="col", sharey="row", squeeze=False)
     for k in range(len(joints)):
         points, x = _set_values(grid[-1, k], data, k)
@@ -48,7 +38,7 @@ def draw_sweep(data: Mapping[str, Any]) -> Drawing:
             line.set_linestyle("none")
     for panel, label in zip(grid[:, 0], rows, strict=True):
         panel.set_ylabel(label)
-    named = letter_panels(grid.flat, [f"Joint {joint}" for _ in rows for joint in joints])
+    named = style.letter_panels(grid.flat, [f"Joint {joint}" for _ in rows for joint in joints])
     handles = [line for panel in grid[:, 0] for line in panel.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, loc="outside upper center", ncols=5)
     caption = (
@@ -57,9 +47,8 @@ def draw_sweep(data: Mapping[str, Any]) -> Drawing:
         f"Diverged: {', '.join(data['diverged']) or 'none'}. "
         f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."
     )
-    marks = "open: ringing; cross: did not last; " if {*data["status"].values()} - {"ok"} else ""
-    origin = f"{marks}configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
-    return Drawing("sweep", figure, named, caption, origin=origin)
+    origin = f"Open: ringing; cross: did not last. Configuration {data['config_sha256'][:8]}"
+    return style.Drawing("sweep", figure, named, caption, origin=origin)
 
 
 def _is_numeric(data: Mapping[str, Any]) -> bool:
@@ -78,7 +67,10 @@ def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, A
         _set_scale(panel, "x", x)
         order = np.argsort(x)
         return [points[i] for i in order], x[order]
-    texts = [", ".join(map(text_of, point["values"].values())) for point in points]
+    texts = [
+        ", ".join(axis["texts"][place] for axis, place in zip(keys, point["places"], strict=True))
+        for point in points
+    ]
     x = np.arange(len(points), dtype=np.float64)
     panel.set_xticks(x, texts, rotation=25.0, ha="right")
     return points, x
@@ -91,7 +83,7 @@ def _draw_errors(panel: Axes, points: Points, x: Array, k: int) -> None:
     gone = np.isin(status, GONE)
     errors[gone] = np.nan
     for i, run in enumerate(points[0]["runs"]):
-        stroke, y, ringing = stroke_of(i + 1), errors[:, i], status[:, i] == "ringing"
+        stroke, y, ringing = style.stroke_of(i + 1), errors[:, i], status[:, i] == "ringing"
         look: dict[str, Any] = {"color": stroke.colour, "marker": "osD^v"[i % 5], "markersize": 3.3}
         label = run.replace("_", " ").capitalize()
         panel.plot(x, y, linestyle=stroke.linestyle, linewidth=stroke.width, label=label, **look)
@@ -106,7 +98,7 @@ def _draw_ratios(panel: Axes, points: Points, x: Array, k: int) -> None:
     """Lines of the ratios, and paler those of a slowly changing load."""
     for i, pair in enumerate(points[0]["ratio"]):
         ratio, slow = ([point[name][pair][k] for point in points] for name in ("ratio", "predicted_ratio"))
-        colour, label = stroke_of(5 + i).colour, pair.upper().replace("_", "/")
+        colour, label = style.stroke_of(5 + i).colour, pair.upper().replace("_", "/")
         panel.plot(x, ratio, marker="os"[i], markersize=3.3, color=colour, label=label)
         panel.plot(x, slow, ":", marker="_", color=colour, alpha=0.5, label=f"{label}, slow load")
     panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)
