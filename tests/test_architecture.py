@@ -66,13 +66,8 @@ BUDGETS = {
     "ground": 222,
     "physics": 893,
     "simulation": 1_825,
-<<<<<<< HEAD
     "configuration": 1_703,
     "results": 2_209,
-=======
-    "configuration": 1_703,
-    "results": 2_209,
->>>>>>> predict
     "experiments": 1_400,
     "analysis": 629,
     "evidence": 977,
@@ -84,11 +79,7 @@ BUDGETS = {
     "validation": 455,
     "reporting": 672,
     "api": 375,
-<<<<<<< HEAD
     "cli": 528,
-=======
-    "cli": 528,
->>>>>>> predict
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
