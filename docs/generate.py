@@ -25,10 +25,12 @@ from tendonrepro.reporting.figure_orders import draw_orders
 from tendonrepro.reporting.figure_ranges import draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
+from tendonrepro.tuning.figure import draw_tuning
+from tendonrepro.tuning.laws import LAWS
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
-PAGES = (DOCS / "findings.md", DOCS / "tables.md")
+PAGES = (DOCS / "findings.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 PART = re.compile(r"(<!-- made by generate.py: ([a-z ]+) -->\n).*?(<!-- end -->)", re.S)
 
@@ -55,6 +57,9 @@ def take(reports: Path) -> None:
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
+    if (reports / "tune").exists():
+        found = read(reports / "tune" / "tune.json")
+        store("tune.json", {key: value for key, value in found.items() if key != "by_plant"})
 
 
 def take_closest(folder: Path) -> None:
@@ -109,8 +114,8 @@ def write_pages() -> None:
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        for draw in (draw_orders, draw_map, draw_ranges):
-            drawing = draw(stored("ensemble"))
+        tuning = draw_tuning(stored("tune")["laws"], {law.name: law.title for law in LAWS})
+        for drawing in (*(draw(stored("ensemble")) for draw in (draw_orders, draw_map, draw_ranges)), tuning):
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
 
@@ -162,6 +167,26 @@ def ratio(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
+def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
+    """Median errors in deg with nothing known, by cap on roughness, velocity as measured and filtered."""
+    caps = ("none", "1/3", "1/10", "1/30")
+    rows = {
+        (row["law"], row["filtered"], row["cap"]): f"{row['error_deg']:.3f}"
+        for row in laws
+        if row["knows"] == "none" and row["alpha"] is None and "error_deg" in row
+    }
+    found = [
+        [law.title, *(rows.get((law.name, filtered, cap), "") for filtered in (False, True) for cap in caps)]
+        for law in LAWS
+    ]
+    found += [
+        [f"Controller {k} as published", rows[f"controller_{k}", False, "published"], "", "", "",
+         rows[f"controller_{k}", True, "published"], "", "", ""]
+        for k in (1, 2, 3)
+    ]
+    return table(["controller", "no cap", *caps[1:], "filtered: no cap", *caps[1:]], found)
+
+
 READINGS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "plants": lambda held: f"{held['in_order']['plants']:,}",
@@ -187,6 +212,15 @@ CLOSEST_PLANTS: Mapping[str, Column] = {
     "order in MAE, joint 2 / 3": lambda held: shapes(held, "ours_order_mae"),
     "in RMSE": lambda held: shapes(held, "ours_order_rmse"),
 }
+QUESTIONS: Mapping[str, Column] = {
+    "first": lambda row: row["law"],
+    "second": lambda row: row["over"],
+    "first over second": lambda row: f"{row['median_ratio']:.2f}",
+    "smaller": lambda row: str(row["smaller_error"]),
+    "no difference": lambda row: str(row["no_difference"]),
+    "larger": lambda row: str(row["larger_error"]),
+    "verdict on the first": lambda row: row["verdict"],
+}
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the answer": lambda: words("answer"),
     "why": lambda: words("why"),
@@ -198,6 +232,8 @@ MAKERS: Mapping[str, Callable[[], str]] = {
         ["of", "share of the variance that an unknown explains alone"],
         [(name, deciding(held)) for name, held in stored("decides").items()],
     ),
+    "questions": lambda: records(stored("tune")["questions"], QUESTIONS),
+    "at their best": lambda: at_their_best(stored("tune")["laws"]),
     "closest plants": lambda: records(
         sorted(stored("identify")["readings"], key=lambda held: held["misfit_log"]), CLOSEST_PLANTS
     ),

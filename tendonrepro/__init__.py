@@ -1,3 +1,4 @@
+# ruff: noqa: F403, F405
 """Reproduce Yan et al., Actuators 2026, 15(5), 271: tendon decoupling and alpha-TDE-NTSM control.
 
 >>> import tendonrepro as tr
@@ -10,23 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tendonrepro.api.commands import (
-        claims,
-        compare,
-        config,
-        decouple,
-        ensemble,
-        explain,
-        identify,
-        open,
-        predict,
-        recover,
-        reproduce,
-        statics,
-        sweep,
-        validate,
-    )
-    from tendonrepro.api.files import animate, diff, export, fetch, figures, ingest, inspect, report, tables
+    from tendonrepro.api.commands import *
+    from tendonrepro.api.files import *
     from tendonrepro.api.result import Result
 
 __version__ = "0.1.0"

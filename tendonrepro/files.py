@@ -50,7 +50,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        message = f"cannot write {path}: {_reason(error)}"
+        message = f"cannot write {path}: {error.strerror or error}"
         raise TendonreproError(message) from error
     finally:
         # The folder may be the very thing that is broken; the first error is the one worth reporting.
@@ -114,12 +114,8 @@ def _digest(path: Path, new: Callable[[], Any]) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, new).hexdigest()
     except OSError as error:
-        message = f"cannot read {path}: {_reason(error)}"
+        message = f"cannot read {path}: {error.strerror or error}"
         raise DataMissingError(message) from error
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error)
 
 
 def to_json(content: Any) -> str:

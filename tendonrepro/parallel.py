@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
-from functools import partial
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from typing import TypeVar
 
 from tendonrepro.errors import TendonreproError
@@ -49,23 +47,19 @@ def each(
     TendonreproError
         If a worker process dies.
     """
-    found: dict[int, Result] = {}
+    found = []
     jobs = min(len(items), os.cpu_count() or 1, MOST_WORKERS)
-    with closing(as_ready(partial(_numbered, function), [*enumerate(items)], jobs)) as ready:
-        for place, result in ready:
-            found[place] = result
+    with closing(as_ready(function, items, jobs, ordered=True)) as ready:
+        for result in ready:
+            found.append(result)
             progress(1)
-    return [found[place] for place in range(len(items))]
-
-
-def _numbered(function: Callable[[Item], Result], numbered: tuple[int, Item]) -> tuple[int, Result]:
-    return numbered[0], function(numbered[1])
+    return found
 
 
 def as_ready(
-    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
+    function: Callable[[Item], Result], items: Sequence[Item], jobs: int, *, ordered: bool = False
 ) -> Generator[Result, None, None]:
-    """Yield results in the order in which they become ready; with one job all work is done in this process.
+    """Yield results as they become ready, or in order; with one job all work is done in this process.
 
     Raises
     ------
@@ -79,12 +73,11 @@ def as_ready(
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    begin = {"initializer": _end_with, "initargs": (os.getpid(),)}
-    pool = Parallel(jobs, "loky", return_as="generator_unordered", batch_size=1, max_nbytes=None, **begin)
+    order = "generator" if ordered else "generator_unordered"
+    begin = {"initializer": _begin, "initargs": (os.getpid(),)}
+    pool = Parallel(jobs, "loky", return_as=order, batch_size=1, max_nbytes=None, **begin)
     try:
-        with _interrupts_blocked():
-            ready = pool(delayed(function)(item) for item in items)
-        yield from ready
+        yield from pool(delayed(function)(item) for item in items)
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
         hint = "look at free memory, and at the limits that ulimit -a shows; fewer --jobs need less"
@@ -94,25 +87,9 @@ def as_ready(
         get_reusable_executor(reuse=True).shutdown(kill_workers=True)
 
 
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Start processes that hear no interrupt, which a terminal sends to them too; ours waits for the end."""
-    if sys.platform == "win32":  # which knows no masks
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    # This process of the standard library lifts the block when it starts.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _end_with(parent: int) -> None:
-    """End this process as soon as the one that started it is gone, even where that was killed."""
+def _begin(parent: int) -> None:
+    """Leave interrupts to the process that started this one, and end as soon as that is gone, even killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -23,7 +23,7 @@ FLOORS = [
     {"results"},
     {"experiments", "dataset"},
     {"analysis", "monte_carlo"},
-    {"evidence", "identification", "verdicts"},
+    {"evidence", "identification", "tuning", "verdicts"},
     {"validation"},
     {"reporting"},
     {"api"},
@@ -37,7 +37,7 @@ OWNERS = {
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
-    "yaml": ["configuration/fields/strict_yaml.py", "configuration/fewer_joints.py"],
+    "yaml": ["configuration/fields/strict_yaml.py", "configuration/shipped.py"],
     "xarray": ["results/traces.py", "api/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": [
@@ -55,7 +55,7 @@ OWNERS = {
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/cluster.py"],
     "SALib": ["verdicts/sensitivity.py"],
-    "cma": ["identification/search.py"],
+    "cma": ["identification/search.py", "tuning/search.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/page.py"],
     "markdown_it": ["reporting/page.py"],
@@ -63,22 +63,23 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 255,
+    "ground": 222,
     "physics": 893,
-    "simulation": 1_815,
-    "configuration": 1_758,
-    "results": 2_281,
-    "experiments": 1_414,
+    "simulation": 1_825,
+    "configuration": 1_703,
+    "results": 2_209,
+    "experiments": 1_400,
     "analysis": 629,
-    "evidence": 969,
+    "evidence": 977,
     "monte_carlo": 1_197,
-    "identification": 714,
-    "dataset": 1_806,
+    "identification": 670,
+    "dataset": 1_700,
+    "tuning": 951,
     "verdicts": 1_719,
-    "validation": 625,
-    "reporting": 669,
-    "api": 347,
-    "cli": 615,
+    "validation": 455,
+    "reporting": 672,
+    "api": 375,
+    "cli": 528,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
@@ -187,5 +188,5 @@ def test_each_package_keeps_its_budget() -> None:
 
 def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
-    assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 15
+    assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 16
     assert len([*PACKAGE.glob("*.py")]) <= 8

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -92,15 +91,3 @@ def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number:
     parent.stdout.close()
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_workers_hear_no_interrupt_from_their_start_on(processors: int) -> None:
-    if processors == 2:
-        for blocked in each(partial(_blocked), [1, 2]):
-            assert blocked & 1 << (signal.SIGINT - 1)
-
-
-def _blocked(_: int) -> int:
-    time.sleep(0.1)
-    return int(Path("/proc/self/status").read_text().partition("SigBlk:")[2].split()[0], 16)

@@ -213,7 +213,7 @@ def identify(
     *,
     config: str | Path | None = None,
     readings: str = "printed",
-    generations: int = 60,
+    generations: int = 40,
     population: int = 48,
     seeds: int = 3,
     jobs: int = -1,
@@ -275,6 +275,52 @@ def predict(
     return _written("predict", run_predict(request, Talk(), draws=draws, readings=readings or READINGS))
 
 
+def tune(
+    plants: int = 16,
+    *,
+    searches: int = 4,
+    generations: int = 4,
+    population: int = 6,
+    laws: Mapping[str, Callable[..., Any]] | None = None,
+    any_plant: bool = False,
+    config: str | Path | None = None,
+    set: Changes | None = None,
+    seed: int | None = None,
+    jobs: int = -1,
+    out: str | Path = "reports/tune",
+    force: bool = False,
+) -> Result:
+    """Tune every law on the same plants and compare them at their best; an interrupted call goes on.
+
+    Parameters
+    ----------
+    plants : int
+        On which every law is tuned.
+    searches, generations, population : int
+        Searches of each law on each plant, generations of each, and members of a generation.
+    laws : mapping, optional
+        Name -> function of a law of your own with an attribute ``bounds``; see docs/laws.md.
+    any_plant : bool
+        Take plants on which the published gains are unstable, too.
+    config, set, seed, jobs, out, force
+        As of `ensemble`; the seed is that of the searches.
+    """
+    from tendonrepro.tuning.command import run_tune
+
+    found = run_tune(
+        _request(config, set, seed, None, out, force),
+        Talk(),
+        plants=plants,
+        searches=searches,
+        generations=generations,
+        population=population,
+        given=laws,
+        any_plant=any_plant,
+        jobs=jobs,
+    )
+    return _written("tune", found)
+
+
 def validate(
     measured: str | Path = "data/measured.h5",
     config: str | Path | None = None,
@@ -285,10 +331,10 @@ def validate(
 ) -> Result:
     """Compare measured data with the paper and with the model. Results are written to `out`."""
     from tendonrepro.validation.command import run_validate
-    from tendonrepro.validation.report import validate_text
 
-    found = run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
-    return _written("validate", found | {"text": validate_text(found)})
+    return _written(
+        "validate", run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
+    )
 
 
 def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:

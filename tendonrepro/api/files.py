@@ -16,7 +16,7 @@ def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool 
     """Download a record and verify it; a second call needs no network."""
     from tendonrepro.dataset.fetch import run_fetch
 
-    return run_fetch(record, Path(out), None, None, force, False, Talk())
+    return run_fetch(record, Path(out), None, force, False, Talk())
 
 
 def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool = False) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def animate(
     from tendonrepro.results.figures.animation import animate as make
 
     target = None if out is None else Path(out)
-    found = make(Path(file), Talk(), run=run, times=(), speed=speed, out=target, force=force)
+    found = make(Path(file), Talk(), run=run, speed=speed, out=target, force=force)
     return list(found["files"])
 
 

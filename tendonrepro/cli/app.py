@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from typer import Argument, Option
+from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.data import data_app
-from tendonrepro.cli.options import Laws, Terminal, command
+from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
@@ -31,13 +31,13 @@ INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
 
 EPILOG = (
-    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
+    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the paper "
     "(claims --check), 4 data missing or not reachable, 5 a run diverged, 130 interrupted."
 )
 
 HELP = """Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.
 
-Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper prints."""
+Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper says."""
 
 
 class ByPanel(TyperGroup):
@@ -113,14 +113,14 @@ def _help_if_alone(context: typer.Context) -> None:
 
 
 @command(app, "tendonrepro reproduce --out reports", without=("config", "controllers"))
-def reproduce(
-    request: Request,
-    terminal: Terminal,
-    config: Annotated[
-        Path | None, Option("--config", help="Folder with decouple.yaml and compare.yaml.")
-    ] = None,
-) -> int:
-    """Every figure and table of section 5, and the fitted plant."""
+def reproduce(request: Request, terminal: Terminal, *, config: Path | None = None) -> int:
+    """Every figure and table of section 5, and the fitted plant.
+
+    Parameters
+    ----------
+    config
+        Folder with decouple.yaml and compare.yaml.
+    """
     from tendonrepro.experiments.command import paper_orders
 
     return _carry_out(paper_orders(config, request), terminal)
@@ -130,13 +130,19 @@ def reproduce(
 def compare(
     request: Request,
     terminal: Terminal,
-    law: Laws = None,
-    solver: Annotated[
-        Literal["scipy", "compiled"],
-        Option("--solver", help="SciPy, or the one of ensembles."),
-    ] = "scipy",
+    *,
+    law: list[str] | None = None,
+    solver: Literal["scipy", "compiled"] = "scipy",
 ) -> int:
-    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3."""
+    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
+
+    Parameters
+    ----------
+    law : FILE:NAME
+        Run your own controller too; repeatable. FILE is executed.
+    solver
+        SciPy, or the one of ensembles.
+    """
     from tendonrepro.experiments.command import Order
 
     return _carry_out([Order("compare", request, law or (), solver)], terminal)
@@ -164,28 +170,41 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     return 5 if any(map(diverged, found.values())) else 0
 
 
-StoredTraces = Annotated[Path, Argument(help="Trace file, or a results folder with one.")]
-Overwrite = Annotated[bool, Option("--force", help="Overwrite a file that is there.")]
-OverwriteOwn = Annotated[bool, Option("--force", help="Overwrite files changed since, or your own.")]
-ResultsFolder = Annotated[Path, Option("--out", help="Results folder, or the folder above several.")]
-
-
 @command(app, "tendonrepro figures 14 15")
 def figures(
     terminal: Terminal,
-    names: Annotated[list[str] | None, Argument(help="The paper's numbers, or names [default: all].")] = None,
-    out: ResultsFolder = Path("reports"),
-    force: OverwriteOwn = False,
+    names: list[str] | None = None,
+    *,
+    out: Path = Path("reports"),
+    force: bool = False,
 ) -> None:
-    """Draw figures again from stored traces."""
+    """Draw figures again from stored traces.
+
+    Parameters
+    ----------
+    names
+        The paper's numbers, or names [default: all].
+    out
+        Results folder, or the folder above several.
+    force
+        Overwrite files changed since, or your own.
+    """
     from tendonrepro.experiments.command import redraw
 
     terminal.list_files(redraw(out, names, force=force))
 
 
 @command(app, "tendonrepro tables --out reports/compare")
-def tables(terminal: Terminal, out: ResultsFolder = Path("reports"), force: OverwriteOwn = False) -> None:
-    """Write tables again from stored traces."""
+def tables(terminal: Terminal, *, out: Path = Path("reports"), force: bool = False) -> None:
+    """Write tables again from stored traces.
+
+    Parameters
+    ----------
+    out
+        Results folder, or the folder above several.
+    force
+        Overwrite files changed since, or your own.
+    """
     from tendonrepro.experiments.command import rewrite_tables
 
     terminal.list_files(rewrite_tables(out, force=force))
@@ -194,70 +213,84 @@ def tables(terminal: Terminal, out: ResultsFolder = Path("reports"), force: Over
 @command(app, "tendonrepro animate reports/decouple --speed 2")
 def animate(
     terminal: Terminal,
-    file: StoredTraces,
-    run: Annotated[str | None, Option("--run", help="Run to show [default: the first].")] = None,
-    at: Annotated[
-        list[float] | None,
-        Option("--at", metavar="SECONDS", help="A single picture as SVG, no film; repeatable."),
-    ] = None,
-    speed: Annotated[float, Option("--speed", help="Seconds of the run in a second of film.")] = 1.0,
-    out: Annotated[Path | None, Option("--out", help="File to write [default: beside the traces].")] = None,
-    force: Overwrite = False,
+    file: Path,
+    *,
+    run: str | None = None,
+    speed: float = 1.0,
+    out: Path | None = None,
+    force: bool = False,
 ) -> None:
-    """The arm in motion, its tendons coloured by tension."""
+    """The arm in motion, its tendons coloured by tension.
+
+    Parameters
+    ----------
+    file
+        Trace file, or a results folder with one.
+    run
+        Run to show [default: the first].
+    speed
+        Seconds of the run in a second of film.
+    out
+        File to write [default: beside the traces].
+    force
+        Overwrite a file that is there.
+    """
     from tendonrepro.results.figures.animation import animate as make
 
-    found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
-    terminal.show(found, lambda found: "\n".join(found["files"]))
+    found = make(file, terminal.talk, run=run, speed=speed, out=out, force=force)
+    terminal.show(found, "\n".join(found["files"]))
 
 
 @command(app, "tendonrepro export reports/compare --format mat")
 def export(
-    terminal: Terminal,
-    file: StoredTraces,
-    form: Annotated[str, Option("--format", help="csv, parquet or mat.")] = "csv",
-    out: Annotated[Path | None, Option("--out", help="File to write [default: beside it].")] = None,
-    force: Overwrite = False,
+    terminal: Terminal, file: Path, *, format: str = "csv", out: Path | None = None, force: bool = False
 ) -> None:
-    """Write stored traces for other programs."""
+    """Write stored traces for other programs.
+
+    Parameters
+    ----------
+    file
+        Trace file, or a results folder with one.
+    format
+        csv, parquet or mat.
+    out
+        File to write [default: beside it].
+    force
+        Overwrite a file that is there.
+    """
     from tendonrepro.results.export import export_traces
 
-    terminal.list_files([export_traces(file, form, out, force=force)])
+    terminal.list_files([export_traces(file, format, out, force=force)])
 
 
 @command(app, "tendonrepro diff reports/compare reports/extrapolating")
-def diff(
-    terminal: Terminal,
-    first: Annotated[Path, Argument(help="Results folder or trace file.")],
-    second: Annotated[Path, Argument(help="Another one.")],
-) -> int:
+def diff(terminal: Terminal, first: Path, second: Path) -> int:
     """What differs between two results.
 
     Ends with exit code 1 if anything does.
+
+    Parameters
+    ----------
+    first
+        Results folder or trace file.
+    second
+        Another one.
     """
     from tendonrepro.results.difference import difference, difference_text
 
     found = difference(first, second)
-    terminal.show(found, difference_text)
+    terminal.show(found, difference_text(found))
     return 0 if found["same"] else 1
 
 
 @command(app, "tendonrepro doctor --json")
 def doctor(terminal: Terminal) -> int:
     """Environment, versions, and whether all that is needed is there."""
-    from tendonrepro.cli.doctor import all_well, examine, report_text
+    from tendonrepro.cli.doctor import examine, report_text
 
     found = examine()
-    terminal.talk.detail(f"{len(found['checks'])} checks")
-    terminal.show(found, report_text)
-    return 0 if all_well(found) else 1
-
-
-ConfigFile = Annotated[str, Argument(help="Configuration file, - for standard input, or a shipped name.")]
-Changes = Annotated[
-    list[str] | None,
-    Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
-]
+    terminal.show(found, report_text(found))
+    return 0 if found["well"] else 1
 
 
 @command(config_app, "tendonrepro config list", name="list")
@@ -271,51 +304,69 @@ def config_list(terminal: Terminal) -> None:
 
 
 @command(config_app, "tendonrepro config show compare", name="show")
-def config_show(terminal: Terminal, config: ConfigFile, overrides: Changes = None) -> None:
-    """A configuration as it is used: complete, changes applied."""
+def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
+    """A configuration as it is used: complete, changes applied.
+
+    Parameters
+    ----------
+    config
+        Configuration file, - for standard input, or a shipped name.
+    set : KEY=VALUE
+        Change a value of the configuration; repeatable.
+    """
     from tendonrepro.configuration.kinds import shown
 
-    tree, text = shown(config, overrides or ())
-    terminal.talk.detail(f"{config} is valid")
+    tree, text = shown(config, set or ())
     terminal.show(tree, text.rstrip())
 
 
 @command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
-def config_init(
-    terminal: Terminal,
-    name: Annotated[str, Argument(help="A shipped configuration.")],
-    out: Annotated[Path, Option("--out", help="Folder for the copy.")] = Path(),
-    joints: Annotated[int | None, Option("--joints", help="Keep only the first joints of the arm.")] = None,
-) -> None:
-    """Copy a shipped configuration and what it names, to be edited."""
+def config_init(terminal: Terminal, name: str, *, out: Path = Path(), joints: int | None = None) -> None:
+    """Copy a shipped configuration and what it names, to be edited.
+
+    Parameters
+    ----------
+    name
+        A shipped configuration.
+    out
+        Folder for the copy.
+    joints
+        Keep only the first joints of the arm.
+    """
     from tendonrepro.configuration.shipped import init_config
 
     terminal.list_files(init_config(name, out, joints))
 
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
-def config_check(terminal: Terminal, config: ConfigFile, overrides: Changes = None) -> None:
-    """Check a configuration; all its mistakes are listed at once."""
+def config_check(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
+    """Check a configuration; all its mistakes are listed at once.
+
+    Parameters
+    ----------
+    config
+        Configuration file, - for standard input, or a shipped name.
+    set : KEY=VALUE
+        Change a value of the configuration; repeatable.
+    """
     from tendonrepro.experiments.command import check
 
-    found = check(config, overrides or (), terminal.talk)
-    digest = found.get("config_sha256", "of a manipulator is that of its experiment")
-    terminal.talk.detail(f"sha256 {digest}")
+    found = check(config, set or (), terminal.talk)
     terminal.show(found, f"{found['config']}: valid {found['kind']}")
 
 
 @command(config_app, "tendonrepro config schema > schema.json", name="schema")
-def config_schema(
-    terminal: Terminal,
-    kind: Annotated[
-        str | None, Argument(help="compare, decouple, ensemble or manipulator [default: any].")
-    ] = None,
-) -> None:
-    """JSON schema of configuration files, for editors."""
+def config_schema(terminal: Terminal, kind: str | None = None) -> None:
+    """JSON schema of configuration files, for editors.
+
+    Parameters
+    ----------
+    kind
+        compare, decouple, ensemble or manipulator [default: any].
+    """
     from tendonrepro.configuration.kinds import json_schema
     from tendonrepro.files import to_json
 
-    terminal.talk.detail(f"for {kind or 'any'} configuration")
     schema = json_schema(kind)
     terminal.show(schema, to_json(schema).rstrip())
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
-from typer import Option
+from typer import Argument, Option
 
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
@@ -34,10 +35,6 @@ _REQUEST = {
     "dry_run": Annotated[bool, Option("--dry-run", help="Check everything, run nothing.")],
     "force": Annotated[bool, Option("--force", help="Overwrite other results, and files changed since.")],
 }
-Laws = Annotated[
-    list[str] | None,
-    Option("--law", metavar="FILE:NAME", help="Run a law of your own too; repeatable. FILE is executed."),
-]
 _SWITCHES = {"as_json", "quiet", "verbose", "dry_run", "force"}
 
 
@@ -54,14 +51,14 @@ class Terminal:
         """Notes and progress."""
         return Talk(quiet=self.quiet, verbose=self.verbose)
 
-    def show(self, data: Any, text: str | Callable[[Any], str]) -> None:
-        """Print a result as words, or as JSON even where words are not wanted."""
+    def show(self, data: Any, text: str | None = None) -> None:
+        """Print a result as words, its own if not given, or as JSON even where words are not wanted."""
         if self.as_json:
             from tendonrepro.files import to_json
 
             typer.echo(to_json(data), nl=False)
         elif not self.quiet:
-            typer.echo(text if isinstance(text, str) else text(data))
+            typer.echo(data["text"] if text is None else text)
 
     def list_files(self, paths: list[Path]) -> None:
         """Print the files a command wrote."""
@@ -76,11 +73,14 @@ def command(
     """Make a function a command.
 
     Its parameters `terminal` and `request` stand for the options that all commands, and all that run
-    something, have in common; of the latter those in `without` are left out.
+    something, have in common; of the latter those in `without` are left out. Its keyword-only parameters are
+    options, the others arguments. Its docstring says what each means, and what stands for its value.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        own, hints = inspect.signature(function).parameters, get_type_hints(function, include_extras=True)
+        own, hints = inspect.signature(function).parameters, get_type_hints(function)
+        head, _, section = (inspect.getdoc(function) or "").partition("\n\nParameters\n----------\n")
+        told = {key: (metavar, text) for key, metavar, text in _PARAMETER.findall(section)}
         asked = {key: kind for key, kind in _REQUEST.items() if "request" in own and key not in without}
 
         def run(**given: Any) -> Any:
@@ -95,18 +95,30 @@ def command(
             for key, kind in (asked | _TERMINAL).items()
         }
         kept = {
-            key: parameter.replace(annotation=hints[key], kind=keyword)
+            key: parameter.replace(annotation=_described(parameter, hints[key], *told[key]), kind=keyword)
             for key, parameter in own.items()
             if key not in {"request", "terminal"}
         }
         run.__signature__ = inspect.Signature([*kept.values(), *shared.values()])  # type: ignore[attr-defined]
         run.__annotations__ = {key: parameter.annotation for key, parameter in (kept | shared).items()}
-        run.__doc__ = function.__doc__
+        run.__doc__ = head
         panel = app.rich_help_panel
         app.command(name or function.__name__, epilog=f"Example: {example}", rich_help_panel=panel)(run)
         return function
 
     return register
+
+
+_PARAMETER = re.compile(r"^(\w+)(?: : (.+))?\n    (.+)", re.M)
+
+
+def _described(parameter: inspect.Parameter, hint: Any, metavar: str, text: str) -> Any:
+    """Type of an option or argument with its help, as Typer wants it."""
+    if parameter.kind is not parameter.KEYWORD_ONLY:
+        return Annotated[hint, Argument(help=text, metavar=metavar or None)]
+    return Annotated[
+        hint, Option(f"--{parameter.name.replace('_', '-')}", help=text, metavar=metavar or None)
+    ]
 
 
 def _request(given: dict[str, Any]) -> Request:

@@ -65,23 +65,28 @@ class Source:
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
-    """Yield the tables of a tree with their paths: what lies together and has as many rows."""
-    groups: dict[int, Columns] = {}
-    timed: list[tuple[str, Columns]] = []
+    """Yield the tables of a tree with their paths: what lies together and has as many rows, or one clock."""
+    groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Tree]] = []
     for name, value in tree.items():
         where = f"{path}.{name}" if path else name
-        if isinstance(value, Columns):
-            timed.append((name, value))
+        if isinstance(value, Series):
+            (first, time), *rest = value.items()
+            group = groups.setdefault((len(time), time.tobytes()), Columns({first: time}))
+            for column, values in rest:
+                is_named = column.split(" (")[0].split("[")[0].strip()
+                group.add(column if is_named else f"{name}{column}", values)
+        elif isinstance(value, Columns):
+            yield where, value
         elif isinstance(value, dict):
             inner.append((where, value))
         elif (array := _rows(value)) is not None:
-            group = groups.setdefault(len(array), Columns())
+            group = groups.setdefault((len(array), b""), Columns())
             for number, column in enumerate(array.T, start=1):
                 group.add(f"{name}[{number}]" if array.shape[1] > 1 else name, column)
-    for rows, columns in groups.items():
-        yield (path if len(groups) == 1 else f"{path}[{rows} rows]"), columns
-    yield from _together(timed, path)
+    for number, ((rows, clock), columns) in enumerate(groups.items(), start=1):
+        which = f"[clock {number}]" if clock else f"[{rows} rows]"
+        yield (path if len(groups) == 1 else f"{path}{which}"), columns
     for where, value in inner:
         yield from tables_of(value, where)
 
@@ -98,25 +103,6 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
     array = array.T if array.shape[0] < array.shape[1] else array
     is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS
     return array.astype(float) if is_table else None
-
-
-def _together(series: list[tuple[str, Columns]], path: str) -> Iterator[tuple[str, Columns]]:
-    """Put timeseries that lie together and have the same times into one table; a table stays as it is."""
-    clocks: list[tuple[NDArray[Any], Columns]] = []
-    for name, columns in series:
-        if not isinstance(columns, Series):
-            yield (f"{path}.{name}" if path else name), columns
-            continue
-        (first, time), *rest = columns.items()
-        shared = next((held for clock, held in clocks if np.array_equal(clock, time)), None)
-        if shared is None:
-            shared = Columns({first: time})
-            clocks.append((time, shared))
-        for column, values in rest:
-            label = column if column.split(" (")[0].split("[")[0].strip() else f"{name}{column}"
-            shared.add(label, values)
-    for number, (_, columns) in enumerate(clocks, start=1):
-        yield (path if len(clocks) == 1 else f"{path}[clock {number}]"), columns
 
 
 def read_hdf5(path: Path) -> Tree:

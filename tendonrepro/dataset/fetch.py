@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -20,15 +19,14 @@ from urllib3.util import Retry
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of, to_json, write_atomically
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
 AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
-SCHEMA_VERSION = 3
-BY_HAND = "or download the files in a browser and give their folder with --from-dir"
+BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
 Entry: TypeAlias = dict[str, Any]
 """``key``, ``size`` in bytes and ``md5`` of a file."""
@@ -42,13 +40,7 @@ _TRIES = 10
 
 
 def run_fetch(
-    record: str,
-    out: Path,
-    base_url: str | None,
-    from_dir: Path | None,
-    force: bool,
-    dry_run: bool,
-    talk: Talk,
+    record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
 ) -> dict[str, Any]:
     """Bring the files of a record into a folder, or show that they are there.
 
@@ -60,8 +52,6 @@ def run_fetch(
         Folder for the files; the lock is written beside it.
     base_url : str or None
         Another site than zenodo.org; else the environment may name one.
-    from_dir : Path or None
-        Folder with files downloaded by hand, taken instead of downloading.
     force : bool
         Replace files that were altered, and another record.
     dry_run : bool
@@ -79,38 +69,35 @@ def run_fetch(
         If the record is not one, the folder holds other or altered files, or another process writes there.
     DataMissingError
         If the record or its files cannot be had.
-    TendonreproError
-        If the disk is full or cannot be written.
     """
-    number = record_number(record)
-    held = lock_path(out)
-    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else None
-    if lock is not None and number not in {lock["record"], lock["requested"]}:
-        if not force:
+    number, folder = record_number(record), out.resolve()
+    held = folder.with_name(f"{folder.name}.lock.json")
+    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
+    if number not in {lock.get("record"), lock.get("requested")}:
+        if lock and not force:
             message = f"holds record {lock['record']}, not {number}"
             raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
-        lock = None
-    lock = lock or _described(base_url or os.environ.get(VARIABLE) or SITE, number)
+        lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
         path = out / file["key"]
-        if not path.resolve().is_relative_to(out.resolve()):
+        if not path.resolve().is_relative_to(folder):
             raise DataMissingError(f"the record has a file outside its folder: {path}", hint=BY_HAND)
         if path.exists() and not force:
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
     if not dry_run:
-        _obtain(wanted, out, from_dir, lock, talk)
-    action = "copied" if from_dir else "downloaded"
-    files = [file | {"action": action if file in wanted else "present"} for file in lock["files"]]
-    return lock | {"out": str(out), "lock": str(lock_path(out)), "dry_run": dry_run, "files": files}
+        _obtain(wanted, out, lock, talk)
+        write_atomically(held, to_json(lock))
+    files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
+    return lock | {"out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
 
 
 def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and the files of a record, for a terminal."""
     head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
-    columns = {name: (name, "") for name in ("key", "size", "action")}
-    return Table("files", f"{head}; in {found['out']}", found["files"], columns).text()
+    shown = ("key", "size", "action")
+    return Table("files", f"{head}; in {found['out']}", found["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:
@@ -124,12 +111,6 @@ def record_number(text: str) -> str:
         hint = "give its number, as in 19467931, its DOI or its address"
         raise UsageError(f"{text!r} is not a record of Zenodo", hint=hint)
     return found[1]
-
-
-def lock_path(out: Path) -> Path:
-    """Where the lock of a data folder stands: beside it, under its name."""
-    folder = out.resolve()
-    return folder.with_name(f"{folder.name}.lock.json")
 
 
 def _is_same(path: Path, file: Entry) -> bool:
@@ -152,10 +133,9 @@ def _described(site: str, number: str) -> dict[str, Any]:
             hint = f"a proxy or a login page may be in the way: look at {url}, {BY_HAND}"
             raise DataMissingError("the answer is no record", where=url, hint=hint) from error
     if not files:
-        message = f"record {number} shows no files: its access is {meta.get('access_right', 'open')}"
-        raise DataMissingError(message, hint=f"ask its authors, {BY_HAND}")
+        raise DataMissingError(f"record {number} shows no files", where=url, hint="ask its authors")
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 3,
         "record": number_now,
         "requested": number,
         "base_url": site,
@@ -187,54 +167,46 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     except (RequestException, ValueError) as error:
         hint = f"look at the network and at HTTPS_PROXY, {BY_HAND}"
         raise DataMissingError("cannot be reached", where=urlsplit(url).netloc, hint=hint) from error
-    is_page = "text/html" in response.headers.get("Content-Type", "")
-    if response.ok and not is_page:
+    if response.ok:
         return response
     response.close()
-    said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
+    message = f"the site answers {response.status_code} {response.reason}"
     hint = f"check the number and --base-url, try again later, {BY_HAND}"
-    raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
+    raise DataMissingError(message, where=url, hint=hint)
 
 
-def _obtain(files: list[Entry], out: Path, from_dir: Path | None, lock: dict[str, Any], talk: Talk) -> None:
-    """Put files in place, each whole, and write the lock when all are there."""
+def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
+    """Put files in place, each whole."""
     only_writer = out.with_name(f".{out.name}.lock")
+    out.mkdir(parents=True, exist_ok=True)
+    session, size = _session(), sum(file["size"] for file in files)
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with (
-            FileLock(only_writer, timeout=0),
-            talk.bar("fetching", sum(file["size"] for file in files)) as advance,
-        ):
-            session = _session()
+        with FileLock(only_writer, timeout=0), talk.bar("fetching", size) as advance:
             for file in files:
                 target = out / file["key"]
                 target.parent.mkdir(parents=True, exist_ok=True)
-                if from_dir is None:
-                    url = (
-                        f"{lock['base_url']}/api/records/{lock['record']}/files/{quote(file['key'])}/content"
-                    )
-                    _download(session, url, file, target, advance)
-                else:
-                    _copy(from_dir, file, target)
-            write_atomically(lock_path(out), to_json(lock))
+                # The digest in its name tells a part of this very file from one of another version.
+                part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
+                record = f"{lock['base_url']}/api/records/{lock['record']}"
+                url = f"{record}/files/{quote(file['key'])}/content"
+                _download(session, url, file["size"], part, advance)
+                if not _is_same(part, file):
+                    part.unlink()
+                    message = f"there is no {file['key']} of the size and MD5 that the record says"
+                    raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
+                part.replace(target)
         only_writer.unlink(missing_ok=True)
     except Timeout as error:
         raise UsageError("another tendonrepro is writing here", where=str(out)) from error
-    except OSError as error:
-        message = f"cannot write: {error.strerror or error}"
-        hint = "make room, or choose another --out, and run the command again: it goes on where it stopped"
-        raise TendonreproError(message, where=str(out), hint=hint) from error
 
 
-def _download(session: Session, url: str, file: Entry, target: Path, advance: Callable[[int], None]) -> None:
-    """Get one file; what an earlier try left of it in ``<name>.part`` is used."""
-    # The digest in its name tells a part of this very file from one of another version.
-    part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
+def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:
+    """Get one file of so many bytes; what an earlier try left of it is used."""
     part.touch()
     for _ in range(_TRIES):
         start = part.stat().st_size
-        if start >= file["size"]:
-            break
+        if start >= size:
+            return
         with (
             _asked(session, url, start) as response,
             part.open("ab" if response.status_code == 206 else "wb") as stream,
@@ -242,25 +214,6 @@ def _download(session: Session, url: str, file: Entry, target: Path, advance: Ca
         ):
             for chunk in response.iter_content(_CHUNK):
                 advance(stream.write(chunk))
-    size = part.stat().st_size
-    if size < file["size"]:
-        message = (
-            f"{file['key']}: the connection ended again and again, {size} of {file['size']} bytes are here"
-        )
-        raise DataMissingError(message, hint=f"run the command again: it goes on from there, {BY_HAND}")
-    if not _is_same(part, file):
-        part.unlink()
-        message = f"{file['key']} arrived with another size or MD5 than the record says"
-        raise DataMissingError(message, hint=f"run the command again, {BY_HAND}")
-    part.replace(target)
-
-
-def _copy(from_dir: Path, file: Entry, target: Path) -> None:
-    """Take a file that was downloaded by hand, below its folder or by its name alone."""
-    found = next((p for p in (from_dir / file["key"], from_dir / target.name) if p.is_file()), None)
-    if found is None or not _is_same(found, file):
-        message = f"there is no {file['key']} as the record has it"
-        raise DataMissingError(message, where=str(from_dir), hint="download it again")
-    part = target.with_name(f"{target.name}.part")
-    shutil.copyfile(found, part)
-    part.replace(target)
+    if (start := part.stat().st_size) < size:
+        message = f"the connection ended again and again, {start} of {size} bytes are here"
+        raise DataMissingError(message, where=url, hint=f"run the command again: it goes on, {BY_HAND}")

@@ -42,11 +42,6 @@ class Guess:
     payload: float | None
     check: str
 
-    @property
-    def line(self) -> str:
-        """Name of its variable and joint."""
-        return f"{self.use.variable} {self.use.joint}"
-
 
 def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
     """Guess which column is which variable; what the table of words does not tell is left to the reader.
@@ -65,11 +60,11 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
                 left.append(found)
                 continue
             run = runs.setdefault(found.run, [])
-            same = next((one for one in run if one.line == found.line and found.use.joint), None)
-            if same is None:
-                run.append(found)
+            same = [one.column for one in run if one.use.signal == found.use.signal and found.use.joint]
+            if same:
+                left.append(f"{_scalar(found.column)}: {found.use}  # taken from {same[0]}")
             else:
-                left.append(f"{_scalar(found.column)}: {found.use}  # taken from {same.column}")
+                run.append(found)
     left = list(dict.fromkeys(left))
     counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
     runs = {run: guesses for run, guesses in runs.items() if counts[run]}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -13,22 +11,21 @@ from typing import Any, Literal
 import numpy as np
 
 from tendonrepro import __version__
+from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.console import Talk
-from tendonrepro.dataset.mapping import confirmed, parse_mapping, read_mapping
+from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
-from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.manifest import environment
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import read_traces, write_traces
+from tendonrepro.results.traces import write_traces
 
-SCHEMA_VERSION = 1
 _PRINTED = "printed: Table 1, signs of section 3.3"
-_PAYLOAD = "hardware.payload"
 
 
 def run_ingest(
@@ -51,7 +48,7 @@ def run_ingest(
     out : Path
         Trace file to write.
     force : bool
-        Overwrite one made by another mapping or from other data.
+        Overwrite it.
     dry_run : bool
         Write nothing.
     talk : Talk
@@ -68,27 +65,28 @@ def run_ingest(
     ConfigError
         If the mapping is wrong or does not fit the files.
     UsageError
-        If `out` holds something else.
+        If `out` is there already.
     DataMissingError
         If a path is missing.
     """
-    payload = published().number(_PAYLOAD)
-    loaded = read_mapping(mapping, payload)
-    if confirm:
-        loaded = parse_mapping(confirmed(loaded.text), str(mapping), payload)
+    if not dry_run:
+        refuse_existing(out, force=force)
+    text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
+    text = confirmed(text) if confirm else text
+    loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))
     sources, unread = read_files(paths, talk)
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, unread, loaded, S)
     runs = assembly.runs()
-    notes = [*assembly.notes, *(f"{file} was not read: {reason}" for file, reason in unread.items())]
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    told: dict[str, Any] = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts}
-    told["inputs"] = list({source.file["name"]: source.file for source in sources}.values())
-    digest = hashlib.sha256(loaded.text.encode()).hexdigest()
+    notes = assembly.notes + [f"{file} was not read: {reason}" for file, reason in unread.items()]
+    inputs = list({source.file["name"]: source.file for source in sources}.values())
+    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
+    digest = hashlib.sha256(text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "tendonrepro_version": __version__,
         "created": created,
         "mapping": {"origin": str(mapping), "sha256": digest},
@@ -104,36 +102,23 @@ def run_ingest(
         title=loaded.title,
         runs=runs,
         plant=PlantRecord(coupling, {}),
-        config_yaml=loaded.text,
+        config_yaml=text,
         config_sha256=digest,
         manifest_json=to_json(manifest | told),
         created=created,
         tendonrepro_version=__version__,
     )
-    if out.exists() and not force:
-        _refuse_others(out, digest, told["inputs"])
     if not dry_run:
         write_traces(out, file)
         if confirm:
-            write_atomically(mapping, loaded.text)
-    described = {name: _described(trace) for name, trace in runs.items()}
-    head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
-    return head | {"runs": described} | told
+            write_atomically(mapping, text)
+    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
+    return head | {"runs": {name: _described(trace) for name, trace in runs.items()}} | told
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
     of_decoupling = {name in DECOUPLING_RUNS for name in runs}
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
-
-
-def _refuse_others(out: Path, digest: str, inputs: list[Any]) -> None:
-    """Refuse to overwrite anything but an earlier result of the same mapping and data."""
-    with suppress(DataMissingError):
-        before = read_traces(out)
-        if (before.config_sha256, json.loads(before.manifest_json).get("inputs")) == (digest, inputs):
-            return
-    message = "was not made by this mapping from these files"
-    raise UsageError(message, where=str(out), hint="choose another --out, or say --force to overwrite it")
 
 
 def _described(trace: Trace) -> dict[str, Any]:

@@ -16,8 +16,6 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
 from tendonrepro.results.tables import Table
 
-SCHEMA_VERSION = 2
-
 
 def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
     """List what is in files, folders and archives.
@@ -51,7 +49,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, tal
     if mapping is not None:
         write_atomically(mapping, guessed["suggestion"])
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 2,
         "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
         "unread": unread,
         **guessed,
@@ -75,8 +73,5 @@ def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows: a table for each table, what was not read, and the mapping."""
     parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
-    if found["mapping"]:
-        parts.append(f"wrote {found['mapping']}: check every line that says CHECK")
-    else:
-        parts.append(found["suggestion"].rstrip())
-    return "\n".join(parts)
+    wrote = f"wrote {found['mapping']}: check every line that says CHECK"
+    return "\n".join([*parts, wrote if found["mapping"] else found["suggestion"].rstrip()])

@@ -19,13 +19,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from tendonrepro.configuration.fields.model import Model, refuse
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.fields.strict_yaml import load
 from tendonrepro.configuration.messages import explain
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.results.records import VARIABLES
@@ -50,6 +49,11 @@ class Use:
     unit: str
     factor: float = 1.0
     offset: float = 0.0
+
+    @property
+    def signal(self) -> tuple[str, int]:
+        """Variable and joint."""
+        return self.variable, self.joint
 
     @property
     def to_si(self) -> float:
@@ -137,21 +141,21 @@ class _Tree(Model):
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A checked mapping, its text, the guesses in it that nobody has confirmed, and the place of each run."""
+    """A checked mapping, the guesses in it that nobody has confirmed, and the place of each run."""
 
     title: str
     runs: Mapping[str, Run]
-    text: str
     guesses: list[str]
     places: Mapping[str, str]
 
 
-def read_mapping(path: Path, payload: float) -> MappingFile:
-    """Read and check a mapping.
+def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
+    """Check a mapping.
 
     Parameters
     ----------
-    path : Path
+    text, name : str
+        Of its file.
     payload : float
         Mass of a run called ``..._payload`` that names none, kg.
 
@@ -160,13 +164,6 @@ def read_mapping(path: Path, payload: float) -> MappingFile:
     ConfigError
         With the line of every mistake.
     """
-    return parse_mapping(
-        read_text(path, "tendonrepro inspect FILES --suggest writes one"), str(path), payload
-    )
-
-
-def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check the text of a mapping; see `read_mapping`."""
     document = load(text, name)
     try:
         tree = _Tree.model_validate(document.tree)
@@ -181,7 +178,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(document.place(("runs", run))) for run in runs}
-    return MappingFile(tree.title, runs, text, guesses, places)
+    return MappingFile(tree.title, runs, guesses, places)
 
 
 def confirmed(text: str) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
@@ -13,10 +11,7 @@ from tendonrepro.results.traces import read_traces
 MEASURED = Path("data") / "measured.h5"
 """Where it is unless a command says otherwise."""
 
-_THE_WAY = (
-    "tendonrepro fetch gets the paper's data, tendonrepro inspect --suggest writes a mapping to check, and "
-    "tendonrepro ingest makes this file"
-)
+_THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
 
 def read_measured(path: Path) -> TraceFile:
@@ -35,17 +30,5 @@ def read_measured(path: Path) -> TraceFile:
         message = error.message if path.exists() else "there is no measured trace file"
         raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
-        message = "holds simulated traces, and only a measurement can be validated against the paper"
-        raise UsageError(message, where=str(path), hint=_THE_WAY)
+        raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     return file
-
-
-def origin(file: TraceFile) -> dict[str, Any]:
-    """What a measured file was made of: ``inputs`` with digests, ``guesses`` and ``doubts``, each a list."""
-    manifest = json.loads(file.manifest_json)
-    return {key: manifest.get(key, []) for key in ("inputs", "guesses", "doubts")}
-
-
-def resting_on(guesses: int) -> str:
-    """Words for how many guesses a result rests on."""
-    return f"resting on {guesses} guess" + "es" * (guesses != 1)

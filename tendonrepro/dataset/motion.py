@@ -67,6 +67,10 @@ class Recorded:
         """Sampling step, s."""
         return float(self.time[1] - self.time[0])
 
+    def at(self, time: Array) -> Array:
+        """Displacement at other times (T,), s: (T, n) rad, that of the nearer end beyond the record."""
+        return np.column_stack([np.interp(time, self.time, column) for column in self.q.T])
+
     def moving(self) -> tuple[int, int]:
         """First and last sample of the motion: rest before it and after it are left out."""
         tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
@@ -205,10 +209,10 @@ def recover(file: TraceFile) -> Reference:
     DataMissingError
         If no run holds the desired angles, or they do not move.
     """
-    holding = [trace for trace in file.part("compare").runs.values() if "q_d" in trace]
+    holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
     if not holding:
-        raise DataMissingError("no run of the comparison holds the desired joint angles q_d")
-    trace = min(holding, key=lambda trace: (not _complete(trace), trace.name not in CONTROLLERS))
+        raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
+    trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
     end = float(record.time[record.moving()[1]])
     return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
@@ -216,8 +220,9 @@ def recover(file: TraceFile) -> Reference:
 
 def _complete(trace: Trace) -> bool:
     """Whether a run recorded the desired angles of both joints of the comparison."""
-    columns = zip(trace.joint, trace["q_d"].T, strict=True)
-    return {*COMPARED} <= {joint for joint, values in columns if np.isfinite(values).any()}
+    if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
+        return False
+    return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
 
 
 def onset(record: Recorded) -> float:
@@ -263,31 +268,22 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 def zero_of(trace: Trace, reference: Reference) -> float:
     """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
-    return float(trace.time[0]) + _later(trace, reference)
-
-
-def _later(trace: Trace, reference: Reference) -> float:
-    """How much later than in the reference's run a run's desired angles move, s."""
     from scipy.optimize import minimize_scalar
 
-    other = reference.record
-    if trace.name == reference.run or "q_d" not in trace or not _complete(trace):
-        return 0.0
+    other, first = reference.record, float(trace.time[0])
+    if trace.name == reference.run or not _complete(trace):
+        return first
     ours = recorded(trace.of_joints(other.joint))
 
     def apart(late: float) -> float:
-        moved = _at(other, np.clip(ours.time - late, 0.0, other.time[-1]))
+        moved = other.at(ours.time - late)
         return float((ours.q - moved).var(axis=0).sum())
 
     guess = onset(ours) - reference.begin
     tried = guess + np.linspace(-0.5, 0.5, 41)
     best = float(tried[np.argmin([apart(late) for late in tried])])
     late = float(minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded").x)
-    return late if abs(late) > 0.05 * ours.step else 0.0
-
-
-def _at(record: Recorded, time: Array) -> Array:
-    return np.column_stack([np.interp(time, record.time, column) for column in record.q.T])
+    return first + (late if abs(late) > 0.05 * ours.step else 0.0)
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:
@@ -396,6 +392,7 @@ def thinned(record: Recorded) -> Knots:
     spline, spacing = smoothed(record)
     rate = spline(record.time, 1)
     still = _STILL * np.abs(rate).max()
+    # The rate of the spline is least sure at its ends.
     early = min(round(_FIRST / record.step), len(record.time) - 1) or 1
     if np.abs(record.q[early]).max() / record.time[early] > still:
         raise DataMissingError("the record begins in mid-motion", hint="give from_s in the mapping")

@@ -55,16 +55,15 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     with tempfile.TemporaryDirectory() as scratch:
         names = {path: "" if path.is_dir() else path.name for path in paths}
         files = [one for path, name in names.items() for one in _files(path, name, Path(scratch), unread)]
-        with talk.bar("reading", len(files)) as advance:
-            for path, name in files:
-                try:
-                    sources += reader.submit(read_file, path, name).result()
-                except Unreadable as error:
-                    unread[name] = str(error)
-                except BrokenProcessPool:
-                    unread[name] = "reading it crashed: the file is damaged"
-                    reader = ProcessPoolExecutor(max_workers=1)
-                advance(1)
+        talk.detail(f"reading {len(files)} files")
+        for path, name in files:
+            try:
+                sources += reader.submit(read_file, path, name).result()
+            except Unreadable as error:
+                unread[name] = str(error)
+            except BrokenProcessPool:
+                unread[name] = "reading it crashed: the file is damaged"
+                reader = ProcessPoolExecutor(max_workers=1)
     reader.shutdown()
     if not sources:
         reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
@@ -81,7 +80,7 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
         folder = Path(tempfile.mkdtemp(dir=scratch))
         try:
             _unpack(path, folder)
-        except (Unreadable, OSError, EOFError, zipfile.BadZipFile, tarfile.TarError, RuntimeError) as error:
+        except Exception as error:
             unread[name] = f"cannot be unpacked: {error}"
         else:
             yield from _files(folder, name, scratch, unread)

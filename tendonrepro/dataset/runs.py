@@ -83,22 +83,15 @@ class Assembly:
             time = time - time[0]
         if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
             _complete(variables)
-        if (
-            "q_motor_encoder" in variables
-            and "q_calculated" not in variables
-            and joints in {(1, 2, 3), (2, 3)}
-        ):
+        if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
             places = np.array(joints) - 1
             variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(places, places)].T
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
-        attributes = {
-            "law": MEASURED,
-            "gains": {},
-            "readings": {},
+        attributes: dict[str, Any] = {"law": MEASURED, "gains": {}, "readings": {}}
+        attributes |= {
             "payload_mass": run.payload_mass_kg,
             "reference_period": run.period_s or 0.0,
-            **_status(time, variables, joints),
-        }
+        } | _status(time, variables, joints)
         trace = Trace(name, time, joints, variables, attributes)
         self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
         return trace
@@ -108,8 +101,8 @@ class Assembly:
         series: dict[Use, tuple[Array, Array]] = {}
         for table in run.sources:
             source = self._source(table)
-            taken = {(use.variable, use.joint) for use in series}
-            uses = {c: use for c, use in _uses(source, run).items() if (use.variable, use.joint) not in taken}
+            taken = {use.signal for use in series}
+            uses = {column: use for column, use in _uses(source, run).items() if use.signal not in taken}
             if all(use.variable == "time" for use in uses.values()):
                 continue
             rows = _rows(source, run)
@@ -131,8 +124,7 @@ class Assembly:
             for file, reason in self.unread.items():
                 if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
                     raise DataMissingError(f"was not read: {reason}", where=file)
-            held = ", ".join(source.name for source in self.sources) or "none"
-            raise ConfigError(message, hint=f"tables: {held}")
+            raise ConfigError(message, hint=f"tables: {', '.join(one.name for one in self.sources)}")
         return found[0]
 
     def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
@@ -191,10 +183,7 @@ def _rows(source: Source, run: Run) -> pd.DataFrame:
     table = pd.DataFrame(source.columns)
     if absent := run.where.keys() - set(table):
         raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
-    rows = table[(table[list(run.where)] == pd.Series(run.where, dtype=object)).all(axis=1)]
-    if rows.empty:
-        raise ConfigError(f"no row of {source.name} meets {run.where}")
-    return rows
+    return table[(table[list(run.where)] == pd.Series(run.where, dtype=object)).all(axis=1)]
 
 
 def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
@@ -209,7 +198,7 @@ def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -
     time[(time < run.from_s) | (time > run.to_s)] = np.nan
     kept = time[np.isfinite(time)]
     if len(kept) < 2:
-        raise ConfigError(f"{source.name} has fewer than two samples from from_s to to_s")
+        raise ConfigError(f"{source.name} has fewer than two samples that the run takes")
     if not (np.diff(kept) > 0.0).all():
         message = (
             f"the time of {source.name} does not increase after {kept[np.argmin(np.diff(kept) > 0.0)]:.6g} s"

@@ -104,24 +104,13 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
 
 
 def read_workbook(path: Path) -> dict[str, Columns]:
-    """Read every sheet that holds a table of numbers.
-
-    Raises
-    ------
-    Unreadable
-        If none does.
-    """
+    """Read every sheet that holds a table of numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
-    found = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
-    held = {name: columns for name, columns in found.items() if columns}
-    if not held:
-        raise Unreadable("a workbook without a table of numbers")
-    return held if len(held) > 1 or not _is_default(next(iter(held))) else {"": next(iter(held.values()))}
-
-
-def _is_default(sheet: str) -> bool:
-    """Whether a sheet has the name that a program gives it."""
-    return bool(re.fullmatch(r"(sheet|tabelle|工作表|feuil)\s*\d*", sheet, re.IGNORECASE))
+    found = {str(name): columns for name, sheet in sheets.items() if (columns := _sheet(sheet))}
+    # A single sheet under the name that a program gave it has none.
+    default = re.compile(r"(sheet|tabelle|工作表|feuil)\s*\d*", re.IGNORECASE)
+    is_default = len(found) == 1 and default.fullmatch(next(iter(found)))
+    return {"": next(iter(found.values()))} if is_default else found
 
 
 def _sheet(sheet: pd.DataFrame) -> Columns:

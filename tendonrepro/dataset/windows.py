@@ -21,7 +21,6 @@ SPREAD = 0.1
 """Share of the printed number within which the chance remark takes errors to lie."""
 
 _TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]: "table3.with_load"}
-_METRICS = ("mae", "rmse")
 
 
 class Timing(NamedTuple):
@@ -65,7 +64,7 @@ class PrintedTables:
     Parameters
     ----------
     tried : tuple of Tried
-        The whole motion as it is comes first; empty where the file holds no run of the tables.
+        The whole motion as it is comes first, without sizes where the file holds no run of the tables.
     left_out : Mapping
         Run -> samples that are missing.
     chance : float
@@ -79,53 +78,48 @@ class PrintedTables:
     @property
     def compared(self) -> int:
         """Printed numbers that the file can speak about."""
-        return len(self.tried[0].sizes) if self.tried else 0
+        return len(self.tried[0].sizes)
 
     @property
-    def best(self) -> Tried | None:
+    def best(self) -> Tried:
         """The way with most agreements, the first among equals."""
-        return max(self.tried, key=lambda one: len(one.agree), default=None)
+        return max(self.tried, key=lambda one: len(one.agree))
 
     @property
     def winner(self) -> Tried | None:
         """The first way that gives every printed number the file can speak about."""
-        best = self.best
-        return best if best is not None and len(best.agree) == self.compared else None
+        return self.best if 0 < self.compared == len(self.best.agree) else None
 
     @property
-    def deciding(self) -> Tried | None:
+    def deciding(self) -> Tried:
         """The winner, else the whole motion as it is."""
-        return self.winner or (self.tried[0] if self.tried else None)
+        return self.winner or self.tried[0]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
-        rows = [
-            {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
-            | {"agree": len(one.agree), "of": self.compared}
-            for one in self.tried
-        ]
         return {
             "tried": len(self.tried),
             "compared": self.compared,
             "printed": NUMBERS,
             "winner": self.winner.name if self.winner else None,
-            "best": self.best.name if self.best else None,
-            "best_agree": len(self.best.agree) if self.best else 0,
-            "chance": self.chance if self.tried else None,
-            "combinations": rows,
+            "best": self.best.name,
+            "best_agree": len(self.best.agree),
+            "chance": self.chance,
+            "combinations": [
+                {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
+                | {"agree": len(one.agree), "of": self.compared}
+                for one in self.tried
+            ],
             "left_out": dict(self.left_out),
             "remark": self.remark(),
         }
 
     def remark(self) -> str:
         """What the search found, and what it is worth after so many tries."""
-        if self.best is None:
-            return "the file holds no run of Tables 2 and 3"
         return (
-            f"of {len(self.tried)} windows tried, {self.best.name} gives most: {len(self.best.agree)} of the "
-            f"{self.compared} printed numbers that the file can speak about ({NUMBERS} are printed). "
-            f"The chance that one of as many tries gives as many by accident is {self.chance:.2g}, "
-            f"were errors independent and spread evenly within {100 * SPREAD:g} % of the print."
+            f"Of {len(self.tried)} windows tried, {self.best.name} gives most: {len(self.best.agree)} of "
+            f"{self.compared} printed numbers. Were errors independent and spread evenly within "
+            f"{100 * SPREAD:g} % of the print, the chance of as many by accident would be {self.chance:.2g}."
         )
 
 
@@ -135,11 +129,11 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
     Runs of the comparison that are missing leave their numbers out; `timing` has start and period by run.
     """
     runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
-    tried = [_tried(runs, paper, *way) for way in _ways(runs, timing)] if runs else []
-    tried = [one for one in tried if one.sizes]
+    tried = [one for one in (_tried(runs, paper, *way) for way in _ways(runs, timing)) if one.sizes]
+    tried = tried or [Tried("whole", False, {}, ())]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
-    most = max((len(one.agree) for one in tried), default=0)
-    chance = min(1.0, len(tried) * _tail(paper, tried[0].sizes, most)) if tried else 0.0
+    most = max(len(one.agree) for one in tried)
+    chance = min(1.0, len(tried) * _tail(paper, tried[0].sizes, most))
     return PrintedTables(tuple(tried), left_out, chance)
 
 
@@ -160,10 +154,6 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
     periods = [part for name, part in cut.items() if name.startswith("period_")]
     if periods:
         found["whole_periods"] = slice(first, periods[-1].stop)
-    if "after_first_period" in cut:
-        found["after_first_period"] = cut.pop("after_first_period")
-    if len(periods) > 1:
-        found["whole_periods_after_first"] = slice(periods[1].start, periods[-1].stop)
     return found | cut
 
 
@@ -172,7 +162,9 @@ def _ways(
 ) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
     """Windows that every run reaches, without those that keep the same samples; as they are, then centred."""
     parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
-    shared = [window for window in next(iter(parts.values())) if all(window in p for p in parts.values())]
+    shared = [
+        window for part in parts.values() for window in part if all(window in p for p in parts.values())
+    ]
     distinct: dict[tuple[tuple[int, int], ...], str] = {}
     for window in shared:
         key = tuple((part[window].start, part[window].stop) for part in parts.values())
@@ -191,7 +183,7 @@ def _tried(
         if removed:
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         found = sizes_deg(e)
-        for metric in _METRICS:
+        for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, found[metric], strict=True):
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):

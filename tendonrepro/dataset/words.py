@@ -25,13 +25,12 @@ FACTORS = {
 }
 """SI value of one of each unit, by kind of quantity."""
 
-KINDS = frozenset({"time", "torque", "surface", "estimate", "rate"})
-ROLES = frozenset({"desired", "measured", "calculated", "error"})
+_OF_ROLE = {"desired": "q_d", "measured": "q_encoder", "calculated": "q_calculated", "error": "e"}
+_OF_KIND = {"time": "time", "rate": "dq", "torque": "tau_m", "surface": "s", "estimate": "H_hat"}
+KINDS, ROLES = frozenset(_OF_KIND), frozenset(_OF_ROLE)
 _COUNTED = KINDS | ROLES | {"angle", "joint", "motor"}
 """Groups behind which a number is that of a joint."""
 _NO_GROUPS = {"units", "phrases"}
-_OF_ROLE = {"desired": "q_d", "measured": "q_encoder", "calculated": "q_calculated", "error": "e"}
-_OF_KIND = {"time": "time", "rate": "dq", "torque": "tau_m", "surface": "s", "estimate": "H_hat"}
 _MASS = re.compile(r"(\d+(?:[.,p]\d+)?)\s*_?(kg|g)(?![a-zA-Z])")
 _UNIT = re.compile(
     r"[(\[（【]\s*([^()\[\]（）【】]+?)\s*[)\]）】]\s*$|\s*/\s*([^\s/]+)\s*$|[\s_]([^\s_\d]+)$"
@@ -69,7 +68,7 @@ class Meaning:
 @cache
 def _table() -> dict[str, Any]:
     path = Path(__file__).with_name("words.yaml")
-    return dict(load(read_text(path), str(path)).tree)  # type: ignore[arg-type]
+    return dict(load(read_text(path), str(path)).tree)
 
 
 @cache

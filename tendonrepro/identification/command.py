@@ -15,42 +15,20 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import (
-    Reading,
-    case_of,
-    default_readings,
-    named_readings,
-    reading,
-)
-from tendonrepro.configuration.published import Published, published
+from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
+from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.identification import judge
-from tendonrepro.identification.misfit import (
-    Bench,
-    Printed,
-    Window,
-    log_misfit,
-    log_residuals,
-    printed_numbers,
-    rounding_misfit,
-)
+from tendonrepro.identification.misfit import Bench, Printed, Window, printed_numbers, rounding_misfit
 from tendonrepro.identification.report import CONFIG, best_of, conclusions, outcome, write_config
-from tendonrepro.identification.search import (
-    Effort,
-    Evaluated,
-    Found,
-    Plants,
-    nominal_unit,
-    rows_that_matter,
-    search,
-)
+from tendonrepro.identification.search import Effort, Found, Plants, nominal_unit, rows_that_matter, search
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
@@ -100,26 +78,36 @@ class Task:
         """Readings by what of them changes the fitted runs, which is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
-            changing = {axis for run in self.fitted for axis, _ in case_of(held, run).settings}
-            case = reading({axis: value for axis, value in held.settings if axis in changing})
+            changing = {axis for run in self.fitted for axis, _ in axes.case_of(held, run).settings}
+            case = axes.reading({axis: value for axis, value in held.settings if axis in changing})
             found.setdefault(case, []).append(held)
         return found
+
+    def outline(self) -> dict[str, Any]:
+        """What is known before the search."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "experiment": "identify",
+            "fit": self.fit,
+            "window": self.bench.window,
+            "searches": [case.name for case in self.cases()],
+            "evaluations": self.effort.evaluations,
+            **asdict(self.effort),
+            "near_tolerance": NEAR,
+            "seed": self.seed,
+            "joints": list(self.printed.joints),
+        }
 
     def identity(self) -> str:
         """SHA-256 of all that the numbers depend on."""
         content = {
-            "schema": SCHEMA_VERSION,
             "version": __version__,
             "code": code_digest("physics", "simulation"),
             "config": self.loaded.sha256,
-            "fit": self.fit,
-            "window": self.bench.window,
             "readings": [held.name for held in self.readings],
-            "effort": [self.effort.generations, self.effort.population, self.effort.seeds],
-            "seed": self.seed,
             "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
         }
-        return digest_of(content)
+        return digest_of(self.outline() | content)
 
 
 def run_identify(
@@ -133,7 +121,6 @@ def run_identify(
     population: int = 48,
     seeds: int = 3,
     jobs: int = -1,
-    paper: Published | None = None,
 ) -> dict[str, Any]:
     """Search, and write numbers, tables, figures and the best plant's configuration.
 
@@ -152,8 +139,6 @@ def run_identify(
         Effort of each search; the population is that of one seed.
     jobs : int
         Processors; -1 is all. Searches run side by side, a single one on all of them.
-    paper : Published, optional
-        Other printed numbers than the shipped ones.
 
     Returns
     -------
@@ -171,8 +156,6 @@ def run_identify(
     for option, value in {"generations": generations, "population": population, "seeds": seeds}.items():
         if value < 1:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
-    if not jobs:
-        raise UsageError("must be a number of processors, or -1 for all, found 0", where="--jobs")
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
     processors = jobs if jobs > 0 else os.cpu_count() or 1
@@ -182,18 +165,21 @@ def run_identify(
         readings=named,
         effort=Effort(generations, population, seeds),
         seed=int(loaded.config.seed.si),
-        printed=printed_numbers(paper or published(), loaded.compare.joints),
+        printed=printed_numbers(published(), loaded.compare.joints),
         bench=Bench(loaded.base, make_box(loaded.config), window, simulate_batch),
     )
     identity = task.identity()
+    head = task.outline() | {"out": str(folder), "config": str(folder / CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        return _plan(task, folder)
+        text = f"identify would make {len(head['searches'])} searches of {head['evaluations']} plants"
+        plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
+        return head | plan | {"text": f"{text}\nwould write to {folder}"}
     # Of another search they are not taken up.
     states = f"search-{identity[:16]}"
     with replaced(folder, identity, command="identify", force=request.force, keep=states) as result:
         found = _searches(task, result.path / states, processors, talk)
-        data = _outline(task, folder) | {"readings": [found[held.name][0] for held in named]}
+        data = head | {"readings": [found[held.name][0] for held in named]}
         data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + conclusions(data)
         write_config(result.path / CONFIG, found[best_of(data)["name"]][1], data)
         told = outcome(data)
@@ -207,34 +193,6 @@ def run_identify(
     return data | {"text": text, "manifest": str(folder / MANIFEST)}
 
 
-def _outline(task: Task, folder: Path) -> dict[str, Any]:
-    """What is known before the search."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "experiment": "identify",
-        "fit": task.fit,
-        "window": task.bench.window,
-        "searches": [case.name for case in task.cases()],
-        "evaluations": task.effort.evaluations,
-        **asdict(task.effort),
-        "near_tolerance": NEAR,
-        "seed": task.seed,
-        "joints": list(task.printed.joints),
-        "out": str(folder),
-        "config": str(folder / CONFIG),
-    }
-
-
-def _plan(task: Task, folder: Path) -> dict[str, Any]:
-    known = _outline(task, folder)
-    text = (
-        f"identify: fits {task.fit} under {len(task.readings)} readings by {len(known['searches'])} searches "
-        f"({', '.join(known['searches'])}) of {known['evaluations']} plants\nwould write to {folder}"
-    )
-    readings = [held.name for held in task.readings]
-    return known | {"dry_run": True, "config_sha256": task.loaded.sha256, "readings": readings, "text": text}
-
-
 def _searches(
     task: Task, states: Path, processors: int, talk: Talk
 ) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
@@ -245,26 +203,29 @@ def _searches(
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: dict[str, tuple[dict[str, Any], CompareConfig]] = {}
     with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
-        if processes == 1:
-            for place in range(len(cases)):
-                found |= _searched(task, states, place, progress)
-            return found
-        with closing(as_ready(partial(_searched, task, states), range(len(cases)), processes)) as stream:
+        # In this process a search tells each plant, in another one only its end.
+        work = partial(_searched, task, states, progress if processes == 1 else _silent)
+        with closing(as_ready(work, range(len(cases)), processes)) as stream:
             for one in stream:
                 found |= one
-                progress(task.effort.evaluations)
+                if processes > 1:
+                    progress(task.effort.evaluations)
     return found
 
 
+def _silent(_plants: int) -> None:
+    """No progress."""
+
+
 def _searched(
-    task: Task, states: Path, place: int, progress: Callable[[int], None] = lambda _: None
+    task: Task, states: Path, progress: Callable[[int], None], place: int
 ) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
     """Search under one case; what is on disk already is not done again."""
-    box, effort = task.bench.box, task.effort
+    box, effort, goal = task.bench.box, task.effort, task.printed.values[task.places]
     case, readings = list(task.cases().items())[place]
 
     def plants(bench: Bench, most: int, name: str) -> Plants:
-        misfit = partial(_evaluated, task, bench, case)
+        misfit = partial(bench.evaluated, reading=case, runs=task.fitted, goal=goal)
         return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", progress)
 
     draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
@@ -280,11 +241,6 @@ def _searched(
         task.seed,
     )
     return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
-
-
-def _evaluated(task: Task, bench: Bench, case: Reading, points: Array) -> Evaluated:
-    ours, goal = bench.measure(points, case, task.fitted), task.printed.values[task.places]
-    return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(points), -1))
 
 
 def _reading_data(

@@ -15,6 +15,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.published import Published
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.identification.search import Evaluated
 from tendonrepro.monte_carlo.block import Simulate
 from tendonrepro.monte_carlo.box import Box, configured
 from tendonrepro.physics.metrics import STATUSES
@@ -73,10 +74,6 @@ class Simulated(NamedTuple):
         """Runs that ended well, (N, R)."""
         return np.asarray(self.status == STATUSES.index("ok"))
 
-    def part(self, plants: slice) -> Simulated:
-        """Some of the plants."""
-        return Simulated(self.sizes[plants], self.status[plants], self.lasted[plants])
-
 
 @dataclass(frozen=True)
 class Bench:
@@ -102,6 +99,11 @@ class Bench:
         found = [self._measure(piece, reading, runs) for piece in pieces]
         sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return Simulated(sizes, status, lasted)
+
+    def evaluated(self, units: Array, reading: Reading, runs: Sequence[str], goal: Array) -> Evaluated:
+        """How far many points (N, P) are from printed numbers (R, 2, n), deg."""
+        ours = self.measure(units, reading, runs)
+        return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(units), -1))
 
     def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         loops = self._loops(units, reading, runs)

@@ -102,20 +102,14 @@ def _whole(text: str) -> float:
 
 
 def _head(numbers: str, data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
-    searched = [row for row in held["parameters"] if row["searched"]]
-    names = [row["name"] for row in searched]
-    bounds = [f"{row['name']} ({row['at_bound']})" for row in searched if row["at_bound"]]
-    # What the plant owes to effects that are in no equation.
-    chosen = [f"{row['name']} {row['best']}" for row in searched if row["choice"]]
-    lines = (
-        f"Fitted to {numbers} of the paper under the reading {held['name']},",
-        f"by tendonrepro identify --fit {data['fit']} --window {data['window']} --readings {held['name']}",
-        f"--generations {data['generations']} --population {data['population']} --seeds {data['seeds']}.",
-        f"Misfit {held['misfit_log']:.3g}, root mean square of log(ours/printed), by the compiled stepper.",
-        "It proves nothing: what was fitted to the print cannot be evidence for it, and other plants may",
-        "fit as well or better.",
-        f"Searched, the other rows of the box kept their nominal value: {', '.join(names)}.",
-        f"At a bound of the box: {', '.join(bounds) or 'none of them'}.",
-        f"Chosen: {', '.join(chosen) or 'nothing'}.",
-    )
-    return "".join(f"# {line}\n" for line in lines) + "\n"
+    bounds = [f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"]]
+    return f"""\
+# Fitted to {numbers} of the paper under the reading {held["name"]},
+# by tendonrepro identify --fit {data["fit"]} --window {data["window"]} --readings {held["name"]}
+# --generations {data["generations"]} --population {data["population"]} --seeds {data["seeds"]}.
+# Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/printed), by the compiled stepper.
+# It proves nothing: what was fitted to the print cannot be evidence for it.
+# Searched, the other rows of the box kept their nominal value: {", ".join(held["rows_searched"])}.
+# At a bound of the box: {", ".join(bounds) or "none of them"}.
+
+"""

@@ -81,7 +81,10 @@ def dated(found: Stored) -> str:
 def part(found: Stored, name: str, title: str) -> dict[str, Any]:
     """Figures and tables of an experiment; none where it was not run."""
     pictures = [plate(path.read_text(encoding="utf-8"), path.stem) for path in found.pictures(name)]
-    tables = [text(path.read_text(encoding="utf-8")) for path in found.tables(name, TABLES.get(name, ()))]
+    tables = [
+        text(path.read_text(encoding="utf-8").replace("| ok |", "| stable |"))
+        for path in found.tables(name, TABLES.get(name, ()))
+    ]
     return {"name": name, "title": title, "pictures": pictures, "tables": tables}
 
 

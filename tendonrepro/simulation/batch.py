@@ -134,7 +134,8 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
         raise TendonreproError(message)
     for loop in loops:
         controller = loop.controller
-        if not isinstance(controller, TimeDelayController) or controller.command is not None:
+        own = isinstance(controller, TimeDelayController) and controller.command is None
+        if not own and not getattr(controller, "on_lanes", False):
             message = "only the paper's own control laws run on lanes"
             raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 
@@ -178,7 +179,7 @@ def _branches(loop: Loop) -> Hashable:
         # There is no phi in it.
         law = law._replace(phi_is_odd=True, power_inside=True)
     switches = tuple(value for value in law if isinstance(value, int))
-    return loop.plant.preload.size, loop.actuator.delay, switches
+    return loop.plant.preload.size, loop.actuator.delay, loop.controller.command, switches
 
 
 def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:

@@ -42,11 +42,14 @@ class TimeDelayController:
     law : Law
     command : CommandFunction, optional
         A user's; the package's own, as machine code, if there is none.
+    on_lanes : bool
+        The command is arithmetic that chooses by `choose`, so that it becomes machine code too.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")
     law: Law
     command: CommandFunction | None = None
+    on_lanes: bool = False
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
         """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""

@@ -21,7 +21,7 @@ from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, 
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
-from tendonrepro.simulation.sampled import Hardware, Sampled, Three, sample, start
+from tendonrepro.simulation.sampled import CommandFunction, Hardware, Sampled, Three, sample, start
 from tendonrepro.simulation.streaming import AT_LIMIT
 
 POINTERS = ("plant", "desired", "noise", "blocks", "trace")
@@ -146,7 +146,9 @@ def runge_kutta(
 
 
 @remembered
-def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[str, LaneRows]:
+def sample_code(
+    numbers: LoopNumbers, statistics: bool, record: bool, command: CommandFunction
+) -> tuple[str, LaneRows]:
     """Source of ``sample``: encoders, law and motors at sample k, and if wanted statistics and a record."""
     tape, n = LaneTape(), numbers.hardware.S.shape[0]
     rows, plant = sample_rows(n), plant_rows(n).named
@@ -176,8 +178,8 @@ def sample_code(numbers: LoopNumbers, statistics: bool, record: bool) -> tuple[s
     delay = x.hardware.actuator.delay
     pending = list(read("pending", delay * n).reshape(-1, n))
     q_d, dq_d, ddq_d = np.split(tape.load(desired, range(3 * n)), 3)
-    motion = q_d, dq_d, ddq_d
-    found = sample(state, memory, pending, motion, tape.load(noise, range(3 * n)), x.law, x.hardware)
+    motion, unit_noise = (q_d, dq_d, ddq_d), tape.load(noise, range(3 * n))
+    found = sample(state, memory, pending, motion, unit_noise, x.law, x.hardware, command)
 
     stores = [(own, *put) for put in zip(of_plant("torque", n), found.torque, strict=True)]
     if statistics:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
@@ -70,11 +71,11 @@ def plant_parts(
     none are enough, and its rest. `for_each` is `map`, or one on several threads.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
-    key = {place: (id(loop.plant), id(loop.reference)) for place, loop in loops.items()}
+    key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
     single = {key[place]: loop for place, loop in loops.items()}
-    motions = {id(loop.reference): loop.reference for loop in single.values()}
-    far = {name: np.abs(motion.q_d).max(axis=0) for name, motion in motions.items()}
-    plant, stroke = stacked([(loop.plant, far[id(loop.reference)]) for loop in single.values()])
+    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
+    far = {name: np.abs(q_d).max(axis=0) for name, q_d in angles.items()}
+    plant, stroke = stacked([(loop.plant, far[id(loop.reference.q_d)]) for loop in single.values()])
     slices = [slice(first, first + CHUNK) for first in range(0, len(single), CHUNK)]
     chunks = [part_of((plant, stroke), chosen) for chosen in slices]
     periods = {loop.L for loop in loops.values()}
@@ -128,13 +129,14 @@ def sample_part(
     statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law and motors of loops alike in every branch, with statistics or a record.
+    """Compile encoders, law and motors of loops alike in command and branches, with statistics or a record.
 
     ``block(L)`` is the number of samples whose errors are summed up together.
     """
     ordered = {place: (loop, rest[place]) for place, loop in loops.items()}
     numbers = _numbers([*ordered.values()], block)
-    source, rows = sample_code(numbers, statistics, record)
+    command = next(iter(loops.values())).controller.command or control.command
+    source, rows = sample_code(numbers, statistics, record, command)
     code = LaneCode(*assembled(source, "prepare_sample", "sample"))
     starts = [_start(*one) for one in ordered.values()]
     start = {name: np.stack([one[name] for one in starts], axis=-1) for name in starts[0]}

@@ -3,45 +3,54 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import Published, published
+from tendonrepro.configuration.published import COMPARED, Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import origin, read_measured
+from tendonrepro.dataset.measured_file import read_measured
+from tendonrepro.dataset.windows import Tried
 from tendonrepro.evidence.recover import controllers_of
-from tendonrepro.files import sha256_of, to_json
-from tendonrepro.parallel import each
+from tendonrepro.files import sha256_of
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import MANIFEST, read_manifest, replaced
-from tendonrepro.results.study import foretell
+from tendonrepro.results.store import MANIFEST, replaced
+from tendonrepro.results.study import Outcome, foretell
 from tendonrepro.results.summary import CONTROLLERS, LOADS
-from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import write_traces
-from tendonrepro.validation.report import table_data, window_rows, write_measured_tables
-from tendonrepro.validation.rerun import (
-    Work,
-    rerun_compare,
-    rerun_decouple,
-    together,
-)
+from tendonrepro.results.tables import Table, TableRows
+from tendonrepro.validation.rerun import Reruns
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of
 
-SCHEMA_VERSION = 1
-RESULTS, SIMULATED = "validation.json", "simulated.h5"
-
+_ROWS: Mapping[str, Mapping[str, str]] = {
+    "table2": {name: f"table2.{name}" for name in CONTROLLERS},
+    "table3": {"no_load": "table2.controller_1", "with_load": "table3.with_load"},
+}
+"""Rows of each table, and how the ids of their measured numbers begin."""
+_METRICS = ("mae", "rmse")
+_HEADINGS = {"measured": "{} measured (deg)", "printed": "printed", "agree": "agree"}
+_COLUMNS = {"row": ("Run", ""), "joint": ("Joint", "")} | {
+    f"{metric}_{what}": (heading.format(metric.upper()), ".3f")
+    for metric in _METRICS
+    for what, heading in _HEADINGS.items()
+}
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is shown."""
+
 EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 """Runs that a complete measurement holds."""
+
+_MOTION = ("run", "joints", "period_s", "begin_s", "spacing_s", "deviation_deg", "brought_to_rest")
+_RESIDUALS = ("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s")
+_CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "advice")
+"""Columns that the terminal shows."""
 
 
 def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]:
@@ -59,7 +68,7 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     Returns
     -------
     dict
-        What ``--json`` prints.
+        What ``--json`` prints, and ``text``.
 
     Raises
     ------
@@ -74,107 +83,167 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = request.load(kind)
     digest = hashlib.sha256(f"{base.sha256} {sha256_of(measured)}".encode()).hexdigest()
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
-    head = {"schema_version": SCHEMA_VERSION, "measured": str(measured), "out": str(folder)}
+    head = {"schema_version": 1, "measured": str(measured), "out": str(folder), "runs": list(file.runs)}
     if request.dry_run:
         foretell(folder, digest, "validate", request, talk)
-        return head | {
-            "dry_run": True,
-            "runs": list(file.runs),
-            "config": base.origin,
-            "config_sha256": digest,
-        }
+        text = f"would validate {measured} (runs {', '.join(file.runs)}) and write to {folder}"
+        return head | {"dry_run": True, "config": base.origin, "config_sha256": digest, "text": text}
     with replaced(folder, digest, command="validate", force=request.force) as result:
-        data = head | _validated(file, measured.name, base, Work(result.path), talk)
-        data["manifest"] = str(folder / MANIFEST)
-        result.write(RESULTS, to_json(data))
+        outcome = _study(file, head, base, result.path, talk)
+        outcome.save(result, "validation")
         result.manifest = make_manifest(base, result.seconds, "validate") | {"experiment": "validate"}
-    return data | {"files": [str(folder / name) for name in read_manifest(folder)["outputs"]]}
+    text = f"{outcome.text()}\n\nTables, figures, reference and traces are in {folder}"
+    return {**outcome.data, "text": text, "manifest": str(folder / MANIFEST)}
 
 
-def model_diverged(found: Mapping[str, Any]) -> bool:
-    """Whether a run of the model on the measured motion diverged; `found` is of :func:`run_validate`."""
-    return "diverged" in found.get("residuals", {}).get("status", {}).values()
+def _study(file: TraceFile, head: Mapping[str, Any], base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
+    """Compare a measurement with print and model; reruns are written into the folder."""
+    from tendonrepro.validation.figures import draw_overlay, overlays
 
-
-def _validated(file: TraceFile, name: str, base: LoadedConfig, work: Work, talk: Talk) -> dict[str, Any]:
-    paper = published()
+    paper, known = published(), json.loads(file.manifest_json)
     talk.detail("trying averaging windows, recovering the reference, judging the claims")
     measured = measured_of(file, paper)
-    found = judge_measured(measured, paper)
-    work.missing += [f"the run {run}" for run in EXPECTED if run not in file.runs]
-    tables = _tables(measured, paper, name, work)
-    if measured.compare.runs:
-        rerun_compare(measured, measured.reference, name, base, work, talk)
-    decouple = file.part("decouple").runs.get("decouple")
-    if decouple is not None:
-        rerun_decouple(decouple, name, base, work, talk)
-    residuals = _residuals(file, work)
-    _draw(file, work)
-    known = origin(file)
-    return {
-        "experiment": file.experiment,
-        "runs": list(file.runs),
-        "sources": known["inputs"],
-        "guesses": known["guesses"],
-        "doubts": known["doubts"],
-        "window": measured.tables.deciding.name if measured.tables.deciding else None,
-        **tables,
-        "windows": measured.tables.as_dict(),
-        "reference": None if measured.reference is None else measured.reference.as_dict(),
-        "claims": [
-            {"id": identifier, "where": paper.entries[identifier].where}
-            | {"rule": paper.judgements[identifier].rule, "kind": "measured"}
-            | {"verdict": found[identifier].decision.verdict, "evidence": found[identifier].evidence}
-            for identifier in JUDGED
-        ],
-        "numbers": {
-            identifier: {"verdict": one.decision.verdict, "ours": one.ours}
-            for identifier, one in found.items()
-            if identifier not in JUDGED
-        },
-        "residuals": residuals,
-        "controllers": controllers_of(measured.compare, talk),
-        "missing": work.missing,
-    }
-
-
-def _tables(measured: Measured, paper: Published, name: str, work: Work) -> dict[str, Any]:
-    """Tables over the deciding window, and over the one closest to the print where that is no accident."""
-    deciding, best = measured.tables.deciding, measured.tables.best
-    data = table_data(deciding, paper)
-    if deciding is None or best is None:
-        return data | {"best": None}
-    write_measured_tables(data, deciding.name, name, work.folder / "tables")
-    Table("windows", "", window_rows(measured.tables, paper), suffixes=["csv"]).write(work.folder)
-    if best is deciding or measured.tables.chance > RARE:
-        return data | {"best": None}
-    closest = table_data(best, paper)
-    write_measured_tables(closest, best.name, name, work.folder / "tables" / "best")
-    return data | {"best": {"window": best.name, **closest}}
-
-
-def _residuals(file: TraceFile, work: Work) -> dict[str, Any]:
-    simulated = work.runs(file)
-    rows = [row for name, trace in simulated.items() for row in comparison_rows(file.runs[name], trace)]
+    tables, reference, closest = measured.tables, measured.reference, closest_window(measured)
+    judged = judge_measured(measured, paper)
+    claims: list[dict[str, Any]] = [
+        {
+            "id": name,
+            "where": paper.entries[name].where,
+            "rule": paper.judgements[name].rule,
+            "kind": "measured",
+            "verdict": judged[name].decision.verdict,
+            "evidence": judged[name].evidence,
+        }
+        for name in JUDGED
+    ]
+    reruns = Reruns(measured, base, Path(head["measured"]).name, folder, talk)
+    reruns.carry_out()
+    models = reruns.runs
+    rows = [row for name, model in models.items() for row in comparison_rows(file.runs[name], model)]
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [] if decouple is None else list(coupling_rows(decouple, file.plant))
-    for stem, caption, found in (
-        ("residuals", "Measured less simulated on the measured motion.", rows),
-        ("coupling", "Measured joint and motor angles through the coupling matrices.", coupling),
-    ):
-        if found:
-            Table(stem, caption, found, suffixes=["csv", "md"]).write(work.folder)
-    traces = together(work.simulated)
-    if traces is not None:
-        write_traces(work.folder / SIMULATED, traces)
-    return {
-        "rows": rows,
-        "coupling": coupling,
-        "status": {name: one.status for name, one in simulated.items()},
+    data = {
+        **head,
+        "experiment": file.experiment,
+        "sources": known.get("inputs", []),
+        "guesses": known.get("guesses", []),
+        "doubts": known.get("doubts", []),
+        "window": tables.deciding.name,
+        **table_data(tables.deciding, paper),
+        "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
+        "windows": tables.as_dict(),
+        "reference": None if reference is None else reference.as_dict(),
+        "claims": claims,
+        "numbers": {
+            name: {"verdict": one.decision.verdict, "ours": one.ours}
+            for name, one in judged.items()
+            if name not in JUDGED
+        },
+        "residuals": {
+            "rows": rows,
+            "coupling": coupling,
+            "status": {name: model.status for name, model in models.items()},
+        },
+        "diverged": any(model.status == "diverged" for model in models.values()),
+        "controllers": controllers_of(measured.compare, talk),
+        "missing": [f"the run {run}" for run in EXPECTED if run not in file.runs] + reruns.missing,
     }
+    figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
+    return Outcome(data, [*_parts(data, measured, paper)], figures)
 
 
-def _draw(file: TraceFile, work: Work) -> None:
-    from tendonrepro.validation.figures import available_overlays, saved_overlay
+def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
+    """What the terminal shows, and tables."""
+    doubts = (f"check {doubt}" for doubt in data["doubts"])
+    yield "\n".join([f"{data['measured']}, resting on {len(data['guesses'])} guesses", *doubts])
+    yield from measured_tables(measured, paper, data["measured"])
+    yield f"{data['windows']['remark']}"
+    motion = [data["reference"]] if data["reference"] else []
+    yield from shown("motion", "The desired motion, sampled to run again.", motion, _MOTION)
+    yield claims_table(data["claims"])
+    residuals = data["residuals"]
+    yield from shown("residuals", "Measured less simulated on its motion.", residuals["rows"], _RESIDUALS)
+    yield from shown("coupling", "Measured angles through the coupling.", residuals["coupling"], ())
+    controllers = [{name: row.get(name) for name in _CONTROLLERS} for row in data["controllers"]]
+    yield from shown("controllers", "Controllers of the runs, as recover finds.", controllers, _CONTROLLERS)
+    yield from (f"Missing: {what}" for what in data["missing"])
 
-    each(partial(saved_overlay, file, work.runs(file), work.folder / "figures"), available_overlays(file))
+
+def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, Any]]:
+    """Measured errors beside those of ``table2`` or ``table3``; runs that were not measured are left out."""
+    sizes, agree = tried.sizes, tried.agree
+    for row, start in _ROWS[table].items():
+        for joint in COMPARED if any(name.startswith(start) for name in sizes) else ():
+            found: dict[str, Any] = {"row": row, "joint": joint}
+            for metric in _METRICS:
+                name = f"{start}.{metric}.joint_{joint}"
+                found |= {f"{metric}_measured": sizes.get(name), f"{metric}_printed": paper.number(name)}
+                found[f"{metric}_agree"] = name in agree if name in sizes else None
+            yield found
+
+
+def table_data(tried: Tried, paper: Published) -> dict[str, Any]:
+    """``table2`` and ``table3`` of ``validate --json``.
+
+    Row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and ``rmse_deg``, lists over joints 2
+    and 3.
+    """
+    data: dict[str, Any] = {table: {} for table in _ROWS}
+    for table, rows in data.items():
+        for row in size_rows(tried, paper, table):
+            held = rows.setdefault(row["row"], {what: {} for what in _HEADINGS})
+            for metric in _METRICS:
+                for what in _HEADINGS:
+                    held[what].setdefault(f"{metric}_deg", []).append(row[f"{metric}_{what}"])
+    return data
+
+
+def closest_window(measured: Measured) -> Tried | None:
+    """Window closest to the print, where that is no accident and not the one that decides."""
+    tables = measured.tables
+    return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
+
+
+def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterator[Table]:
+    """Tables 2 and 3 over the window that decides and the closest one, and every number of every window."""
+    closest = closest_window(measured)
+    ways = {"": measured.tables.deciding} | ({"best_": closest} if closest else {})
+    for prefix, tried in ways.items():
+        for table in _ROWS:
+            if rows := [*size_rows(tried, paper, table)]:
+                caption = f"Table {table[-1]} as measured, averaged over: {tried.name} ({origin})."
+                yield Table(f"{prefix}{table}", caption, rows, _COLUMNS)
+    rows = [
+        {
+            "window": one.window,
+            "offset_removed": one.offset_removed,
+            "id": identifier,
+            "measured_deg": size,
+            "printed_deg": paper.number(identifier),
+            "agrees": identifier in one.agree,
+        }
+        for one in measured.tables.tried
+        for identifier, size in one.sizes.items()
+    ]
+    yield Table("windows", "Every number by every way of averaging.", rows, terminal=(), suffixes=["csv"])
+
+
+def claims_table(claims: Sequence[Mapping[str, Any]]) -> Table:
+    """Verdicts with the window they rest on, how many statements fail, and what is missing."""
+    rows = []
+    for claim in claims:
+        evidence = claim["evidence"]
+        statements = evidence.get("statements", ())
+        failing = sum(not statement["holds"] for statement in statements)
+        row = {"claim": claim["id"], "where": claim["where"], "verdict": claim["verdict"]}
+        row |= {"window": evidence.get("window"), "missing": evidence.get("missing")}
+        row |= {"failing": f"{failing} of {len(statements)}" if failing else None}
+        # C4 says here that s was computed and not recorded.
+        rows.append(row | {"remarks": evidence.get("remarks") or None})
+    return Table("claims", "Claims judged on the measurement.", rows)
+
+
+def shown(name: str, caption: str, rows: TableRows, columns: Sequence[str]) -> Iterator[Table]:
+    """Yield a table, if it has rows, of which the terminal shows some columns, if any row has them."""
+    if rows:
+        yield Table(name, caption, rows, terminal=[one for one in columns if any(one in row for row in rows)])

@@ -5,21 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from tendonrepro.results.figures.catalogue import FIGURES, available
-from tendonrepro.results.figures.compare import MEAN_WINDOW, draw_law
+from tendonrepro.results.figures.compare import draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, save_drawing, title_of
+from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, title_of
 from tendonrepro.results.records import Trace, TraceFile
 
-_LAW = "fig15"
-_LAW_CAPTION = (
-    "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-    f"means over {MEAN_WINDOW * 1e3:g} ms."
-)
+_LAW_CAPTION = "Sliding variable, estimate of the lumped uncertainty and torque: means over 50 ms."
 _LABEL = "Thin, dashed: simulated"
 _DASHES = (4.0, 1.6)
 _WIDE, _WIDER, _THIN = 1.2, 1.6, 0.5
@@ -29,40 +24,40 @@ _PALE = 0.55
 """Share of white in the colour of a measured curve."""
 
 
-def available_overlays(measured: TraceFile) -> list[str]:
+def overlays(measured: TraceFile) -> list[str]:
     """Names of the figures that a measured file can show; none measured Figure 6."""
     return [name for name in available(measured) if name != "fig06"]
 
 
-def saved_overlay(measured: TraceFile, models: Mapping[str, Trace], folder: Path, name: str) -> list[Path]:
-    """Draw and save one figure; see `draw_overlay`."""
-    return save_drawing(draw_overlay(name, measured, models), folder)
-
-
 def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
-    """Draw one of `available_overlays`, simulated thin and dashed over measured wide and pale.
+    """Draw one of `overlays`, simulated thin and dashed over measured wide and pale.
 
     `models` are simulations on the measured axes, by run; what was not measured of one is not drawn.
     """
     spec = FIGURES[name]
     traces = spec.traces(measured)
     joints = {joint for trace in traces for joint in trace.joint}
-    # Bands of raw samples of all runs, twice, would hide the means.
-    draw = partial(draw_law, bands=False) if name == _LAW else spec.draw
-    drawn = []
+    draw, caption = spec.draw, spec.caption
+    if name == "fig15":
+        # Bands of raw samples of all runs, twice, would hide the means.
+        draw, caption = partial(draw_law, bands=False), _LAW_CAPTION
     with journal_style():
         sheet = draw(measured, traces)
         for line in sheet.lines.values():
             line.set_linestyle("-")
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
         for above, trace in enumerate(traces, 1 - len(traces)):
-            model = models[trace.name].of_joints(joints) if trace.name in models else None
-            file = replace(measured, runs={trace.name: model} if model else {})
-            for model in spec.traces(file):
-                _lay_over(sheet, draw(file, [model]), model, _WIDE * _WIDER**-above)
-                drawn.append(model)
-        origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
-        return sheet.finish(name, _caption(name, measured, drawn), origin)
+            if trace.name in models:
+                model = models[trace.name].of_joints(joints)
+                file = replace(measured, runs={trace.name: model})
+                for one in spec.traces(file):
+                    _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
+        caption = f"{title_of(name)}. {caption} Measured wide and pale; the model on it thin and dashed."
+        for model in models.values():
+            if model.status == "diverged":
+                caption += f" Simulated, {model.name} diverged at {model.attributes['status_time']:.2f} s."
+        origin = "Measured, and simulated on the measured motion" if models else "Measured"
+        return sheet.finish(name, caption, origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:
@@ -84,16 +79,3 @@ def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:
         stroke = Stroke(colour, _DASHES, _THIN)
         sheet.curve(letter, f"{name} simulated", x, y, stroke, label=_LABEL, diverged=diverged)
         sheet.lines[letter, f"{name} simulated"].set_zorder(2.0)
-
-
-def _caption(name: str, measured: TraceFile, drawn: list[Trace]) -> str:
-    beside = "Measured wide and pale; simulated on the measured motion thin and dashed."
-    words = [beside if drawn else "Measured; there is no simulation beside it."]
-    words += [
-        f"The simulated run {trace.name} diverged at {trace.attributes['status_time']:.2f} s."
-        for trace in drawn
-        if trace.status == "diverged"
-    ]
-    origin = f"Made by tendonrepro {measured.tendonrepro_version}."
-    shown = _LAW_CAPTION if name == _LAW else FIGURES[name].caption
-    return " ".join([f"{title_of(name)}. {shown}", *words, origin])

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import mae, max_abs, rmse, start_level
+from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.records import PlantRecord, Trace
+from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 
 Row: TypeAlias = dict[str, Any]
-"""A table row by column name; angles in degrees."""
+"""A table row by column name; angles in degrees, None where a number cannot be told."""
 
-_LEAST = 2
-"""Fewest samples that can be compared."""
+_METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
 _SMOOTH = 0.05
 """Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
@@ -30,96 +29,75 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
     Rows hold ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio,
     ``e_*`` and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``,
     ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and
-    simulated. What cannot be told is None or left out.
+    simulated. What was not recorded is left out.
     """
-    # Places of the measured samples that the simulation reaches.
-    edge = 1e-9 + 1e-6 * (simulated.time[1] - simulated.time[0])
-    first, last = simulated.time[0] - edge, simulated.time[-1] + edge
-    inside = np.flatnonzero((measured.time >= first) & (measured.time <= last))
-    for joint in (joint for joint in measured.joint if joint in simulated.joint):
-        pairs = {
-            name: _pair(measured, simulated, name, joint, inside)
-            for name in ("e", "q_encoder", "q_d")
-            if name in measured and name in simulated
-        }
-        row: Row = {"run": measured.name, "joint": joint, "status": simulated.status}
-        if "e" in pairs:
-            row |= _errors(*pairs["e"])
-        if "q_encoder" in pairs:
-            row["q_samples"] = len(pairs["q_encoder"][0])
-            row |= _sizes("q_", np.subtract(*pairs["q_encoder"][:2]))
-            row["lag_s"] = _lag(*pairs["q_encoder"][:2], _rate(simulated, joint, pairs["q_encoder"][2]))
-        if "q_d" in pairs:
-            row["q_d_max_deg"] = _sizes("q_d_", np.subtract(*pairs["q_d"][:2]))["q_d_max_deg"]
-        if all("q_calculated" in trace and "q_encoder" in trace for trace in (measured, simulated)):
-            row["measured_calculated_mae_deg"] = _coupling_error(measured, joint)
-            row["simulated_calculated_mae_deg"] = _coupling_error(simulated, joint)
-        yield row
+    joints = [joint for joint in measured.joint if joint in simulated.joint]
+    ours, model = measured.of_joints(joints), simulated.of_joints(joints)
+    edge = 1e-9 + 1e-6 * (model.time[1] - model.time[0])
+    inside = (ours.time >= model.time[0] - edge) & (ours.time <= model.time[-1] + edge)
+    time = ours.time[inside]
+    both = [name for name in ("e", "q_encoder", "q_d", "q_calculated") if name in ours and name in model]
+    first = {name: ours[name][inside] for name in both}
+    # Where the measurement has a gap, the simulation is left out too.
+    second = {name: np.where(np.isfinite(first[name]), at(model, name, time), np.nan) for name in both}
+    apart = {name: first[name] - second[name] for name in both}
+    columns: Sizes = {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if "e" in both:
+            sizes = [sizes_deg(errors["e"])["mae"] for errors in (first, second)]
+            columns |= {"measured_mae_deg": sizes[0], "simulated_mae_deg": sizes[1]}
+            columns |= {"mae_ratio": sizes[0] / sizes[1], "e_samples": np.isfinite(apart["e"]).sum(axis=0)}
+            columns |= _differences("e_", apart["e"])
+            columns["e_correlation"] = _correlation(first["e"], second["e"])
+        if "q_encoder" in both:
+            columns["q_samples"] = np.isfinite(apart["q_encoder"]).sum(axis=0)
+            columns |= _differences("q_", apart["q_encoder"])
+            columns["lag_s"] = _lag(-apart["q_encoder"], _rate(model, time))
+    if "q_d" in both:
+        columns["q_d_max_deg"] = sizes_deg(apart["q_d"])["max"]
+    if {"q_calculated", "q_encoder"} <= {*both}:
+        columns["measured_calculated_mae_deg"] = decoupling_errors(ours)["mae"]
+        columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae"]
+    for place, joint in enumerate(joints):
+        yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
 
 
-def _coupling_error(trace: Trace, joint: int) -> float | None:
-    """MAE of the angle calculated from the motors less the encoder, deg."""
-    difference = (trace["q_calculated"] - trace["q_encoder"])[:, trace.joint.index(joint)]
-    difference = difference[np.isfinite(difference)]
-    return float(np.rad2deg(mae(difference))) if len(difference) else None
+def at(trace: Trace, name: str, time: Array) -> Array:
+    """A variable of a run at other times (T,), s: (T, n), interpolated and held beyond both ends."""
+    return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _pair(
-    measured: Trace, simulated: Trace, name: str, joint: int, inside: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """Measured and simulated values at the same times, and these; missing samples are left out."""
-    time = measured.time[inside]
-    ours = measured[name][inside, measured.joint.index(joint)]
-    model = np.interp(time, simulated.time, simulated[name][:, simulated.joint.index(joint)])
-    known = np.isfinite(ours)
-    return ours[known], model[known], time[known]
-
-
-def _errors(ours: Array, model: Array, _time: Array) -> Row:
-    if len(ours) < _LEAST:
-        return {}
-    sizes = [float(np.rad2deg(mae(values))) for values in (ours, model)]
+def _row(columns: Mapping[str, Array], place: int) -> Row:
     return {
-        "e_samples": len(ours),
-        "measured_mae_deg": sizes[0],
-        "simulated_mae_deg": sizes[1],
-        "mae_ratio": sizes[0] / sizes[1] if sizes[1] > 0.0 else None,
-        **_sizes("e_", ours - model),
-        "e_correlation": _correlation(ours, model),
+        name: values[place].item() if np.isfinite(values[place]) else None for name, values in columns.items()
     }
 
 
-def _sizes(prefix: str, difference: Array) -> Row:
-    if not len(difference):
-        return {f"{prefix}{metric}_deg": None for metric in ("mae", "rms", "max")}
-    found = {"mae": mae(difference), "rms": rmse(difference), "max": max_abs(difference)}
-    return {f"{prefix}{metric}_deg": float(np.rad2deg(size)) for metric, size in found.items()}
+def _differences(prefix: str, apart: Array) -> Sizes:
+    sizes = sizes_deg(apart)
+    return {f"{prefix}{name}_deg": sizes[key] for name, key in _METRICS.items()}
 
 
-def _correlation(first: Array, second: Array) -> float | None:
-    first, second = first - first.mean(), second - second.mean()
-    size = float(np.sqrt((first @ first) * (second @ second)))
-    return float(first @ second) / size if size > 0.0 else None
+def _correlation(first: Array, second: Array) -> Array:
+    first, second = first - mean(first), second - mean(second)
+    return np.asarray(mean(first * second) / np.sqrt(mean(first**2) * mean(second**2)))
 
 
-def _rate(trace: Trace, joint: int, time: Array) -> Array:
-    """Velocity of a simulated joint, rad/s.
+def _rate(trace: Trace, time: Array) -> Array:
+    """Velocity of the simulated joints, rad/s.
 
     The gradient of an encoder's steps will not do: its spikes would count as motion, and the lag as shorter.
     """
-    column = trace.joint.index(joint)
-    ends = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
-    before, after = np.interp(ends, trace.time, trace["q_encoder"][:, column])
-    return np.asarray((after - before) / (ends[1] - ends[0]))
+    before, after = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
+    travel = at(trace, "q_encoder", after) - at(trace, "q_encoder", before)
+    return np.asarray(travel / (after - before)[:, np.newaxis])
 
 
-def _lag(ours: Array, model: Array, rate: Array) -> float | None:
+def _lag(behind: Array, rate: Array) -> Array:
     """Shift of the simulation that, with an offset, explains most of the difference to first order, s."""
-    if len(rate) < _LEAST:
-        return None
-    difference, rate = model - ours - (model - ours).mean(), rate - rate.mean()
-    power = float(rate @ rate)
-    return float(difference @ rate) / power if power > 0.0 else None
+    rate = np.where(np.isfinite(behind), rate, np.nan)
+    behind, rate = behind - mean(behind), rate - mean(rate)
+    return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
 def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
@@ -136,9 +114,10 @@ def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
         "joint angle, S q_motor less encoder": motor @ S.T - encoder,
         "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
     }
-    for what, difference in differences.items():
-        known = np.isfinite(difference).all(axis=1)
-        for column, number in enumerate(trace.joint) if known.any() else ():
-            values = difference[known, column]
-            shifted = values - start_level(trace.time[known], values)
-            yield {"what": what, "number": number} | _sizes("", values) | _sizes("shifted_", shifted)
+    for what, apart in differences.items():
+        known = np.isfinite(apart).all(axis=1)
+        if known.any():
+            shifted = apart - start_level(trace.time[known], apart[known])
+            columns = _differences("", apart[known]) | _differences("shifted_", shifted[known])
+            for place, number in enumerate(trace.joint):
+                yield {"what": what, "number": number} | _row(columns, place)

@@ -9,8 +9,6 @@ from typing import Any
 import pytest
 from support.command import SHORT, answer, run
 
-IDEAL = ["--set", "manipulator.encoders.joint.resolution=0"]
-
 
 def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     words = ["sweep", "--over", "control.gains.alpha=[0,0],[0.1,0.2]", *SHORT]

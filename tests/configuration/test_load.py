@@ -420,7 +420,7 @@ def test_duration_of_a_reference(reference: str, duration: float) -> None:
 def test_copies_are_complete_and_load(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     written = init_config("compare", folder)
-    assert [path.name for path in written] == ["compare.yaml", "schema.json", "lumidouce_ii.yaml"]
+    assert [path.name for path in written] == ["compare.yaml", "lumidouce_ii.yaml", "schema.json"]
     assert sorted(folder.iterdir()) == sorted(written)
     assert all(path.read_bytes() == (shipped_folder() / path.name).read_bytes() for path in written)
     assert load_config(folder / "compare.yaml", "compare").sha256 == load_config(None, "compare").sha256

@@ -35,7 +35,7 @@ def fetch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fetch:
     monkeypatch.setattr(time, "sleep", lambda _: None)
 
     def carry_out(repository: Repository, **options: Any) -> dict[str, Any]:
-        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo", "from_dir": None}
+        words: dict[str, Any] = {"record": str(RECORD), "out": tmp_path / "zenodo"}
         words |= {"force": False, "dry_run": False, "talk": Talk(quiet=True), "base_url": repository.url}
         return run_fetch(**words | options)
 
@@ -112,39 +112,6 @@ def test_a_killed_download_goes_on_where_it_stopped(command: str, tmp_path: Path
     assert files_of(folder) == ONE
 
 
-@pytest.fixture
-def by_hand(tmp_path: Path) -> Path:
-    """Files as a browser left them."""
-    folder = tmp_path / "downloads"
-    for key, content in SMALL.items():
-        path = folder / Path(key).name
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(content)
-    return folder
-
-
-def test_files_downloaded_by_hand(fetch: Fetch, by_hand: Path, tmp_path: Path) -> None:
-    with serving(Repository()) as repository:
-        found = fetch(repository, from_dir=by_hand)
-        assert repository.ranges() == []
-    assert {file["action"] for file in found["files"]} == {"copied"}
-    assert files_of(tmp_path / "zenodo") == dict(sorted(SMALL.items()))
-    # With the lock no network is needed.
-    (tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat").unlink()
-    fetch(Repository(url="http://127.0.0.1:1"), from_dir=by_hand)
-
-
-@pytest.mark.parametrize("change", ["wrong", "missing"])
-def test_a_folder_with_a_wrong_or_missing_file(fetch: Fetch, by_hand: Path, change: str) -> None:
-    path = by_hand / "SYNTHETIC exp data 1.mat"
-    if change == "wrong":
-        path.write_bytes(b"other")
-    else:
-        path.unlink()
-    with serving(Repository()) as repository, pytest.raises(DataMissingError, match="SYNTHETIC exp data"):
-        fetch(repository, from_dir=by_hand)
-
-
 def test_an_altered_file_is_kept_until_forced(fetch: Fetch, tmp_path: Path) -> None:
     path = tmp_path / "zenodo" / "SYNTHETIC exp data 1.mat"
     with serving(Repository()) as repository:
@@ -205,6 +172,6 @@ def test_nobody_answers(fetch: Fetch) -> None:
 @pytest.mark.network
 def test_the_paper_s_record(tmp_path: Path) -> None:
     """For those who have a network: pytest -m network."""
-    found = run_fetch("19467931", tmp_path / "zenodo", None, None, False, True, Talk(quiet=True))
+    found = run_fetch("19467931", tmp_path / "zenodo", None, False, True, Talk(quiet=True))
     assert found["title"]
     assert found["files"]

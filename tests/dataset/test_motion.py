@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.dataset.motion import (
@@ -27,7 +26,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments.loops import build_reference
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
-from tendonrepro.validation.rerun import FILE, config_tree, csv_text
+from tendonrepro.validation.rerun import write_compare
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])
@@ -130,11 +129,9 @@ def test_a_record_that_ends_in_mid_motion_is_brought_to_rest() -> None:
 @pytest.mark.parametrize("kind", CYCLE)
 def test_the_written_configuration_runs_the_recovered_motion(kind: str, tmp_path: Path) -> None:
     found = recover(file_of(made(kind)))
-    (tmp_path / FILE).write_text(csv_text(found.knots, (2, 3)), encoding="utf-8")
-    time, angles = read_samples(tmp_path / FILE)
+    path = write_compare(load_config(None, "compare"), found, {}, "SYNTHETIC.h5", tmp_path)
+    time, angles = read_samples(tmp_path / "reference.csv")
     assert time[0] == angles[2][0] == angles[3][0] == 0.0
-    path = tmp_path / "SYNTHETIC.yaml"
-    path.write_text(dump(config_tree(load_config(None, "compare").tree, "SYNTHETIC.h5")), encoding="utf-8")
     loaded = load_config(path, "compare")
     assert isinstance(loaded.config, CompareConfig)
     ran = build_reference(loaded.config.reference, loaded.config, tmp_path)

@@ -337,7 +337,7 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
     loaded = load_config(None, "compare", overrides=overrides)
     limits = loaded.config.status
     found = []
-    for loop in (all_loops(loaded, None)[f"controller_{k}"] for k in (1, 2, 3)):
+    for loop in (all_loops(loaded)[f"controller_{k}"] for k in (1, 2, 3)):
         run = simulate(loop)
         status, _ = status_of(
             run["time"],

@@ -58,3 +58,8 @@ def test_the_ensemble_was_made_by_the_physics_of_today() -> None:
 def test_searches_were_made_by_the_physics_of_today() -> None:
     digests = {held[PHYSICS] for held in stored("identify")["readings"] if PHYSICS in held}
     assert digests <= {code_digest("physics")}
+
+
+def test_the_tuning_was_made_by_the_physics_of_today_and_no_law_lost_to_its_special_case() -> None:
+    assert stored("tune")[PHYSICS] == code_digest("physics")
+    assert stored("tune")["lost_to_special_case"] == []

@@ -65,7 +65,7 @@ def test_misfit_is_the_one_that_its_heading_states(heading):
     """By the other stepper, and by arithmetic of its own."""
     loaded = load_config("closest", "compare")
     file = trace_file(
-        loaded, simulate_all([(loaded, None)], Talk(quiet=True))[0], {"created": "2026-01-01T00:00:00+00:00"}
+        loaded, simulate_all([(loaded, ())], Talk(quiet=True))[0], {"created": "2026-01-01T00:00:00+00:00"}
     )
     data = table_data(file)
     assert set(data["status"].values()) == {"ok"}

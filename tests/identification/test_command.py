@@ -40,7 +40,8 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
         request = Request(out=out, dry_run=dry_run, force=force)
         patch.setattr(command, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
-        return command.run_identify(request, QUIET, **asked, paper=paper or made_up_paper())
+        patch.setattr(command, "published", lambda: paper or made_up_paper())
+        return command.run_identify(request, QUIET, **asked)
 
 
 READINGS = "printed,weights=extrapolating,phi_branch=power"
@@ -154,7 +155,7 @@ def test_dry_run_writes_nothing(tmp_path):
     assert len(data["readings"]) >= len(data["searches"]) > 10
 
 
-@pytest.mark.parametrize("option", ["population", "generations", "seeds", "jobs"])
+@pytest.mark.parametrize("option", ["population", "generations", "seeds"])
 def test_an_effort_of_nothing_is_a_mistake(tmp_path, option):
     with pytest.raises(UsageError) as caught:
         identified(tmp_path / "out", **{option: 0})

@@ -12,7 +12,7 @@ from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.identification.command import run_identify
+from tendonrepro.identification import command
 from tendonrepro.identification.misfit import Bench
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.simulation.batch import simulate_batch
@@ -52,11 +52,11 @@ def paper(values):
     return with_numbers(published(), dict(zip(names, values.ravel(), strict=True)), decimals=6)
 
 
-def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path):
-    found = run_identify(
-        Request(out=tmp_path / "out", overrides=OVERRIDES), Talk(quiet=True),
-        readings=READING, generations=40, population=24, seeds=2, paper=paper(truth),
-    )["readings"][0]  # fmt: skip
+def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "published", lambda: paper(truth))
+    request, effort = Request(out=tmp_path / "out", overrides=OVERRIDES), (40, 24, 2)
+    asked = dict(zip(("generations", "population", "seeds"), effort, strict=True))
+    found = command.run_identify(request, Talk(quiet=True), readings=READING, **asked)["readings"][0]
     assert found["misfit_log"] < 0.05
     fitted = [row for row in found["numbers"] if row["fitted"]]
     assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)

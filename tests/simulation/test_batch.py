@@ -117,6 +117,9 @@ READINGS = (
     "manipulator.actuator.torque_resolution=0.016",
     "manipulator.encoders.joint.noise=1e-5",
     "manipulator.actuator.torque_limit=[9,9,2]",
+    ";".join(
+        ("manipulator.friction.link.coulomb=[0,0,0]", "manipulator.friction.winch.coulomb=[1,1,1]", *STIFF)
+    ),
     "manipulator.tensioner.force=20",
     "manipulator.friction.per_pulley=0.03",
     "manipulator.transmission_error.peak_to_peak=4.4e-4",

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 import pytest
 from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
@@ -22,14 +20,11 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
-from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import PlantRecord, TraceFile
-from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.traces import read_traces, write_traces
-from tendonrepro.validation.command import RESULTS, run_validate
-from tendonrepro.validation.report import table_data, validate_text, window_rows, write_measured_tables
+from tendonrepro.validation.command import closest_window, measured_tables, run_validate, table_data
+from tendonrepro.verdicts.measured import Measured, measured_of
 
 QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
@@ -59,61 +54,33 @@ class TestMeasuredTables:
         assert row["measured"] == {"mae_deg": [0.3, 0.2], "rmse_deg": [0.375, None]}
         assert row["printed"]["rmse_deg"] == [0.375, 0.292]
         assert row["agree"] == {"mae_deg": [False, False], "rmse_deg": [True, None]}
-        assert table_data(None, published()) == {"table2": {}, "table3": {}}
 
-    def test_they_are_written_where_they_have_rows(self, tmp_path: Path) -> None:
-        data = table_data(self.TRIED, published())
-        paths = write_measured_tables(data, "whole", "SYNTHETIC.h5", tmp_path)
-        assert [path.name for path in paths] == ["table2.csv", "table2.md", "table2.tex"]
-        text = paths[1].read_text(encoding="utf-8")
-        assert "Table 2 as measured, averaged over: whole (SYNTHETIC.h5)." in text
-        for words in ("| yes", "| no", "0.375", ":--- | ---: | ---: | ---: | :--- | ---: | ---: | :---"):
-            assert words in text
-
-    def test_every_try_is_listed_with_its_agreements(self) -> None:
-        rows = window_rows(PrintedTables((self.TRIED,), {}, 1.0), published())
-        assert [row["id"] for row in rows] == [*self.SIZES]
-        assert [row["agrees"] for row in rows] == [False, False, True]
-        assert rows[2]["printed_deg"] == rows[2]["measured_deg"] == 0.375
+    def test_their_files_hold_every_number_of_every_window(self) -> None:
+        measured = Measured(make_compare_file(), PrintedTables((self.TRIED,), {}, 1.0), None)
+        second, windows = measured_tables(measured, published(), "SYNTHETIC.h5")
+        assert second.name == "table2"
+        assert [(row["mae_measured"], row["rmse_agree"]) for row in second.rows] == [(0.3, True), (0.2, None)]
+        assert [row["id"] for row in windows.rows] == [*self.SIZES]
+        assert [row["agrees"] for row in windows.rows] == [False, False, True]
+        assert windows.rows[2]["printed_deg"] == windows.rows[2]["measured_deg"] == 0.375
 
 
-class TestBoth:
-    """A file with the runs of both experiments."""
-
-    def file(self) -> TraceFile:
-        compare, decouple = make_compare_file(source="measured"), make_decouple_file(source="measured")
-        return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
-
-    def test_its_parts_are_the_experiments(self, tmp_path: Path) -> None:
-        path = tmp_path / "SYNTHETIC.h5"
-        write_traces(path, self.file())
-        file = read_traces(path)
-        assert file.experiment == "both"
-        assert set(file.part("compare").runs) == {*CONTROLLERS, LOADED}
-        assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
-        assert not file.part("compare").part("decouple").runs
-        assert paper_tables.table_data(file.part("compare"))["table2"].keys() == set(CONTROLLERS)
-
-    def test_its_figures_and_tables_are_those_of_both(self) -> None:
-        file = self.file()
-        assert available(file) == list(FIGURES)
-        stems = {table.name for table in made_tables(file)}
-        assert {"table1", "table2", "table3", "decoupling_errors"} <= stems
-
-    def test_gaps_do_not_end_a_measured_run(self) -> None:
-        trace = self.file().runs["controller_1"]
-        e = trace["e"].copy()
-        e[100:110] = np.nan
-        kept = np.rad2deg(np.abs(np.delete(trace["e"], slice(100, 110), axis=0)))
-        found = tracking_errors(measured_trace(trace, e=e))["whole"]["mae"]
-        assert found == pytest.approx(kept.mean(axis=0), rel=1e-12)
+def test_a_file_of_both_experiments_has_the_runs_of_each(tmp_path: Path) -> None:
+    compare, decouple = make_compare_file(source="measured"), make_decouple_file(source="measured")
+    runs = {**compare.runs, **decouple.runs}
+    write_traces(tmp_path / "SYNTHETIC.h5", replace(compare, experiment="both", runs=runs))
+    file = read_traces(tmp_path / "SYNTHETIC.h5")
+    assert file.experiment == "both"
+    assert set(file.part("compare").runs) == {*CONTROLLERS, LOADED}
+    assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
+    assert not file.part("compare").part("decouple").runs
 
 
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
-    traces = simulate_all([(loaded, None)], QUIET)[0]
+    traces = simulate_all([(loaded, ())], QUIET)[0]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
     runs = {}
@@ -171,53 +138,33 @@ class TestValidate:
     def test_every_file_is_there_and_in_the_manifest(self, found: dict[str, Any], shipped: Path) -> None:
         out = Path(found["out"])
         manifest = json.loads((out / "manifest.json").read_text())
-        assert set(manifest["outputs"]) == {Path(name).relative_to(out).as_posix() for name in found["files"]}
         for name, digest in manifest["outputs"].items():
             assert sha256_of(out / name) == digest
         assert manifest["inputs"][str(shipped)] == sha256_of(shipped)
-        expected = {"reference.csv", "compare.yaml", "simulated.h5", "residuals.csv", "windows.csv", RESULTS}
-        assert expected <= set(manifest["outputs"])
-        assert {"figures/fig13.pdf", "figures/fig16.png", "tables/table2.tex"} <= set(manifest["outputs"])
+        expected = {"reference.csv", "compare.yaml", "simulated_compare.h5", "validation.json"}
+        expected |= {f"tables/{name}" for name in ("residuals.csv", "windows.csv", "table2.tex", "claims.md")}
+        assert expected | {"figures/fig13.pdf", "figures/fig16.png"} <= set(manifest["outputs"])
         assert load_config(out / "compare.yaml", "compare").config.title.endswith("SYNTHETIC.h5")
-        assert set(read_traces(out / "simulated.h5").runs) == {"controller_1", "controller_2", LOADED}
+        assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 
     def test_the_stored_results_are_those_returned(self, found: dict[str, Any]) -> None:
-        stored = json.loads((Path(found["out"]) / RESULTS).read_text())
+        stored = json.loads((Path(found["out"]) / "validation.json").read_text())
         assert stored == json.loads(json.dumps({key: found[key] for key in stored}))
-        assert found.keys() - stored.keys() == {"files"}
+        assert found.keys() - stored.keys() == {"text", "manifest"}
         assert stored["schema_version"] == 1
         assert stored["sources"] == [INPUT]
 
-    def test_windows_are_listed_number_by_number(self, found: dict[str, Any]) -> None:
-        lines = (Path(found["out"]) / "windows.csv").read_text(encoding="utf-8").splitlines()
-        assert len(lines) == 1 + found["windows"]["tried"] * found["windows"]["compared"]
-
     def test_other_results_are_not_overwritten(self, found: dict[str, Any], shipped: Path) -> None:
-        before = sha256_of(Path(found["out"]) / RESULTS)
+        before = sha256_of(Path(found["out"]) / "validation.json")
         with pytest.raises(UsageError, match="another configuration"):
             validate(shipped, Path(found["out"]), "manipulator.gravity=9.8")
         assert validate(shipped, Path(found["out"]), "manipulator.gravity=9.8", dry_run=True)["dry_run"]
-        assert sha256_of(Path(found["out"]) / RESULTS) == before
-
-    def test_files_of_the_users_own_are_not_overwritten(
-        self, found: dict[str, Any], shipped: Path, tmp_path: Path
-    ) -> None:
-        """Whatever stands at the top of its folder."""
-        made = {Path(one) for one in found["files"]}
-        names = sorted(path.name for path in made if path.parent == Path(found["out"]))
-        assert {"compare.yaml", "reference.csv", "residuals.md", "simulated.h5", "windows.csv"} <= set(names)
-        for name in names:
-            out = tmp_path / name
-            out.mkdir()
-            (out / name).write_text("mine")
-            with pytest.raises(UsageError, match=r"no manifest\.json lists it"):
-                validate(shipped, out)
-            assert (out / name).read_text() == "mine"
+        assert sha256_of(Path(found["out"]) / "validation.json") == before
 
     def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
-        assert "Would validate" in validate_text(plan)
+        assert str(shipped) in plan["text"]
         assert not (tmp_path / "out").exists()
 
 
@@ -238,15 +185,6 @@ def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path: Path) 
     assert found["residuals"]["rows"] == []
     assert len(found["table2"]["controller_1"]["measured"]["mae_deg"]) == 2
     assert found["guesses"] == []
-    assert "resting on 0 guesses" in validate_text(found)
-
-
-def test_a_motion_that_the_model_cannot_follow_is_a_result(tmp_path: Path) -> None:
-    file = make_compare_file(source="measured", step=0.05)
-    path = stored_run(tmp_path, file, "e", q_d=-4.0 * file.runs["controller_1"]["q_d"])
-    found = validate(path, tmp_path / "out")
-    assert any("rerun" in text and "deg" in text for text in found["missing"])
-    assert (tmp_path / "out" / "compare.yaml").exists()
 
 
 def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
@@ -273,35 +211,18 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     assert claims["C1"] == "not_testable"
 
 
-def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides(tmp_path: Path) -> None:
+def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides() -> None:
     """All but one printed number after the first period, none over the whole run."""
     file = printed_file(lambda time: time >= PERIOD)
     first = file.runs["controller_1"]
     larger = first["e"].copy()
     larger[first.time >= PERIOD, 0] *= 1.02
     runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
-    path = tmp_path / "SYNTHETIC.h5"
-    write_traces(path, replace(file, runs=runs))
-    found = validate(path, tmp_path / "out")
-    assert found["window"] == "whole"
-    assert found["best"]["window"] == "after_first_period"
-    agree = found["best"]["table2"]
+    measured = measured_of(replace(file, runs=runs), published())
+    closest = closest_window(measured)
+    assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
+    agree = table_data(closest, published())["table2"]
     assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
     assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
-    assert (tmp_path / "out" / "tables" / "best" / "table3.md").exists()
-    text = validate_text(found)
-    assert "averaged over: after_first_period, the window closest to the print" in text
-    assert re.search(r"^C2 .* over whole", text, re.MULTILINE)
-
-
-def test_another_mass_than_the_papers_is_taken_over(tmp_path: Path) -> None:
-    file = make_compare_file(step=0.02, source="measured")
-    loaded = file.runs["controller_1_payload"]
-    heavy = replace(loaded, attributes=dict(loaded.attributes) | {"payload_mass": 0.35})
-    path = tmp_path / "SYNTHETIC.h5"
-    write_traces(path, replace(file, runs=dict(file.runs) | {heavy.name: heavy}))
-    validate(path, tmp_path / "out")
-    tree = load_config(tmp_path / "out" / "compare.yaml", "compare").tree
-    assert tree["runs"]["controller_1_payload"]["payload"]["value"] == 0.35
-    assert tree["runs"]["controller_1_payload"]["payload"]["source"].startswith("identified:")
-    assert tree["runs"]["controller_1"]["payload"]["source"].startswith("printed:")
+    names = {table.name for table in measured_tables(measured, published(), "SYNTHETIC.h5")}
+    assert {"table2", "table3", "best_table2", "best_table3", "windows"} <= names

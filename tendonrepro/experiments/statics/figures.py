@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tendonrepro.experiments.statics.command import MAP_ANGLES, RESERVE, STRETCH, Survey
 from tendonrepro.physics.statics import SLACK
 from tendonrepro.results.figures import style
 
@@ -27,23 +26,33 @@ _SHADES = [*(style.paler(_BLUE, white) for white in np.linspace(0.92, 0.12, len(
 
 
 @style.journal_style()
-def draw_margin(found: Survey) -> style.Drawing:
-    """Smallest tension of any tendon over the half-plane: a column per course, a row per case."""
-    data, degrees, ticks = found.data, np.rad2deg(MAP_ANGLES), np.arange(0.0, 181.0, 45.0)
+def draw_margin(data: Mapping[str, Any], courses: Mapping[str, Any], origin: str) -> style.Drawing:
+    """Smallest tension of any tendon over the half-plane: a column per course, a row per case.
+
+    Parameters
+    ----------
+    data : mapping
+        Numbers of the survey.
+    courses : mapping
+        Maps by course of tendon 4, with ``least`` by case and ``band``, N.
+    origin : str
+        Which configuration it is of.
+    """
+    reserve, ticks = data["reserve_N"], np.arange(0.0, 181.0, 45.0)
     cases = {"motor": "motor", "payload": f"{data['payload_kg']:g} kg", "spring": "spring"}
     figure = style.open_figure(style.PAGE_MM, 172.0)
-    grid = figure.subplots(len(cases), len(found.maps), sharex=True, sharey=True)
-    titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in found.maps]
+    grid = figure.subplots(len(cases), len(courses), sharex=True, sharey=True)
+    titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in courses]
     panels = style.letter_panels(grid.flat, titles)
     drawn: Any = None
-    for panel, (case, maps) in zip(panels.values(), product(cases, found.maps.values()), strict=True):
+    for panel, (case, maps) in zip(panels.values(), product(cases, courses.values()), strict=True):
         # Rounding below zero is no push.
         least = np.where(np.abs(maps.least[case]) < SLACK, 0.0, maps.least[case])
-        colours = [_PUSH, *_SHADES]
+        degrees, colours = np.linspace(0.0, 180.0, len(least)), [_PUSH, *_SHADES]
         drawn = panel.contourf(degrees, degrees, least, levels=_LEVELS, colors=colours, extend="both")
         for edge in maps.band if case == "motor" else ():
-            if edge.min() < RESERVE < edge.max():
-                panel.contour(degrees, degrees, edge, levels=[RESERVE], colors=_FRICTION, linewidths=0.9)
+            if edge.min() < reserve < edge.max():
+                panel.contour(degrees, degrees, edge, levels=[reserve], colors=_FRICTION, linewidths=0.9)
         panel.set(aspect="equal", xticks=ticks, yticks=ticks)
     before, last = data["joints"][-2:]
     for panel in grid[-1]:
@@ -52,15 +61,15 @@ def draw_margin(found: Survey) -> style.Drawing:
         panel.set_ylabel(f"Link {last} (deg)")
     label = "Smallest tension of any tendon (N)"
     figure.colorbar(drawn, ax=grid, shrink=0.6, aspect=25, pad=0.01, format="{x:g}", label=label)
-    line = Line2D([], [], color=_FRICTION, linewidth=0.9, label=f"{RESERVE:g} N, with pulley friction")
+    line = Line2D([], [], color=_FRICTION, linewidth=0.9, label=f"{reserve:g} N, with pulley friction")
     push = Patch(color=_PUSH, label="a tendon would have to push")
     figure.legend(handles=[line, push], loc="outside upper center", ncols=2)
     caption = (
         f"Smallest tension of any tendon at rest, by course of tendon 4, which a motor pulls with "
         f"{data['tensioner_force_N']:g} N ({data['sources']['force']}); spring: as hard at the start, "
-        f"there stretched by {1e3 * STRETCH:g} mm. Orange: between the lines friction of the guide pulleys, "
-        f"{100 * data['pulley_loss']:g} % each, decides whether {RESERVE:g} N are left. {found.origin}."
+        f"there stretched by {data['spring_stretch_mm']:g} mm. Orange: between the lines friction of the "
+        f"guide pulleys, {100 * data['pulley_loss']:g} % each, decides on {reserve:g} N. {origin}."
     )
     held = ", ".join(f"{angle:g}°" for angle in data["map"]["held_link_angles_deg"]) or "held rigidly"
-    origin = f"links before: {held}; link angles from hanging, at rest"
-    return style.Drawing("statics_margin", figure, panels, caption, origin=origin)
+    posture = f"links before: {held}; link angles from hanging, at rest"
+    return style.Drawing("statics_margin", figure, panels, caption, origin=posture)

@@ -95,6 +95,8 @@ class Symbol:
         """NumPy functions of a symbol, also where the other operand is a NumPy number."""
         if method != "__call__" or kwargs:
             return NotImplemented
+        # A NumPy number compares itself as an array without axes.
+        inputs = tuple(operand[()] if isinstance(operand, np.ndarray) else operand for operand in inputs)
         if any(isinstance(operand, np.ndarray) for operand in inputs):
             plain = [
                 operand if isinstance(operand, np.ndarray) else _as_object(operand) for operand in inputs
@@ -120,6 +122,11 @@ class Symbol:
     def __getitem__(self, key: tuple[()]) -> Symbol:
         """A symbol is a scalar: the only key is the empty one."""
         return self
+
+    def __bool__(self) -> bool:
+        """Refuse: the code that is recorded takes one branch for all numbers."""
+        message = "a number that is not known yet is neither true nor false"
+        raise TypeError(message)
 
     def __abs__(self) -> Any:
         return self.tape.function(np.absolute, self)

@@ -1,0 +1,270 @@
+"""The laws that are tuned, their gains with bounds, and how one law's gains give another's behaviour.
+
+All laws but super-twisting are parameter sets of `tendonrepro.physics.control.command`; docs/theory.md
+derives why. A gain named in `PER_JOINT` has a value for each joint, all others are shared by the joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array, choose
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.physics.control import Law, Memory, Surface, error_rate, estimator_weights, polynomial
+from tendonrepro.physics.linalg import times
+from tendonrepro.simulation.sampled import CommandFunction
+
+
+class Range(NamedTuple):
+    """Bounds of a gain, where the searches start, and whether its logarithm is searched."""
+
+    low: float
+    high: float
+    start: float
+    log: bool = True
+
+    def value(self, x: Array) -> Array:
+        """Value at a place between the bounds, from 0 to 1."""
+        if self.log:
+            return np.asarray(self.low * (self.high / self.low) ** x)
+        return np.asarray(self.low + (self.high - self.low) * x)
+
+    def place(self, value: Any) -> Array:
+        """Where between the bounds a value is; outside them below 0 or above 1."""
+        if self.log:
+            return np.asarray(np.log(value / self.low) / np.log(self.high / self.low))
+        return np.asarray((value - self.low) / (self.high - self.low))
+
+
+RANGES: Mapping[str, Range] = {
+    "M_bar": Range(3e-5, 1.0, 0.005),
+    "lam": Range(1.0, 300.0, 30.0),
+    "beta": Range(0.2, 300.0, 20.0),
+    "eta": Range(0.2, 300.0, 20.0),
+    "b": Range(0.5, 1.0, 0.9),
+    "Delta": Range(1e-3, 0.5, 0.2),
+    "K_d": Range(1.0, 600.0, 50.0),
+    "K_p": Range(0.2, 9e4, 600.0),
+    "alpha": Range(-0.9, 0.9, 0.0, log=False),
+    "estimate_filter": Range(0.003, 1.0, 0.5),
+    "k_1": Range(0.1, 300.0, 5.0),
+    "k_2": Range(0.1, 3e3, 100.0),
+}
+"""SI units. Bounds lie 1.5 decades and more around the published gains, but for the exponent.
+
+``alpha`` is the weight of the older estimate: interpolating is positive, extrapolating negative.
+``estimate_filter`` is the weight of the newest value in the observer's low-pass; 1 is none. ``k_1`` and
+``k_2`` are super-twisting's, of ``|s|^½`` and of the integral of the sign.
+"""
+
+PER_JOINT = frozenset({"M_bar", "alpha"})
+SIMPLER = frozenset({"b", "estimate_filter"})
+"""Gains whose upper bound is no limit of the search: there NTSM is TSM, and the observer does not filter."""
+
+Gains = Mapping[str, Any]
+"""By name: arrays (n,) where a gain is per joint, else (1,)."""
+
+
+def super_twisting(
+    memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
+) -> tuple[Array, Array, Array, Array]:
+    """Super-twisting law with equivalent control; its integral is kept where others keep their estimate.
+
+    ``K_d`` holds ``k_1`` and ``K_p`` holds ``k_2``; the signature is that of
+    `tendonrepro.physics.control.command`.
+    """
+    de = error_rate(memory, q, q_d, dq_d, law)
+    s, tau, integral = np.empty_like(q), np.empty_like(q), np.empty_like(q)
+    before = times(law.from_joint, memory.H_hat)
+    for i in range(q.shape[0]):
+        s[i] = de[i] + law.beta[i] * (q_d[i] - q[i])
+        sign = choose(s[i] > 0.0, 1.0, choose(s[i] < 0.0, -1.0, 0.0))
+        integral[i] = before[i] + law.L * law.M_bar[i] * law.K_p[i] * sign
+        reach = law.K_d[i] * np.sqrt(abs(s[i])) * sign
+        tau[i] = law.M_bar[i] * (ddq_d[i] + law.beta[i] * de[i] + reach) + integral[i]
+    return times(law.to_joint, tau), times(law.to_joint, integral), s, de
+
+
+@dataclass(frozen=True, eq=False)
+class TunedLaw:
+    """A law and what is tuned in it.
+
+    Attributes
+    ----------
+    name, title : str
+    gains : mapping of str to Range
+        In order.
+    surface : int
+        A `Surface`; of a function of its own nothing depends on it.
+    alpha : str
+        ``none``, ``interpolating`` or ``extrapolating`` by the published one, or ``free``.
+    newest : int
+        0 where the acceleration is the centred difference.
+    command : CommandFunction, optional
+        Another function than the package's own.
+    """
+
+    name: str
+    title: str
+    gains: Mapping[str, Range]
+    surface: int = Surface.PD
+    alpha: str = "none"
+    newest: int = 1
+    command: CommandFunction | None = None
+
+    def size(self, n: int) -> int:
+        """Numbers to be tuned, for n joints."""
+        return sum(n if name in PER_JOINT else 1 for name in self.gains)
+
+    def values(self, unit: Array, n: int) -> Gains:
+        """Gains at a point of the unit cube."""
+        found, place = {}, 0
+        for name, held in self.gains.items():
+            size = n if name in PER_JOINT else 1
+            found[name] = held.value(unit[place : place + size])
+            place += size
+        return found
+
+    def unit(self, gains: Gains, n: int) -> Array:
+        """Point of the unit cube with these gains, or with the nearest within the bounds."""
+        parts = [
+            np.broadcast_to(held.place(gains[name]), n if name in PER_JOINT else 1)
+            for name, held in self.gains.items()
+        ]
+        return np.clip(np.concatenate(parts), 0.0, 1.0)
+
+    def at_bound(self, unit: Array, n: int, near: float) -> bool:
+        """Whether a gain is as near to a bound, but for those bounds that give a simpler law."""
+        own = {name: name not in SIMPLER for name in self.gains}
+        asked = np.repeat([*own.values()], [n if name in PER_JOINT else 1 for name in own])
+        return bool((np.minimum(unit, 1.0 - unit) < near)[asked].any())
+
+    def start(self, n: int) -> Array:
+        """Point of the published gains."""
+        return self.unit({name: held.start for name, held in self.gains.items()}, n)
+
+    def law(self, base: Law, gains: Gains, published: Array) -> Law:
+        """Law with these gains; the published ``alpha`` (n,) is that of a law that does not tune it."""
+        n = base.M_bar.size
+        alpha = gains["alpha"] if self.alpha == "free" else published * (self.alpha != "none")
+        reading = "extrapolating" if self.alpha == "extrapolating" else "interpolating"
+        fields: dict[str, Any] = {
+            _FIELDS.get(name, name): np.broadcast_to(value, n)
+            for name, value in gains.items()
+            if name not in ("alpha", "estimate_filter")
+        }
+        return base._replace(
+            **fields,
+            surface=int(self.surface),
+            newest=self.newest,
+            weights=estimator_weights(np.asarray(alpha), reading),
+            rate_gain=fields.get("eta", base.rate_gain),
+            estimate_filter=float(gains["estimate_filter"][0]) if "estimate_filter" in gains else 1.0,
+        )
+
+
+_FIELDS = {"k_1": "K_d", "k_2": "K_p"}
+"""Fields of `Law` that hold gains of another name."""
+
+
+def _of(*names: str) -> dict[str, Range]:
+    return {name: RANGES[name] for name in names}
+
+
+_NTSM = _of("M_bar", "lam", "eta", "b", "Delta")
+
+LAWS: tuple[TunedLaw, ...] = (
+    TunedLaw("pid", "PID", _of("M_bar", "K_d", "K_p"), newest=0),
+    TunedLaw("tdc", "Plain TDC", _of("M_bar", "K_d", "K_p")),
+    TunedLaw("dob", "Disturbance observer and PD", _of("M_bar", "K_d", "K_p", "estimate_filter")),
+    TunedLaw("tsm", "TDE and TSM", _of("M_bar", "lam", "beta"), Surface.TSM),
+    TunedLaw("ntsm", "TDE and NTSM", _NTSM, Surface.NTSM),
+    TunedLaw("alpha_published", "α-TDE and NTSM, published α", _NTSM, Surface.NTSM, "interpolating"),
+    TunedLaw("alpha_extrapolating", "α-TDE and NTSM, extrapolating", _NTSM, Surface.NTSM, "extrapolating"),
+    TunedLaw("alpha_free", "α-TDE and NTSM, free α", _NTSM | _of("alpha"), Surface.NTSM, "free"),
+    TunedLaw("super_twisting", "Super-twisting", _of("M_bar", "beta", "k_1", "k_2"), command=super_twisting),
+)
+"""The PID is plain TDC with centred differences: its derivative gain is ``M_bar / L``, the proportional one
+``M_bar K_d / L``, the integral one ``M_bar K_p / L``. With the model known it is computed torque."""
+
+
+class Step(NamedTuple):
+    """How gains of one law become those of another that does the same, exactly or nearly."""
+
+    source: str
+    target: str
+    exact: bool
+    change: Callable[[Gains, Array], Gains]
+
+
+def _slope(gains: Gains) -> Array:
+    """Slope of the surface at zero error, s⁻¹."""
+    gamma_1, _ = polynomial(gains["b"], gains["Delta"])
+    return np.asarray(gains["eta"] * gamma_1)
+
+
+def _linear(gains: Gains, slope: Array) -> Gains:
+    return {"M_bar": gains["M_bar"], "K_d": gains["lam"] + slope, "K_p": gains["lam"] * slope}
+
+
+def _scaled(gains: Gains, factor: Array) -> Gains:
+    return {**gains, "M_bar": gains["M_bar"] * factor}
+
+
+def _twisting(gains: Gains) -> Gains:
+    """Super-twisting whose reach and integral are those of a linear law where ``s`` is `SMALL_SPEED`."""
+    k_2 = gains["lam"] * gains["beta"] * SMALL_SPEED
+    return {**gains, "k_1": gains["lam"] * SMALL_SPEED**0.5, "k_2": k_2}
+
+
+SMALL_SPEED = 0.02
+"""rad s⁻¹."""
+
+STEPS: tuple[Step, ...] = (
+    Step("ntsm", "alpha_published", False, lambda g, a: _scaled(g, 1.0 + a)),
+    Step("ntsm", "alpha_extrapolating", False, lambda g, a: _scaled(g, 1.0 - a)),
+    Step("alpha_published", "ntsm", False, lambda g, a: _scaled(g, 1.0 / (1.0 + a))),
+    Step("alpha_free", "ntsm", False, lambda g, _: _scaled(g, 1.0 / (1.0 + g["alpha"]))),
+    Step("ntsm", "tdc", False, lambda g, _: _linear(g, _slope(g))),
+    Step("tdc", "pid", False, lambda g, _: g),
+    Step("pid", "tdc", False, lambda g, _: g),
+    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g)),
+    Step("tsm", "tdc", True, lambda g, _: _linear(g, g["beta"])),
+    Step("tsm", "ntsm", True, lambda g, _: {**g, "eta": g["beta"], "b": 1.0, "Delta": 0.2}),
+    Step("tdc", "dob", True, lambda g, _: {**g, "estimate_filter": 1.0}),
+    Step("ntsm", "alpha_free", True, lambda g, _: {**g, "alpha": 0.0}),
+    Step("alpha_published", "alpha_free", True, lambda g, a: {**g, "alpha": a}),
+    Step("alpha_extrapolating", "alpha_free", True, lambda g, a: {**g, "alpha": -a}),
+)
+"""In the order in which gains are handed on. An exact step makes the source a special case of the target,
+which may then not do worse; these come last, each after those that improve its source."""
+
+
+def user_law(own: UserLaw) -> TunedLaw:
+    """A user's law with the bounds it brings, made ready for lanes.
+
+    Raises
+    ------
+    UsageError
+        If it has no bounds, asks for the plant, or decides by ``if`` on measured values.
+    """
+    function, setup = own.load()
+    bounds = getattr(function, "bounds", None)
+    if not isinstance(bounds, dict) or not bounds or not bounds.keys() <= _TUNABLE:
+        names = ", ".join(sorted(_TUNABLE))
+        hint = f"give it an attribute: {own.name}.bounds = {{'K_p': (1, 1000)}}, with names among {names}"
+        raise UsageError(f"the law {own.name} has no bounds for its gains", where="--law", hint=hint)
+    if setup is not None:
+        message = f"the law {own.name} is told of its plant, and cannot run on many plants together"
+        raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
+    gains = {name: Range(low, high, float(np.sqrt(low * high))) for name, (low, high) in bounds.items()}
+    return TunedLaw(own.name, own.name, gains, command=function)
+
+
+_TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
+"""Gains of `Law` that a user's law may be tuned in."""

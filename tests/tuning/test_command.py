@@ -1,0 +1,134 @@
+"""A small tuning from start to end: what it writes, killed and taken up again, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.physics import error_rate, time_delay_estimate
+from tendonrepro.tuning import command, study
+from tendonrepro.tuning.laws import LAWS
+
+SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
+
+
+def surface(memory, q, q_d, dq_d, ddq_d, law):  # type: ignore[no-untyped-def]
+    """A user's TDE with TSM."""
+    e, de = q_d - q, error_rate(memory, q, q_d, dq_d, law)
+    s, H_hat = de + law.beta * e, time_delay_estimate(memory, q, law)
+    return law.M_bar * (ddq_d + law.beta * de + law.lam * s) + H_hat, H_hat, s, de
+
+
+surface.bounds = {"M_bar": (1e-4, 0.1), "lam": (2.0, 200.0), "beta": (1.0, 100.0)}  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws under one condition, so that a tuning takes seconds."""
+    monkeypatch.setattr(command, "LAWS", tuple(law for law in LAWS if law.name in ("pid", "tsm", "ntsm")))
+    monkeypatch.setattr(command, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
+    monkeypatch.setattr(study, "CONDITIONS", (("none", False),))
+    monkeypatch.setattr("tendonrepro.tuning.report.CONDITIONS", (("none", False),))
+
+
+def run(folder: Path, **options: Any) -> dict[str, Any]:
+    return command.run_tune(Request(out=folder), Talk(quiet=True), **{**SMALL, **options})
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few")
+def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = run(tmp_path / "whole")
+    done: list[int] = []
+    tuned = study.Task.tuned
+
+    def dying(task: study.Task, number: int) -> dict[str, Any]:
+        done.append(number)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        return tuned(task, number)
+
+    monkeypatch.setattr(study.Task, "tuned", dying)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "killed")
+    assert not (tmp_path / "killed").exists()
+    again = run(tmp_path / "killed")
+    assert len(done) == 3
+    assert done[2] == done[1] != done[0]
+    assert {key: again[key] for key in ("laws", "by_plant")} == {
+        key: whole[key] for key in ("laws", "by_plant")
+    }
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "whole"]
+
+
+@pytest.mark.usefixtures("few")
+def test_what_it_writes(tmp_path: Path) -> None:
+    found = run(tmp_path / "tune", given={"surface": surface})
+    stored = json.loads((tmp_path / "tune" / "tune.json").read_text("utf-8"))
+    assert stored["lost_to_special_case"] == []
+    assert {row["law"] for row in stored["laws"]} >= {"pid", "surface", "controller_1"}
+    for table in ("questions", "comparisons", "laws"):
+        assert all(
+            (tmp_path / "tune" / "tables" / f"{table}.{suffix}").exists() for suffix in ("csv", "md", "tex")
+        )
+    assert (tmp_path / "tune" / "figures" / "tune.pdf").exists()
+    # With the same bounds and the same law, the user's finds what the package's own finds.
+    errors = {
+        name: [row["error"] for row in found["by_plant"] if row["law"] == name and row["cap"] == "none"]
+        for name in ("surface", "tsm")
+    }
+    assert errors["surface"] == pytest.approx(errors["tsm"], rel=0.6)
+    # What is kept of a plant is what its gains give.
+    for row in found["by_plant"]:
+        if row["stable"] and row["cap"] in study.CAPS:
+            assert row["roughness"] > 0.0
+            assert min(error for error in row["errors"] if error is not None) == pytest.approx(
+                math.log(row["error"]), abs=0.02
+            )
+
+
+def branching(*given: Any) -> tuple[Any, ...]:
+    _, q, q_d, _, _, law = given
+    e = q_d - q
+    tau = law.K_p * e if e[0] > 0.0 else 2.0 * law.K_p * e
+    return tau, tau, e, e
+
+
+branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
+
+
+class Told:
+    """A law that asks for its plant."""
+
+    bounds = {"K_p": (1.0, 10.0)}  # noqa: RUF012
+
+    def setup(self, model: Any) -> None:
+        """Would be told."""
+
+    def __call__(self, *given: Any) -> None:
+        """Never called."""
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"plants": 0},
+        {"searches": 1},
+        {"given": {"branching": branching}},
+        {"given": {"told": Told()}},
+        {"given": {"boundless": lambda *_: None}},
+    ],
+)
+def test_what_it_refuses(tmp_path: Path, options: dict[str, Any]) -> None:
+    with pytest.raises(UsageError):
+        run(tmp_path / "tune", **options)
+    assert not any(tmp_path.iterdir())

@@ -1,0 +1,126 @@
+"""Laws that are the same law: each equivalence holds on the flexible arm, and knowledge helps every law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.physics.control import error_rate
+from tendonrepro.physics.dynamics import frictionless
+from tendonrepro.physics.instruments import Encoder
+from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.stepper import simulate
+from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
+from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step
+
+BY_NAME = {law.name: law for law in LAWS}
+M_BAR = [1e-3, 8e-4]
+NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
+LINEAR = {"M_bar": M_BAR, "K_d": [50.0], "K_p": [600.0]}
+NUMBERS = {
+    "pid": LINEAR,
+    "tdc": LINEAR,
+    "dob": LINEAR | {"estimate_filter": [0.5]},
+    "tsm": {"M_bar": M_BAR, "lam": [30.0], "beta": [20.0]},
+    "ntsm": NTSM,
+    "alpha_published": NTSM,
+    "alpha_extrapolating": NTSM,
+    "alpha_free": NTSM | {"alpha": [0.1, 0.3]},
+    "super_twisting": {"M_bar": [0.1, 0.08], "beta": [20.0], "k_1": [5.0], "k_2": [100.0]},
+}
+GOOD = {law: {name: np.array(value) for name, value in gains.items()} for law, gains in NUMBERS.items()}
+
+
+@cache
+def nominal() -> Plants:
+    """The box's middle, with ideal encoders."""
+    loaded = load_ensemble(None)
+    box = make_box(loaded.config)
+    plants = plants_of(loaded, box, box.nominal)
+    ideal = Encoder(0.0, 0.0)
+    return replace(plants, loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
+
+
+def errors(law: str, gains: Gains, knows: str = "none", *, filtered: bool = False) -> Array:
+    found = measure(nominal(), [Candidate(BY_NAME[law], knows, filtered, gains)])
+    assert found.stable[:, :2].all() or law == "super_twisting"
+    return found.mae[0, :2]
+
+
+def changed(step: Step) -> Gains:
+    """Gains of the target, by way of the cube in which it is searched."""
+    law = BY_NAME[step.target]
+    return law.values(law.unit(step.change(GOOD[step.source], nominal().alpha), 2), 2)
+
+
+EXACT = [step for step in STEPS if step.exact]
+NEAR = [step for step in STEPS if not step.exact and step.target != "super_twisting"]
+
+
+@pytest.mark.parametrize("step", EXACT, ids=lambda step: f"{step.source}-{step.target}")
+@pytest.mark.parametrize("filtered", [False, True])
+def test_a_special_case_gives_the_same_run(step: Step, filtered: bool) -> None:
+    general = errors(step.target, changed(step), "gravity", filtered=filtered)
+    assert np.allclose(
+        general, errors(step.source, GOOD[step.source], "gravity", filtered=filtered), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("step", NEAR, ids=lambda step: f"{step.source}-{step.target}")
+def test_a_near_equivalence_is_near(step: Step) -> None:
+    assert np.allclose(errors(step.target, changed(step)), errors(step.source, GOOD[step.source]), rtol=0.05)
+
+
+def test_without_the_change_of_gains_alpha_is_another_law() -> None:
+    ratio = errors("alpha_published", GOOD["ntsm"]) / errors("ntsm", GOOD["ntsm"])
+    assert (ratio > 1.0 + nominal().alpha).all()
+
+
+def test_every_law_keeps_its_gains_on_the_way_to_the_cube_and_back() -> None:
+    for name, gains in GOOD.items():
+        back = BY_NAME[name].values(BY_NAME[name].unit(gains, 2), 2)
+        assert all(np.allclose(back[gain], gains[gain], rtol=1e-12) for gain in gains)
+
+
+def test_pid_is_the_textbooks() -> None:
+    """An independent program: proportional, integral and derivative parts as they are taught."""
+    loop = loops_of(nominal(), Candidate(BY_NAME["pid"], "none", False, GOOD["pid"]))[0]
+    law = loop.controller.law
+    total = []
+
+    def pid(memory, q, q_d, dq_d, _, law):  # type: ignore[no-untyped-def]
+        if not total:
+            total.append(memory.tau[0])
+        error, rate = q_d - q, error_rate(memory, q, q_d, dq_d, law)
+        total.append(total[-1] + law.M_bar * law.K_p * error)
+        none = np.zeros_like(q)
+        return total[-1] + law.M_bar / law.L * (rate + law.K_d * error), none, none, rate
+
+    own = simulate(replace(loop, controller=TimeDelayController(law, pid)))
+    ours = simulate(loop)
+    size = np.abs(ours["e"]).max(axis=0)
+    assert (np.abs(own["e"] - ours["e"]).max(axis=0) < 0.03 * size).all()
+
+
+def test_super_twisting_on_lanes_is_the_function_itself() -> None:
+    candidate = Candidate(BY_NAME["super_twisting"], "gravity", True, GOOD["super_twisting"])
+    alone = simulate(loops_of(nominal(), candidate)[1])
+    assert np.allclose(np.abs(alone["e"]).mean(axis=0), measure(nominal(), [candidate]).mae[0, 1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("law", ["tdc", "dob", "alpha_free"])
+def test_what_is_known_need_not_be_estimated(law: str) -> None:
+    """Without dry friction and disturbance the model is all but the whole truth; tendons give a little."""
+    plants = nominal()
+    smooth = tuple(replace(loop, plant=frictionless(loop.plant)) for loop in plants.loops)
+    motions = smooth[0].reference, smooth[-1].reference
+    plants = replace(plants, loops=smooth, known=known_along(smooth[0].plant, motions))
+    found = measure(plants, [Candidate(BY_NAME[law], knows, False, GOOD[law]) for knows in CLASSES])
+    none, _, full = found.mae[:, 0].mean(axis=1)
+    assert full < 0.15 * none
