@@ -67,7 +67,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1_825,
     "configuration": 1_703,
-    "results": 2_209,
+    "results": 2_199,
     "experiments": 1_400,
     "analysis": 629,
     "evidence": 977,
