@@ -216,7 +216,6 @@ def animate(
     file: Path,
     *,
     run: str | None = None,
-    at: list[float] | None = None,
     speed: float = 1.0,
     out: Path | None = None,
     force: bool = False,
@@ -229,8 +228,6 @@ def animate(
         Trace file, or a results folder with one.
     run
         Run to show [default: the first].
-    at : SECONDS
-        A single picture as SVG, no film; repeatable.
     speed
         Seconds of the run in a second of film.
     out
@@ -240,7 +237,7 @@ def animate(
     """
     from tendonrepro.results.figures.animation import animate as make
 
-    found = make(file, terminal.talk, run=run, times=at or (), speed=speed, out=out, force=force)
+    found = make(file, terminal.talk, run=run, speed=speed, out=out, force=force)
     terminal.show(found, "\n".join(found["files"]))
 
 

@@ -96,10 +96,10 @@ class Draft:
             raise ConfigError(message, where=self.where(()))
         self.tree: dict[str, Any] = tree
         self.kind: Any = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
-        if self.kind not in KINDS or wanted not in (None, self.kind):
-            expected = wanted or f"one of {', '.join(KINDS)}"
-            hint = did_you_mean(self.kind, [wanted] if wanted else KINDS)
-            self.refuse(("experiment",), f"must be {expected}, found {describe(self.kind)}{hint}")
+        allowed = [wanted] if wanted else KINDS
+        if self.kind not in allowed:
+            found = f"found {describe(self.kind)}{did_you_mean(self.kind, allowed)}"
+            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, {found}")
         if self.kind in MODELS and BASE in tree:
             self._take_from_base(tree.pop(BASE))
         changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]

@@ -63,11 +63,6 @@ class Quantity(Model):
     unit: str
     source: Source
 
-    @property
-    def si_unit(self) -> str:
-        """Unit of `si`."""
-        return UNITS[self.unit].si
-
 
 def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
     """Every single number of a model with its place."""
@@ -239,5 +234,5 @@ class Physical:
 
 
 positive = partial(Physical, above=0.0)
-from_zero = partial(Physical, at_least=0.0)
+nonneg = partial(Physical, at_least=0.0)
 whole = partial(Physical, "1", whole=True)

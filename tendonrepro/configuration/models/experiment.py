@@ -8,16 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import ConfigDict, Field, StrictInt, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.quantity import (
-    Joints,
-    Moving,
-    Pair,
-    Physical,
-    Scalar,
-    from_zero,
-    positive,
-    whole,
-)
+from tendonrepro.configuration.fields.quantity import Joints, Moving, Pair, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -41,7 +32,7 @@ class StepDisturbance(Model):
 
     kind: Literal["step"]
     torque: Annotated[Moving, Physical("N m", "torque on each joint")]
-    start: Annotated[Scalar, from_zero("s", "time of the step")]
+    start: Annotated[Scalar, nonneg("s", "time of the step")]
 
 
 class SineDisturbance(Model):
@@ -56,9 +47,9 @@ class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Moving, from_zero("N m", "RMS torque on each joint")]
-    band: Annotated[Pair, from_zero("Hz", "lowest and highest frequency")]
-    components: Annotated[Scalar, whole("number of sines", at_least=1.0, at_most=100.0)]
+    torque: Annotated[Moving, nonneg("N m", "RMS torque on each joint")]
+    band: Annotated[Pair, nonneg("Hz", "lowest and highest frequency")]
+    components: Annotated[Scalar, Physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
 
 DisturbanceConfig: TypeAlias = Annotated[
@@ -109,7 +100,7 @@ class Experiment(Model):
     """moving joints: the last ones, in order"""
     posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
     sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
-    seed: Annotated[Scalar, whole("seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0)]
+    seed: Annotated[Scalar, nonneg("1", "seed of all random numbers", at_most=2.0**32 - 1.0, whole=True)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
     status: StatusLimits
@@ -125,7 +116,7 @@ class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
+    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
 
 
 class CompareConfig(Experiment):
@@ -141,7 +132,7 @@ class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
     stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
-    damping: Annotated[Moving, from_zero("N m s rad-1", "damping at the winch")]
+    damping: Annotated[Moving, nonneg("N m s rad-1", "damping at the winch")]
 
 
 class DecoupleRun(Model):
@@ -150,7 +141,7 @@ class DecoupleRun(Model):
     drives: Literal["joints", "motors"]
     """whether the reference is of joints, mapped by S_inv, or of the motors themselves"""
     reference: ReferenceConfig
-    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
+    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
 
 
 class DecoupleConfig(Experiment):
