@@ -1,6 +1,7 @@
 """Traces in other formats hold what the trace file holds; two results differ in what was changed alone."""
 
 from dataclasses import replace
+from shutil import copy
 
 import numpy as np
 import pandas as pd
