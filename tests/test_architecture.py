@@ -66,7 +66,7 @@ BUDGETS = {
     "ground": 222,
     "physics": 893,
     "simulation": 1_825,
-    "configuration": 1_703,
+    "configuration": 1_700,
     "results": 2_199,
     "experiments": 1_400,
     "analysis": 629,
