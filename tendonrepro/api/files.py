@@ -78,7 +78,7 @@ def animate(
     from tendonrepro.results.figures.animation import animate as make
 
     target = None if out is None else Path(out)
-    found = make(Path(file), Talk(), run=run, times=(), speed=speed, out=target, force=force)
+    found = make(Path(file), Talk(), run=run, speed=speed, out=target, force=force)
     return list(found["files"])
 
 

@@ -35,29 +35,25 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
         If a trace file cannot be read.
     """
     a, b = map(stored_traces, (first, second))
-    shared = [name for name in a.runs if name in b.runs]
+    shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
     found = {
         "config": list(_unequal(*(_leaves(load(file.config_yaml, "config_yaml").tree) for file in (a, b)))),
         "versions": list(_unequal(_versions(a), _versions(b))),
         "runs": list(_unequal(_statuses(a), _statuses(b))),
-        "metrics": [row for name in shared for row in _metrics(a.runs[name], b.runs[name])],
-        "traces": [row for name in shared for row in _traces(a.runs[name], b.runs[name])],
+        "metrics": [row for pair in shared for row in _metrics(*pair)],
+        "traces": [row for pair in shared for row in _traces(*pair)],
     }
-    return {
-        "schema_version": 1,
-        "first": str(first),
-        "second": str(second),
-        "same": not any(found.values()),
-    } | found
+    same = not any(found.values())
+    return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | found
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:
     """Values of a tree by dotted key; a list is one value."""
     if not isinstance(node, dict):
-        return {path: node}
+        return {path.removeprefix("."): node}
     found: dict[str, Any] = {}
     for key, part in node.items():
-        found |= _leaves(part, f"{path}.{key}" if path else str(key))
+        found |= _leaves(part, f"{path}.{key}")
     return found
 
 
@@ -88,22 +84,22 @@ def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
 
 
 def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
+    samples = min(len(first.time), len(second.time))
+    comparable = first.joint == second.joint and np.array_equal(first.time[:samples], second.time[:samples])
     for name in dict.fromkeys([*first.variables, *second.variables]):
         row = {"run": first.name, "variable": name}
         if not (name in first and name in second):
             yield row | {"only_in": "first" if name in first else "second"}
-            continue
-        samples = min(len(first.time), len(second.time))
-        if first.joint != second.joint or not np.array_equal(first.time[:samples], second.time[:samples]):
+        elif not comparable:
             yield row | {"other_times_or_joints": True}
-            continue
-        a, b = first[name][:samples], second[name][:samples]
-        apart = ~np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True).all(axis=1)
-        if apart.any():
-            largest = float(np.nanmax(np.abs(a - b)[apart], initial=0.0))
-            yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
-        if len(first.time) != len(second.time):
-            yield row | {"samples_first": len(first.time), "samples_second": len(second.time)}
+        else:
+            a, b = first[name][:samples], second[name][:samples]
+            apart = ~((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1)
+            if apart.any():
+                largest = float(np.nanmax(np.abs(a - b)[apart], initial=0.0))
+                yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
+            if len(first.time) != len(second.time):
+                yield row | {"samples_first": len(first.time), "samples_second": len(second.time)}
 
 
 def difference_text(found: Mapping[str, Any]) -> str:
@@ -112,8 +108,7 @@ def difference_text(found: Mapping[str, Any]) -> str:
         return "The two results have the same configuration, versions, metrics and traces."
     parts = []
     for kind in ("config", "versions", "runs", "metrics", "traces"):
-        rows = found[kind]
-        if rows:
+        if rows := found[kind]:
             more = f", of which {SHOWN} are shown; --json has all" if len(rows) > SHOWN else ""
             parts.append(Table(kind, f"{kind}: {len(rows)}{more}", rows[:SHOWN]).text())
     return "\n\n".join(parts)

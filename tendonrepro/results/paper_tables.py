@@ -62,16 +62,15 @@ COLUMNS: TableColumns = {
     "torque_peak_Nm": ("peak", "z.3f"),
     "torque_step_rms_Nm": ("RMS of step", "z.4f"),
     "torque_at_limit": ("Share at limit", "z.3f"),
+    "least_tension_N": ("Least tension (N)", "z.2f"),
+    "least_tension_at_s": ("at (s)", ".3f"),
+    "slack_s": ("Not pulling (s)", ".3f"),
     "change_percent": ("Change (%)", "z.1f"),
     "change_printed_percent": ("printed", "z.1f"),
     "status": ("Status", ""),
     "errors": ("Error", ""),
     "order": ("Controllers, smallest first", ""),
     "as_published": ("Order 1, 2, 3 of the paper", ""),
-    "tendon": ("Tendon", ""),
-    "least_tension_N": ("Least tension (N)", "z.2f"),
-    "least_tension_at_s": ("at (s)", ".3f"),
-    "slack_s": ("Not pulling (s)", ".3f"),
     "statuses": ("Status without / with", ""),
     "quantity": ("Quantity", ""),
     "printed_as": ("Printed as", ""),
@@ -120,10 +119,11 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         ``least_N``, ``at_s``, ``slack_s`` of each joint's tendon; ``torque`` run -> `torque_sizes`, in N m.
         Runs that are missing leave their keys out.
     """
+    motors = list(motor_rows(file))
     both = {
         "status": {name: trace.status for name, trace in file.runs.items()},
-        "tension": _pivot(tension_rows(file), "run", _TENSIONS),
-        "torque": _pivot(torque_rows(file), "run", _TORQUES),
+        "tension": _pivot((row for row in motors if "slack_s" in row), "run", _TENSIONS),
+        "torque": _pivot((row for row in motors if "torque_rms_Nm" in row), "run", _TORQUES),
     }
     if file.experiment == "decouple":
         plant = file.plant.values
@@ -227,9 +227,10 @@ def _whole_runs(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 2 per run and joint, runs with a payload left out, with sizes of the torque."""
-    torque = {(row["run"], row["joint"]): row for row in torque_rows(file)}
+    motors = {(row["run"], row["joint"]): row for row in motor_rows(file)}
     for row in _whole_runs(file, compared_runs(file)):
-        yield row | torque.get((row["run"], row["joint"]), {})
+        found = motors.get((row["run"], row["joint"]), {})
+        yield row | {name: found[name] for name in _TORQUES.values() if name in found}
 
 
 def window_rows(file: TraceFile, runs: Mapping[str, Trace] | None = None) -> Iterator[TableRow]:
@@ -328,18 +329,10 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
             yield row
 
 
-def tension_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``run``, ``tendon``, ``status`` and `tension_sizes`, of runs whose torque is known."""
+def motor_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Yield ``run``, ``joint``, ``status``, `torque_sizes` and `tension_sizes` of runs that have any."""
     for name, trace in file.runs.items():
-        if sizes := tension_sizes(file, trace):
-            for row in _by_joint(trace, sizes):
-                yield {"run": name, "tendon": row.pop("joint")} | row
-
-
-def torque_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``run``, ``joint``, ``status`` and `torque_sizes`, of runs whose torque is known."""
-    for name, trace in file.runs.items():
-        if sizes := torque_sizes(file, trace):
+        if sizes := torque_sizes(file, trace) | tension_sizes(file, trace):
             for row in _by_joint(trace, sizes):
                 yield {"run": name} | row
 
@@ -358,8 +351,7 @@ def _status(trace: Trace) -> str:
 
 
 _PLAUSIBLE = "; plausible: central 90 % of the stable plants"
-_TORQUE_CAPTION = "Torque of the motors along the runs, in joint coordinates"
-_TENSION_CAPTION = "Tension of the tendons along the runs"
+_MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
 
 _TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]] = {
     "table1": ("decouple", coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
@@ -368,8 +360,7 @@ _TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]
         decoupling_rows,
         "Calculated minus measured joint angles, Figs 10 to 12",
     ),
-    "decoupling_torque": ("decouple", torque_rows, _TORQUE_CAPTION),
-    "decoupling_tension": ("decouple", tension_rows, _TENSION_CAPTION),
+    "decoupling_torque": ("decouple", motor_rows, _MOTORS),
     "table2": ("compare", controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
     "table2_paper": ("compare", paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
     "table2_windows": ("compare", window_rows, "Table 2 over other windows"),
@@ -381,8 +372,7 @@ _TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]
     "table3_paper": ("compare", paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
     "table3_change": ("compare", change_rows, "Change of the tracking errors with the payload, section 5.4"),
     "ranking": ("compare", ranking_rows, "Controllers by size of error"),
-    "torque": ("compare", torque_rows, _TORQUE_CAPTION),
-    "tension": ("compare", tension_rows, _TENSION_CAPTION),
+    "torque": ("compare", motor_rows, _MOTORS),
 }
 
 _IN_THE_TERMINAL = {"table1", "table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}

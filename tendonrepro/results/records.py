@@ -81,11 +81,8 @@ class Trace:
             message = f"run {self.name!r} has no samples or no joints: shape {shape}"
             raise ValueError(message)
         for name, value in self.variables.items():
-            if name not in VARIABLES:
-                message = f"run {self.name!r}: unknown variable {name!r}"
-                raise ValueError(message)
-            if value.shape != shape:
-                message = f"run {self.name!r}: variable {name!r} has shape {value.shape}, expected {shape}"
+            if name not in VARIABLES or value.shape != shape:
+                message = f"run {self.name!r}: variable {name!r} of shape {value.shape}, expected {shape}"
                 raise ValueError(message)
 
     def __getitem__(self, name: str) -> Array:
@@ -164,19 +161,14 @@ class PlantRecord:
         DataMissingError
             When the record does not hold the matrix, or not for these joints.
         """
-        if name not in self.values:
-            message = f"the plant record holds no {name!r}"
+        block = self.values[name].value if name in self.values else np.zeros((0, 0))
+        if len(block) == len(joint):
+            return block
+        if max(joint) > len(block):
+            message = f"the plant record holds {name!r} for {len(block)} joints, not for joint {max(joint)}"
             raise DataMissingError(message)
-        block = self.values[name].value
-        if len(block) != len(joint):
-            if max(joint) > len(block):
-                message = (
-                    f"the plant record holds {name!r} for {len(block)} joints, not for joint {max(joint)}"
-                )
-                raise DataMissingError(message)
-            index = np.array(joint) - 1
-            block = block[np.ix_(index, index)]
-        return block
+        index = np.array(joint) - 1
+        return np.asarray(block[np.ix_(index, index)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,8 +98,6 @@ def _paths(plant: PlantRecord, joints: Array, angle: Array) -> list[TendonPath]:
 def _tension(file: TraceFile, trace: Trace, n: int) -> Array:
     """Joints that are held leave the tensions of their tendons open."""
     tension = np.full((len(trace.time), n + 1), np.nan)
-    found = tensions(file, trace)
-    if found is not None:
-        tension[:, np.array(trace.joint) - 1] = found
-        tension[:, -1] = file.plant.values["tensioner_force"].value
+    tension[:, np.array(trace.joint) - 1] = tensions(file, trace)
+    tension[:, -1] = file.plant.values["tensioner_force"].value
     return tension

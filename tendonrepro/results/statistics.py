@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import mae, max_abs, mean, periodogram, rmse
+from tendonrepro.physics.metrics import mae, max_abs, mean, rmse
 from tendonrepro.results.records import Trace
 from tendonrepro.simulation.streaming import (
     AT_LIMIT,
@@ -33,9 +33,7 @@ Rates = tuple[Array, Array]
 assert VARIABLES.keys() == SIGNALS.keys()
 
 
-def statistics(
-    trace: Trace, rates: Rates | None = None, ringing_frequency: float = np.nan
-) -> dict[str, Array]:
+def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
     """Statistics that the signals of a run allow, SI, (n,) each; NaN where a phase has no sample.
 
     Parameters
@@ -43,8 +41,6 @@ def statistics(
     trace : Trace
     rates : tuple of array (T, n), optional
         Desired velocity and acceleration, if they are not those of the run. Without any there are no phases.
-    ringing_frequency : float
-        Hz; above it lies the ``fast_share`` of the error's power.
 
     Returns
     -------
@@ -58,7 +54,7 @@ def statistics(
     newest = float(phases.newest)
     found: dict[str, Array] = {}
     if "e" in trace:
-        found |= _of_the_error(trace["e"], rates, phases, L, ringing_frequency)
+        found |= _of_the_error(trace["e"], rates, phases)
     for name in ("s", "epsilon"):
         if name in trace:
             # The estimation error of a sample is known one sample later.
@@ -97,18 +93,13 @@ def error_sizes(e: Array) -> dict[str, Array]:
     return {"mae": mae(e), "rmse": rmse(e), "max": max_abs(e)}
 
 
-def _of_the_error(
-    e: Array, rates: Rates | None, phases: Thresholds, L: float, ringing_frequency: float
-) -> dict[str, Array]:
+def _of_the_error(e: Array, rates: Rates | None, phases: Thresholds) -> dict[str, Array]:
     size = error_sizes(e)
     found = {"mae": size["mae"], "rmse": size["rmse"], "max_error": size["max"]}
     if rates is not None:
         rapid = np.abs(rates[1]) > phases.acceleration
         found |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
         found["overshoot"] = _overshoot(e, rates[0], phases.speed / MOVING)
-    if np.isfinite(ringing_frequency) and len(e) > 1 and np.isfinite(e).all():
-        frequency, power = periodogram(e, L)
-        found["fast_share"] = power[frequency > ringing_frequency].sum(axis=0) / power.sum(axis=0)
     return found
 
 

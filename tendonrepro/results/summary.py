@@ -75,13 +75,13 @@ def decoupling_errors(trace: Trace) -> Sizes:
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
 
 
-def tensions(file: TraceFile, trace: Trace) -> Array | None:
-    """Tension of each moving joint's tendon along a run, N, (T, n); None where torque or routing is unknown.
+def tensions(file: TraceFile, trace: Trace) -> Array:
+    """Tension of each moving joint's tendon along a run, N, (T, n); NaN where torque or routing is unknown.
 
     The compliance torque holds what tendon 4 adds, so nothing else is needed; ends where a run does.
     """
     if "tau_s" not in trace or not {"S", "winch_diameter"} <= file.plant.values.keys():
-        return None
+        return np.full((len(trace.time), len(trace.joint)), np.nan)
     S = file.plant.matrix("S", trace.joint)
     winch = file.plant.values["winch_diameter"].value[np.array(trace.joint) - 1]
     return tendon_tension(trace["tau_s"].T, S, winch).T
@@ -96,8 +96,8 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
         By column of a table, each an array (n,); without keys where tensions are unknown.
     """
     found = tensions(file, trace)
-    kept = None if found is None else np.isfinite(found).all(axis=1)
-    if found is None or kept is None or not kept.any():
+    kept = np.isfinite(found).all(axis=1)
+    if not kept.any():
         return {}
     time, tension = trace.time[kept], found[kept]
     return {
@@ -143,11 +143,14 @@ def compared_runs(file: TraceFile) -> dict[str, Trace]:
     return {name: trace for name, trace in file.runs.items() if not name.endswith(PAYLOAD)}
 
 
+def is_user_law(trace: Trace) -> bool:
+    """Whether a run is of a law that the user wrote."""
+    return str(trace.attributes["law"]).startswith(USER_LAW)
+
+
 def run_title(trace: Trace) -> str:
     """Name of a run for a reader; a user's law keeps the user's."""
-    if trace.attributes["law"].startswith(USER_LAW):
-        return trace.name
-    return trace.name.replace("_", " ").capitalize()
+    return trace.name if is_user_law(trace) else trace.name.replace("_", " ").capitalize()
 
 
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
@@ -157,19 +160,14 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     both orders. Of another experiment than the paper's ``agrees`` is None.
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
+    runs = known + [trace for trace in file.runs.values() if is_user_law(trace) and PAYLOAD not in trace.name]
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
-    others = [trace for name, trace in compared_runs(file).items() if name not in CONTROLLERS]
-    runs = known + [trace for trace in others if trace.attributes["law"].startswith(USER_LAW)]
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
         sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
-        sizes[np.isnan(sizes)] = np.inf
-        for joint, column in zip(runs[0].joint, sizes.T, strict=True):
+        for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
-            agrees = (
-                all(bool(better < worse) for better, worse in pairwise(column[: len(known)]))
-                if papers
-                else None
-            )
+            rising = all(bool(better < worse) for better, worse in pairwise(column[: len(known)]))
+            agrees = rising if papers else None
             result.setdefault(f"joint_{joint}", {})[metric] = {"order": order, "agrees": agrees}
     return result

@@ -141,16 +141,6 @@ class Table:
         return [held[name][0] for name in kept], cells, [_is_numeric(self.rows, name) for name in kept]
 
 
-def csv_text(rows: TableRows, columns: TableColumns | None = None) -> str:
-    """Rows as csv; see `Table.csv`."""
-    return Table("", "", rows, columns).csv()
-
-
-def markdown(rows: TableRows, caption: str, columns: TableColumns | None = None) -> str:
-    """Rows as Markdown; see `Table.md`."""
-    return Table("", caption, rows, columns).md()
-
-
 def _is_numeric(rows: TableRows, name: str) -> bool:
     """Whether a column holds numbers and nothing else."""
     held = [row[name] for row in rows if row.get(name) is not None]

@@ -81,13 +81,10 @@ def dataset_of(trace: Trace) -> xr.Dataset:
 
 
 def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, value in attributes.items():
-        if name in _NESTED:
-            found |= {_NESTED[name] + key: entry for key, entry in value.items()}
-        else:
-            found[name] = value
-    return found
+    plain = {name: value for name, value in attributes.items() if name not in _NESTED}
+    for name, prefix in _NESTED.items():
+        plain |= {prefix + key: value for key, value in attributes.get(name, {}).items()}
+    return plain
 
 
 def _plant_dataset(plant: PlantRecord, moving: tuple[int, ...]) -> xr.Dataset:
@@ -157,19 +154,15 @@ def _trace_of(name: str, node: Any) -> Trace:
 
 
 def _attributes_of(node: Any) -> dict[str, Any]:
-    attributes: dict[str, Any] = {name: {} for name in _NESTED}
-    for key, stored in node.attrs.items():
-        # NumPy's scalars and arrays become the plain numbers and lists they were written from.
-        value = stored.tolist() if isinstance(stored, np.generic | np.ndarray) else stored
-        nested = next((name for name, prefix in _NESTED.items() if key.startswith(prefix)), None)
-        if nested == "gains":
-            # A netCDF attribute of one number is that number.
-            value = np.atleast_1d(stored).tolist()
-        if nested:
-            attributes[nested][key.removeprefix(_NESTED[nested])] = value
-        else:
-            attributes[key] = value
-    return attributes
+    # NumPy's scalars and arrays become the plain numbers and lists they were written from.
+    plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in node.attrs.items()}
+    nested = {
+        name: {key.removeprefix(prefix): plain.pop(key) for key in [*plain] if key.startswith(prefix)}
+        for name, prefix in _NESTED.items()
+    }
+    # A netCDF attribute of one number is that number.
+    nested["gains"] = {name: np.atleast_1d(value).tolist() for name, value in nested["gains"].items()}
+    return plain | nested
 
 
 def _plant_of(node: Any) -> PlantRecord:

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 from PIL import Image
-from support.command import answer
 from support.oracles import TABLE_1, path_length, winch_angles
 from support.synthetic import make_compare_file, make_decouple_file
 
@@ -88,9 +87,7 @@ def stored(tmp_path_factory):
 @pytest.mark.parametrize(
     ("options", "key"),
     [
-        ({"times": [20.0]}, "--at"),
         ({"out": "film.png"}, "--out"),
-        ({"times": [1.0], "out": "picture.gif"}, "--out"),
         ({"speed": 0.0}, "--speed"),
         ({"speed": float("nan")}, "--speed"),
         ({"speed": 1.0 / MOST_PICTURES}, "--speed"),
@@ -141,11 +138,3 @@ def test_a_film_moves_and_is_made_again_byte_by_byte(stored):
     still, high, back = (np.asarray(pictures[place], int)[20:, :350] for place in (0, 1, 2))
     assert (abs(high - still) > 60).mean() > 2e-3
     assert (abs(back - still) > 60).mean() < 1e-3
-
-
-def test_pictures_by_command_have_their_times_in_their_names(tmp_path):
-    write_traces(tmp_path / "traces.h5", decouple_file())
-    names = ["decouple_1s.svg", "decouple_2.5s.svg"]
-    assert answer("animate", ".", "--at", "1", "--at", "2.5", cwd=tmp_path)["files"] == names
-    for name, time in zip(names, ("1.00", "2.50"), strict=True):
-        assert f"t = {time} s" in (tmp_path / name).read_text()

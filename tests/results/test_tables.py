@@ -15,7 +15,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.experiments.report import outcome_of
 from tendonrepro.files import shipped
-from tendonrepro.results.paper import base_of_paper, of_paper
+from tendonrepro.results.paper import base_of_paper
 from tendonrepro.results.paper_tables import (
     COLUMNS,
     TableRow,
@@ -214,22 +214,6 @@ def test_table_of_the_decoupling_experiment() -> None:
     assert frame_of(decoupling_rows, dataclasses.replace(file, runs={})).empty
 
 
-class TestFiles:
-    @pytest.mark.parametrize(
-        ("file", "absent"),
-        [
-            (make_decouple_file(), {"table2", "table3"}),
-            (make_compare_file(runs=["controller_2"]), {"table1", "table3", "table3_change", "ranking"}),
-        ],
-    )
-    def test_tables_without_rows_are_not_written(
-        self, tmp_path: Path, file: TraceFile, absent: set[str]
-    ) -> None:
-        stems = {path.stem for path in write_tables(file, tmp_path)}
-        assert stems
-        assert not stems & absent
-
-
 ODD = [{"Name": "a-b|c", "x_1": -1.5}, {"Name": "~^\\", "x_1": None}]
 HEADINGS = {"Name": ("Name", ""), "x_1": ("x_1", ".1f")}
 
@@ -275,13 +259,6 @@ class TestTypesetting:
             "| 1.235 | yes | -- |",
             "| -- | -- | 1, 2 |",
         ]
-
-
-def test_no_printed_number_stands_beside_another_law() -> None:
-    file = make_compare_file()
-    trace = file.runs["controller_1"]
-    assert of_paper(file, trace)
-    assert not of_paper(file, dataclasses.replace(trace, attributes={**trace.attributes, "law": "tdc"}))
 
 
 class TestData:

@@ -1,15 +1,15 @@
-"""The arm in motion: a film of a stored run, or pictures of it at some times."""
+"""The arm in motion: a film of a stored run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
@@ -42,7 +42,6 @@ def animate(
     talk: Talk,
     *,
     run: str | None = None,
-    times: Sequence[float] = (),
     speed: float = 1.0,
     out: Path | None = None,
     force: bool = False,
@@ -56,15 +55,12 @@ def animate(
     talk : Talk
     run : str, optional
         Name of a run; the first one if not given.
-    times : sequence of float
-        Single pictures at these times, s, as SVG, instead of a film.
     speed : float
         Seconds of the run in one second of the film.
     out : Path, optional
-        File to write, else beside the traces, with the name of the run. Of several pictures each has its
-        time in its name.
+        File to write, else beside the traces, with the name of the run.
     force : bool
-        Overwrite files that are there.
+        Overwrite a file that is there.
 
     Returns
     -------
@@ -74,73 +70,42 @@ def animate(
     Raises
     ------
     UsageError
-        For options that do not fit each other or the run, and a file that is there.
+        For options that do not fit the run, and a file that is there.
     DataMissingError
         If the traces cannot be read or do not say where the tendons go.
     """
     file = stored_traces(source)
     scene = scene_of(file, run)
-    name, suffix = scene.trace.name, ".svg" if times else ".gif"
-    target = out or (source if source.is_dir() else source.parent) / f"{name}{suffix}"
-    if target.suffix != suffix:
-        what = "a single picture" if times else "a film"
-        message = f"{what} ends in {suffix}, found {target.name!r}"
+    name = scene.trace.name
+    target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
+    if target.suffix != ".gif":
+        message = f"a film ends in .gif, found {target.name!r}"
         raise UsageError(message, where="--out")
-    wanted = np.unique(times) if times else _film_times(scene, speed)
-    targets = [target]
-    if times and len(wanted) > 1:
-        targets = [target.with_stem(f"{target.stem}_{time:g}s") for time in wanted]
-    for path in targets:
-        refuse_existing(path, force=force)
-    places = _places(scene, wanted)
-    with journal_style():
+    refuse_existing(target, force=force)
+    places = _places(scene.trace.time, speed)
+    film = []
+    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
         figure, show = draw_scene(scene, origin_of(file))
-        if times:
-            for path, place in zip(targets, places, strict=True):
-                show(place)
-                with atomic_path(path) as temporary:
-                    figure.savefig(temporary, metadata={"Title": name, "Date": None})
-        else:
-            with talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as temporary:
-                film = FuncAnimation(figure, show, places)
-                writer = _Stamped(origin_of(file))
-                film.save(temporary, writer, dpi=_DPI, progress_callback=lambda *_: advance(1))
-    return {"schema_version": 1, "files": list(map(str, targets)), "run": name, "pictures": len(places)}
+        figure.set_dpi(_DPI)
+        canvas: Any = FigureCanvasAgg(figure)
+        for place in places:
+            show(place)
+            canvas.draw()
+            film.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
+            advance(1)
+    look = {"save_all": True, "append_images": film[1:], "duration": 1000 // RATE, "loop": 0}
+    with atomic_path(target) as temporary:
+        film[0].save(temporary, "GIF", comment=origin_of(file).encode(), **look)
+    return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
 
 
-class _Stamped(PillowWriter):
-    """Writes a film whose comment says which configuration made it."""
-
-    def __init__(self, stamp: str) -> None:
-        super().__init__(RATE)
-        self._stamp = stamp.encode()
-
-    def finish(self) -> None:
-        """Write the file."""
-        pictures: list[Image.Image] = self._frames  # type: ignore[attr-defined]
-        pictures[0].info["comment"] = self._stamp
-        super().finish()
-
-
-def _film_times(scene: Scene, speed: float) -> Array:
-    if not 0.0 < speed < np.inf:
-        message = f"must be above zero, found {speed:g}"
+def _places(time: Array, speed: float) -> list[int]:
+    """Samples nearest to the times of the pictures."""
+    count = (time[-1] - time[0]) / speed * RATE if speed > 0.0 else np.inf
+    if not count <= MOST_PICTURES:
+        message = f"must be above zero and leave at most {MOST_PICTURES} pictures, found {speed:g}"
         raise UsageError(message, where="--speed")
-    first, last = scene.trace.time[[0, -1]]
-    count = (last - first) / speed * RATE
-    if count > MOST_PICTURES:
-        message = f"the film would have {count:.3g} pictures, more than {MOST_PICTURES}"
-        raise UsageError(message, where="--speed")
-    return np.asarray(first + np.arange(int(count) + 1) * speed / RATE)
-
-
-def _places(scene: Scene, times: Array) -> list[int]:
-    """Nearest sample to each time."""
-    time = scene.trace.time
-    outside = times[(times < time[0]) | (times > time[-1] + 1e-9)]
-    if len(outside):
-        message = f"the run {scene.trace.name} goes from {time[0]:g} to {time[-1]:g} s, found {outside[0]:g}"
-        raise UsageError(message, where="--at")
+    times = time[0] + np.arange(int(count) + 1) * speed / RATE
     return [int(np.abs(time - one).argmin()) for one in times]
 
 
@@ -207,9 +172,8 @@ def _draw_curves(axes: Axes, scene: Scene, name: str) -> Any:
     trace = scene.trace
     axes.set_ylabel("Joint angle (deg)" if name == "q_encoder" else "Tracking error (deg)")
     for place, joint in enumerate(trace.joint):
-        stroke = stroke_of(joint)
         x, y = thin(trace.time, np.rad2deg(trace[name][:, place]))
-        axes.plot(x, y, color=stroke.colour, linestyle=stroke.linestyle, label=f"Joint {joint}")
+        axes.plot(x, y, **stroke_of(joint).line, label=f"Joint {joint}")
     if name == "q_encoder":
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     else:

@@ -17,7 +17,7 @@ from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import identifier_of, plausible_beside, printed_beside
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, USER_LAW, run_title, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, is_user_law, run_title, tracking_errors
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -224,11 +224,8 @@ def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
     rows |= {"paper": [], "plausible": []}
     for run in runs:
         trace = run.trace
-        if trace.name not in {*CONTROLLERS, *LOADS.values()} and not trace.attributes["law"].startswith(
-            USER_LAW
-        ):
-            continue
-        if run.holds("e", joint):
+        told = trace.name in _OF_THE_PAPER or is_user_law(trace)
+        if told and run.holds("e", joint):
             column, identifier = trace.joint.index(joint), f"{identifier_of(trace)}.mae"
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
             ours = tracking_errors(trace)["whole"]["mae"][column]

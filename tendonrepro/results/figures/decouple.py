@@ -28,12 +28,9 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
     canvas = Canvas(COLUMN_MM, 150.0, labels, apart=("Position (m)",))
     for joint in trace.joint:
         label, stroke = f"Motor/joint {joint}", stroke_of(joint)
-        canvas.curve(
-            "a", f"Motor {joint}", trace.time, _degrees(trace, "q_motor_encoder", joint), stroke, label=label
-        )
-        canvas.curve(
-            "b", f"Joint {joint}", trace.time, _degrees(trace, "q_encoder", joint), stroke, label=label
-        )
+        for letter, what, angle in (("a", "Motor", "q_motor_encoder"), ("b", "Joint", "q_encoder")):
+            values = _degrees(trace, angle, joint)
+            canvas.curve(letter, f"{what} {joint}", trace.time, values, stroke, label=label)
     S = file.plant.matrix("S", (1, 2))
     first, second = (_degrees(trace, "q_encoder", joint) for joint in (1, 2))
     first, second = first - first[0], second - second[0]

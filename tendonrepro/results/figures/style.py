@@ -161,39 +161,29 @@ def title_of(name: str) -> str:
 
 
 def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
-    """Write a figure that brings its name and caption, as :func:`save_figure` does."""
-    with journal_style():
-        if origin or drawn.origin:
-            imprint(drawn.figure, origin or drawn.origin)
-        settle(drawn.figure)
-    return save_figure(drawn.figure, folder, drawn.stem, title_of(drawn.stem), drawn.caption)
-
-
-def save_figure(
-    figure: Figure, folder: Path, stem: str, title: str, caption: str, origin: str = ""
-) -> list[Path]:
     """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
 
-    The origin, where it is given, is printed below the panels; of a settled figure :func:`imprint` has to
-    do that before.
+    An origin is printed below the panels, unless the figure is laid out already.
 
     Raises
     ------
     TendonreproError
         When a file cannot be written.
     """
+    title, caption = title_of(drawn.stem), drawn.caption
     metadata: dict[str, dict[str, Any]] = {
         "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
         "svg": {"Title": title, "Description": caption, "Date": None},
         "png": {"Title": title, "Description": caption},
     }
-    paths = [folder / f"{stem}.{suffix}" for suffix in metadata]
+    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
     with journal_style():
-        if origin:
-            imprint(figure, origin)
+        if origin or drawn.origin:
+            imprint(drawn.figure, origin or drawn.origin)
+        settle(drawn.figure)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             # Made in memory: the writer of PDF does not survive a full disk.
             image = BytesIO()
-            figure.savefig(image, format=suffix, metadata=entries)
+            drawn.figure.savefig(image, format=suffix, metadata=entries)
             write_atomically(path, image.getvalue())
     return paths
