@@ -31,13 +31,13 @@ INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
 
 EPILOG = (
-    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the print "
+    "Exit codes: 0 done, 1 error, 2 usage or configuration, 3 a verdict is against the paper "
     "(claims --check), 4 data missing or not reachable, 5 a run diverged, 130 interrupted."
 )
 
 HELP = """Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling and α-TDE-NTSM control.
 
-Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper prints."""
+Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper says."""
 
 
 class ByPanel(TyperGroup):
@@ -139,7 +139,7 @@ def compare(
     Parameters
     ----------
     law : FILE:NAME
-        Run a law of your own too; repeatable. FILE is executed.
+        Run your own controller too; repeatable. FILE is executed.
     solver
         SciPy, or the one of ensembles.
     """

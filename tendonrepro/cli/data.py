@@ -109,7 +109,7 @@ def ingest(
 
 @command(data_app, "tendonrepro validate data/measured.h5")
 def validate(request: Request, terminal: Terminal, measured: Path = Path("data/measured.h5")) -> int:
-    """Compare measured data with the print and with the model.
+    """Compare measured data with the paper and with the model.
 
     Parameters
     ----------

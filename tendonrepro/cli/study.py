@@ -39,7 +39,7 @@ def ensemble(
     dask: str | None = None,
     readings: str = "default",
 ) -> None:
-    """Many plausible plants under many readings of the text.
+    """Many plausible plants under many interpretations of the paper.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def identify(
     seeds: int = 3,
     jobs: int = -1,
 ) -> None:
-    """Plants and readings closest to the printed numbers.
+    """Plants and interpretations closest to the published numbers.
 
     An interrupted search goes on.
 
@@ -87,7 +87,7 @@ def identify(
     population
         Members of each seed.
     seeds
-        Independent searches of a reading.
+        Independent searches of an interpretation.
     jobs
         Processors; -1 is all.
     """
@@ -109,7 +109,7 @@ def identify(
 
 @command(study_app, "tendonrepro predict --readings printed,Delta_unit=deg")
 def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings: str | None = None) -> None:
-    """What experiments on a bench would give under each reading.
+    """What experiments on a bench would give, by interpretation.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def tune(
     jobs: int = -1,
     dask: str | None = None,
 ) -> None:
-    """Controllers at their best: each law tuned, then compared.
+    """Controllers at their best: each one tuned, then compared.
 
     An interrupted tuning goes on.
 
@@ -152,7 +152,7 @@ def tune(
     population
         Members of a generation.
     law : FILE:NAME
-        Tune a law of your own too; repeatable. FILE is executed.
+        Tune your own controller too; repeatable. FILE is executed.
     any_plant
         Also plants on which the published gains are unstable.
     jobs
@@ -221,7 +221,7 @@ def claims(
     all: bool = False,
     force: bool = False,
 ) -> int:
-    """The verdict on every printed number and claim.
+    """The verdict on every published number and claim.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def claims(
     out
         Folder above the results.
     check
-        Leave with exit code 3 where a verdict is against the print.
+        Leave with exit code 3 where a verdict is against the paper.
     baseline
         Earlier claims.json: only changes count for --check.
     measured
@@ -238,7 +238,7 @@ def claims(
     all
         Show all verdicts, not the ten main ones alone.
     force
-        Overwrite a ledger that was edited, or is another's.
+        Overwrite verdicts that were edited, or are another's.
     """
     from tendonrepro.verdicts.command import run_claims
 

@@ -74,8 +74,15 @@ class EnsembleConfig(Model):
         for i, name in enumerate(self.variations):
             if name not in known:
                 yield ("variations", i), f"must be one of {', '.join(known)}, found {name!r}"
-        cycles = _longest_cycles(self.box)
-        kind = max(self.box.motion.choices, key=lambda kind: cycles[kind])
+        # Strokes last longest at low speed and large amplitude.
+        box = self.box
+        _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
+        cycles = dict.fromkeys(MOTIONS, box.period.highest) | {
+            "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
+            "trapezoidal": 2.0 * (stroke + box.hold.highest),
+            "fast_sine": FAST_PERIOD,
+        }
+        kind = max(box.motion.choices, key=lambda kind: cycles[kind])
         longest = max(2.0 * cycles[kind], self.shortest_run.si + cycles[kind])
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
@@ -149,13 +156,3 @@ def load_ensemble(
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.source.origin,
     )
-
-
-def _longest_cycles(box: BoxConfig) -> dict[str, float]:
-    """Longest period of each kind of motion, s; strokes last longest at low speed and large amplitude."""
-    _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
-    return dict.fromkeys(MOTIONS, box.period.highest) | {
-        "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
-        "trapezoidal": 2.0 * (stroke + box.hold.highest),
-        "fast_sine": FAST_PERIOD,
-    }

@@ -9,15 +9,7 @@ from pydantic import TypeAdapter
 
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.fields.strict_yaml import dump, load
-from tendonrepro.configuration.load import (
-    MANIPULATOR,
-    CompareConfig,
-    DecoupleConfig,
-    Draft,
-    LoadedConfig,
-    find_source,
-    load_config,
-)
+from tendonrepro.configuration.load import MANIPULATOR, MODELS, Draft, LoadedConfig, find_source, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.errors import UsageError
 
@@ -56,13 +48,12 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
     UsageError
         When there is no such kind.
     """
-    models = {"compare": CompareConfig, "decouple": DecoupleConfig, "ensemble": EnsembleConfig}
-    models |= {MANIPULATOR: Manipulator}
+    models: dict[Any, Any] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
     if kind is not None and kind not in models:
-        raise UsageError(f"no schema {kind!r}; there are {', '.join(models)}")
-    model: Any = CompareConfig | DecoupleConfig | EnsembleConfig | Manipulator
+        raise UsageError(f"no schema {kind!r}; there are {', '.join(map(str, models))}")
+    models[None] = MODELS["compare"] | MODELS["decouple"] | EnsembleConfig | Manipulator
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **TypeAdapter(model if kind is None else models[kind]).json_schema(),
-        "title": "tendonrepro configuration" if kind is None else f"tendonrepro configuration: {kind}",
+        **TypeAdapter(models[kind]).json_schema(),
+        "title": f"tendonrepro configuration: {kind}" if kind else "tendonrepro configuration",
     }

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from tendonrepro.configuration.fields.model import Model, describe
 from tendonrepro.configuration.fields.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
 from tendonrepro.configuration.messages import did_you_mean, explain
-from tendonrepro.configuration.models.experiment import CompareConfig, DecoupleConfig, references_of
+from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, apply_overrides, parse_override
 from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
@@ -28,7 +28,6 @@ from tendonrepro.files import sha256_of
 
 __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "LoadedConfig", "load_config"]
 
-Config: TypeAlias = CompareConfig | DecoupleConfig
 ExperimentName: TypeAlias = Literal["compare", "decouple"]
 
 BASE = "base"
@@ -36,7 +35,7 @@ MANIPULATOR = "manipulator"
 KINDS = ("compare", "decouple", "ensemble", MANIPULATOR)
 """What a configuration can be for; a manipulator is one that is only that."""
 _M = TypeVar("_M", bound=Model)
-_MODELS: Mapping[object, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
+MODELS: Mapping[str, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
 
 
 @dataclass(frozen=True)
@@ -96,12 +95,12 @@ class Draft:
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
             raise ConfigError(message, where=self.where(()))
         self.tree: dict[str, Any] = tree
-        self.kind = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
-        if self.kind not in KINDS or wanted not in (None, self.kind):
-            expected = wanted or f"one of {', '.join(KINDS)}"
-            hint = did_you_mean(self.kind, [wanted] if wanted else KINDS)
-            self.refuse(("experiment",), f"must be {expected}, found {describe(self.kind)}{hint}")
-        if self.kind in _MODELS and BASE in tree:
+        self.kind: Any = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
+        allowed = [wanted] if wanted else KINDS
+        if self.kind not in allowed:
+            found = f"found {describe(self.kind)}{did_you_mean(self.kind, allowed)}"
+            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, {found}")
+        if self.kind in MODELS and BASE in tree:
             self._take_from_base(tree.pop(BASE))
         changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]
         naming = [change for change in changes if change.path == (MANIPULATOR,)]
@@ -238,7 +237,7 @@ def load_config(
     """
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
     draft = Draft(source, experiment, recorded)
-    config = draft.validate(_MODELS[draft.kind])
+    config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
         config = _only(config, draft.tree, controllers)
         recorded.append(f"controllers={','.join(map(str, controllers))}")
@@ -272,9 +271,8 @@ def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> Compa
         raise UsageError(message, where="--controllers")
     wanted = {f"controller_{number}" for number in numbers}
     laws = dict.fromkeys(run.law for run in config.runs.values())
-    missing = sorted(wanted - set(laws))
-    if missing or not wanted:
-        message = f"no run has the law {missing[0]!r}" if missing else "no controller is asked for"
+    if not wanted or not wanted <= set(laws):
+        message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
     tree["runs"] = {name: tree["runs"][name] for name in kept}

@@ -21,6 +21,7 @@ MOST_NAMED = 20
 _MAPPING = "must be a mapping of keys"
 _ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
 _NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
+# What replaces words of pydantic that speak of Python, by the type of the mistake.
 _WORDS = {
     "model_type": _MAPPING,
     "model_attributes_type": _MAPPING,
@@ -31,7 +32,6 @@ _WORDS = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
 }
-"""What replaces words of pydantic that speak of Python, by the type of the mistake."""
 
 
 def explain(error: ValidationError, document: Document) -> ConfigError:

@@ -11,8 +11,6 @@ from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import ConfigError, UsageError
 
 COMMAND_LINE = "assumed: set on the command line"
-MOST_MEANT = 3
-"""Keys that are suggested for one."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +61,11 @@ def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
 
 def _apply(document: Document, override: Override) -> None:
     *parents, last = path = override.path
-    if not holds(document.tree, path[0]):
-        ending = [place for place in document.places if place[-len(path) :] == path]
-        if ending:
-            meant = " or ".join(repr(".".join(map(str, place))) for place in ending[:MOST_MEANT])
-            message = f"unknown key {override.key!r}, did you mean {meant}?"
-            raise ConfigError(message, where=override.option)
+    ending = [place for place in document.places if place[-len(path) :] == path]
+    if ending and not holds(document.tree, path[0]):
+        meant = " or ".join(repr(".".join(map(str, place))) for place in ending[:3])
+        message = f"unknown key {override.key!r}, did you mean {meant}?"
+        raise ConfigError(message, where=override.option)
     nodes: list[Any] = [document.tree]
     for part in parents:
         nodes.append(_below(nodes[-1], part, override))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
+from itertools import combinations_with_replacement
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -212,9 +213,8 @@ def quotient(numerator: Interval, denominator: Interval) -> Interval:
 def table_1(paper: Published) -> Array:
     """Table 1, ``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
     ratio = np.zeros((3, 3))
-    for p in range(3):
-        for q in range(p, 3):
-            ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
+    for p, q in combinations_with_replacement(range(3), 2):
+        ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
     return ratio
 
 

@@ -50,10 +50,11 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     try:
         table = np.loadtxt(rows, delimiter=",", ndmin=2)
         time, *angles = table.T
+        if len(angles) != len(joints):
+            raise ValueError(f"{table.shape[1]} in each row")
     except ValueError as error:
-        raise ConfigError(f"rows are not all of numbers: {error}", where=str(path)) from None
-    if len(angles) != len(joints):
-        raise ConfigError(f"rows must hold {len(names)} numbers, not {table.shape[1]}", where=str(path))
+        message = f"rows must hold {len(names)} numbers with commas between: {error}"
+        raise ConfigError(message, where=str(path)) from None
     wrong = ~np.isfinite(table).all(axis=1) | (np.diff(time, prepend=-np.inf) <= 0.0)
     if wrong.any():
         message = "numbers must be finite, and time must increase from row to row"

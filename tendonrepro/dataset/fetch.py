@@ -96,8 +96,8 @@ def run_fetch(
 def fetch_text(found: dict[str, Any]) -> str:
     """Title, version, licence and the files of a record, for a terminal."""
     head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
-    columns = {name: (name, "") for name in ("key", "size", "action")}
-    return Table("files", f"{head}; in {found['out']}", found["files"], columns).text()
+    shown = ("key", "size", "action")
+    return Table("files", f"{head}; in {found['out']}", found["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:

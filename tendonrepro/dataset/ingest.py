@@ -25,7 +25,6 @@ from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 
-SCHEMA_VERSION = 1
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
@@ -87,7 +86,7 @@ def run_ingest(
     digest = hashlib.sha256(text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "tendonrepro_version": __version__,
         "created": created,
         "mapping": {"origin": str(mapping), "sha256": digest},
@@ -113,7 +112,7 @@ def run_ingest(
         write_traces(out, file)
         if confirm:
             write_atomically(mapping, text)
-    head = {"schema_version": SCHEMA_VERSION, "out": str(out), "dry_run": dry_run, "title": file.title}
+    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
     return head | {"runs": {name: _described(trace) for name, trace in runs.items()}} | told
 
 

@@ -73,8 +73,5 @@ def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows: a table for each table, what was not read, and the mapping."""
     parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
-    if found["mapping"]:
-        parts.append(f"wrote {found['mapping']}: check every line that says CHECK")
-    else:
-        parts.append(found["suggestion"].rstrip())
-    return "\n".join(parts)
+    wrote = f"wrote {found['mapping']}: check every line that says CHECK"
+    return "\n".join([*parts, wrote if found["mapping"] else found["suggestion"].rstrip()])

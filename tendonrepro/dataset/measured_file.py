@@ -30,6 +30,5 @@ def read_measured(path: Path) -> TraceFile:
         message = error.message if path.exists() else "there is no measured trace file"
         raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
-        message = "holds simulated traces, and only a measurement can be validated against the paper"
-        raise UsageError(message, where=str(path), hint=_THE_WAY)
+        raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     return file

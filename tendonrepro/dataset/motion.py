@@ -73,7 +73,7 @@ class Recorded:
 
     def moving(self) -> tuple[int, int]:
         """First and last sample of the motion: rest before it and after it are left out."""
-        tolerance = max(1.5 * self.rounding, _ONSET * float(np.ptp(self.q, axis=0).max()))
+        tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
         left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
         ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
         if not left.size:
@@ -189,6 +189,18 @@ def rounding_step(angles: Array) -> float:
     return step if apart < 1e-3 * step else 0.0
 
 
+def noise(record: Recorded) -> float:
+    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
+    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
+    return found if found > 0.6 * record.rounding else 0.0
+
+
+def noise_peak(record: Recorded) -> float:
+    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
+    return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
+
+
 def recover(file: TraceFile) -> Reference:
     """Recover the reference of a measured comparison from the first run that recorded it for both joints.
 
@@ -221,7 +233,7 @@ def onset(record: Recorded) -> float:
     """
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
-    level = max(_ONSET * float(size.max()), 3.0 * record.rounding)
+    level = max(_ONSET * float(size.max()), 3.0 * record.rounding, noise_peak(record))
     found: list[tuple[float, float]] = []
     for power in (2, 3):
         passes = [_passes(record.time, q, level * factor) for factor in (1.0, 2.0**power, 4.0**power)]
@@ -333,11 +345,11 @@ def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
     """Lay a quintic least-squares spline through a recorded motion, and say the spacing of its knots, s.
 
     Of all spacings the one with the smallest Bayesian information criterion is taken. A residual as small as
-    the record's rounding is not reduced any further.
+    the record's rounding or noise is not reduced any further.
     """
     from scipy.interpolate import make_lsq_spline
 
-    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding)
+    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding, 0.9 * noise(record))
     time, q = record.time, record.q
     found = []
     for spacing in _tried(record):
@@ -369,7 +381,8 @@ def _places(record: Recorded, spacing: float) -> Array:
 def thinned(record: Recorded) -> Knots:
     """Choose samples of a recorded motion, as it is smoothed.
 
-    The spacing is the widest whose spline stays within half an encoder count of the smoothed motion.
+    The spacing is the widest whose spline stays within half an encoder count, or one standard deviation of
+    the record's noise, of the smoothed motion.
 
     Raises
     ------
@@ -393,7 +406,7 @@ def thinned(record: Recorded) -> Knots:
             angle = np.vstack([angle, angle[-1] + rate[-1] * _BRAKE * (u - u**3 + 0.5 * u**4)])
             time = np.append(time, time[-1] + _BRAKE * u[:, 0])
         q = np.column_stack([sampled(time, column)(record.time)[0] for column in angle.T]) + first
-        if np.abs(q - target).max() <= HALF_COUNT:
+        if np.abs(q - target).max() <= max(HALF_COUNT, noise(record)):
             break
-    tolerance = max(record.rounding, HALF_COUNT)
+    tolerance = max(record.rounding, HALF_COUNT + noise_peak(record))
     return Knots(time, angle, narrower, tolerance, float(np.abs(q - record.q).max()), braked)

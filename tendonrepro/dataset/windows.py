@@ -21,7 +21,6 @@ SPREAD = 0.1
 """Share of the printed number within which the chance remark takes errors to lie."""
 
 _TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]: "table3.with_load"}
-_METRICS = ("mae", "rmse")
 
 
 class Timing(NamedTuple):
@@ -184,7 +183,7 @@ def _tried(
         if removed:
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         found = sizes_deg(e)
-        for metric in _METRICS:
+        for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, found[metric], strict=True):
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):

@@ -97,6 +97,13 @@ class Fit:
             return float("inf")
         return float(np.abs(np.log(found / published)).sum())
 
+    @property
+    def position_gain(self) -> float:
+        """Gain of the error over the published one; near 0 where a controller has no integral."""
+        both = self.parameters, _published(self.hypothesis)
+        found, published = (x[4] if self.hypothesis.surface == LINEAR else x[3] * x[4] for x in both)
+        return float(found / published)
+
 
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
     """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.

@@ -99,19 +99,21 @@ class Recovered:
         if self.best.bias > CLOSE:
             return UNTOLD
         if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
-            return RECOVERED if self.has_published_inertia else NONE
+            return RECOVERED if self.has_gains_of_paper else NONE
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
 
     @property
-    def has_published_inertia(self) -> bool:
-        """Whether M_bar is the published one, to a factor of two; a PID is time-delay control with another.
+    def has_gains_of_paper(self) -> bool:
+        """Whether M_bar is the published one, to a factor of two, and the error's gain at least a tenth.
 
-        A law that counts in degrees has 180/pi times as much.
+        A PID is time-delay control with an M_bar of its own, and feedback with gravity one without a gain of
+        the error. A law that counts in degrees has 180/pi times the M_bar.
         """
         factor = self.best.parameters[2] / self.published.control.gains.M_bar.si[self.place]
-        return any(0.5 <= factor / unit <= 2.0 for unit in (1.0, DEGREES_PER_RADIAN))
+        is_near = any(0.5 <= factor / unit <= 2.0 for unit in (1.0, DEGREES_PER_RADIAN))
+        return is_near and self.best.position_gain >= 0.1
 
     @property
     def sampled_as_run(self) -> bool:
@@ -129,8 +131,10 @@ class Recovered:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:
             return "The log has noise, or another filter. Record what the controller computed."
-        if not self.has_published_inertia:
-            return f"M_bar is {self.best.parameters[2]:.2g} kg m². Check the torque's unit and coordinates."
+        if not self.has_gains_of_paper:
+            M_bar, gain = self.best.parameters[2], self.best.position_gain
+            found = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
+            return f"{found} Check unit and coordinates of the torque."
         return ""
 
     @property

@@ -33,7 +33,7 @@ from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
 Figure: TypeAlias = tuple[TraceFile, Path, str]
-"""Traces, results folder, and name of a figure to draw."""
+"""Traces, folder of the pictures, and name of a figure to draw."""
 
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
@@ -115,7 +115,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             write_traces(result.path / TRACES, file)
             outcome = outcome_of(file, growing(loaded))
             outcome.write_tables(result.path)
-            figures += [(file, result.path, name) for name in available(file)]
+            figures += [(file, result.path / "figures", name) for name in available(file)]
             ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
             text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
             found[order.name] = {**outcome.data, "text": text, **ends}
@@ -245,11 +245,11 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
     for name in asked:
         if name not in every:
             message = f"no stored traces hold what {name} shows"
-            have = ", ".join(sorted(every)) or "none"
-            raise DataMissingError(message, where=str(out), hint=f"figures that can be drawn: {have}")
+            hint = f"figures that can be drawn: {', '.join(sorted(every)) or 'none'}"
+            raise DataMissingError(message, where=str(out), hint=hint)
 
     def make(file: TraceFile, path: Path) -> list[Path]:
-        return _draw([(file, path, name) for name in available(file) if name in asked])
+        return _draw([(file, path / "figures", name) for name in available(file) if name in asked])
 
     return _make_again(files, make, force=force)
 
@@ -283,14 +283,12 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in the given folder, or in those directly below it."""
-    folders = (
-        [out] if (out / TRACES).exists() else sorted(path.parent for path in out.glob(f"[!.]*/{TRACES}"))
-    )
-    if not folders:
+    paths = [*out.glob(TRACES), *sorted(out.glob(f"[!.]*/{TRACES}"))]
+    if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
         raise DataMissingError(message, where=str(out), hint=hint)
-    return {folder: stored_traces(folder) for folder in folders}
+    return {path.parent: stored_traces(path.parent) for path in paths}
 
 
 def _make_again(
@@ -322,8 +320,7 @@ def _draw(figures: Sequence[Figure]) -> list[Path]:
 def _drawn(figure: Figure) -> list[Path]:
     from tendonrepro.results.figures.catalogue import redrawn
 
-    file, folder, name = figure
-    return redrawn(file, folder / "figures", name)
+    return redrawn(*figure)
 
 
 def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:

@@ -165,8 +165,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
     n, L = len(config.joints), config.sampling_period.si
     alpha_tde = choice.estimator == "alpha_tde"
     alpha = gains.alpha.si if alpha_tde else np.zeros(n)
-    is_controller_2 = choice.surface == "ntsm" and not alpha_tde
-    dropped = is_controller_2 and readings.eta_in_controller_2 == "dropped"
+    dropped = choice.surface == "ntsm" and not alpha_tde and readings.eta_in_controller_2 == "dropped"
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
@@ -268,15 +267,14 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
             raise
         message = f"{key}: {error.message}"
         raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
-    own: dict[str, Loop] = {}
     for law in laws:
         assert isinstance(loaded.config, CompareConfig)
         # A run that --controllers left out would be taken for that of the paper.
-        if law.name in (*loops, *own, *RUNS, RESERVED):
+        if law.name in (*loops, *RUNS, RESERVED):
             message = f"there is something else of the name {law.name!r} among the results"
             raise UsageError(message, where="--law", hint="give the function another name")
-        own |= own_loops(law, loaded.config, loops)
-    return loops | own
+        loops |= own_loops(law, loaded.config, loops)
+    return loops
 
 
 def _loop(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.configuration.fields.quantity import Matrix, Scalar, Vector
+from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
 from tendonrepro.experiments.rig import Experiment, build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue
@@ -94,4 +94,4 @@ def _meaning(section: Any, key: str) -> str:
 
 
 def _plant_value(quantity: Scalar | Vector | Matrix, long_name: str) -> PlantValue:
-    return PlantValue(np.asarray(quantity.si), quantity.si_unit, quantity.source, long_name)
+    return PlantValue(np.asarray(quantity.si), UNITS[quantity.unit].si, quantity.source, long_name)

@@ -44,8 +44,6 @@ def simulate_all(
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
         traces = each(_simulated, runs, progress)
-    for trace in traces:
-        talk.detail(f"{trace.name}: {trace.status}, {trace.time.size} samples")
     rest = iter(traces)
     return [[next(rest) for _ in named] for named in loops]
 

@@ -70,10 +70,6 @@ class UserLaw:
         """``FILE:NAME``, or the name alone."""
         return f"{self.path}:{self.name}" if self.path else self.name
 
-    def digest(self) -> str:
-        """Digest of the file; of what is given, its identity in this process."""
-        return sha256_of(self.path) if self.path else repr(self.given)
-
     def load(self) -> tuple[Callable[..., Any], Callable[[SimpleNamespace], Any] | None]:
         """A fresh copy of the law, so that runs share no memory, and its `setup`, if it has one."""
         if self.path:
@@ -124,9 +120,10 @@ def laws_of(specs: Sequence[str], given: Mapping[str, Callable[..., Any]] | None
 def with_user_laws(loaded: LoadedConfig, laws: Sequence[UserLaw]) -> LoadedConfig:
     """Configuration whose digest and inputs know of the laws that run beside it."""
     for law in laws:
+        content = sha256_of(law.path) if law.path else repr(law.given)
         loaded = replace(
             loaded,
-            sha256=hashlib.sha256(f"{loaded.sha256} {law.digest()} {law.name}".encode()).hexdigest(),
+            sha256=hashlib.sha256(f"{loaded.sha256} {content} {law.name}".encode()).hexdigest(),
             overrides=(*loaded.overrides, f"law={law.spec}"),
             inputs=(*loaded.inputs, *([law.path] if law.path else [])),
         )

@@ -15,7 +15,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.user_law import UserLaw, laws_of
+from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.cluster import on_cluster
 from tendonrepro.monte_carlo.plan import code_digest
@@ -134,7 +134,7 @@ def _identity(task: Task, own: Sequence[UserLaw], plants: int, *, any_plant: boo
         "version": __version__,
         "code": code_digest("physics", "simulation", "tuning"),
         "config": task.loaded.sha256,
-        "laws": [[law.name, law.digest()] for law in own],
+        "laws": with_user_laws(task.loaded.base, own).sha256,
         "effort": list(task.effort),
         "seed": task.seed,
         "plants": [plants, any_plant],

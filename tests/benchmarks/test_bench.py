@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
-import pytest
 
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.stepper import simulate
@@ -40,12 +38,6 @@ def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:
     assert found["bars"]["packages"] == {"value": len(found["packages"]), "bar": 0, "met": False}
 
 
-def test_loosest_tolerance_that_is_good_enough(bench: ModuleType) -> None:
-    errors = {1e-5: 1e-6, 1e-6: 1.05e-9, 1e-7: 1e-12}
-    assert bench.matching_tolerance(errors, 1e-9, errors.get) == (1e-6, 1.05e-9)
-    assert bench.matching_tolerance(errors, 1e-15, errors.get) == (1e-7, 1e-12)
-
-
 def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     found = json.loads(json.dumps(batch.batch_cases(0.02, 5, 1)))
     alone = {"plain_solve_ivp", "plain_numba", "batch_alone"}
@@ -73,20 +65,6 @@ def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones(
         expected = baseline.FlexibleArm(theirs).derivative(0.0, state, tau_m)
         found = state_derivative(0.0, state, tau_m, ours.plant)
         np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
-
-
-def test_error_counts_up_to_the_first_other_count(batch: ModuleType, bench: ModuleType) -> None:
-    loop, _, _ = batch.stated_case(0.05, ())
-    trace = simulate(bench.tightened(loop))
-    trace["q"][:10] += 1e-11
-    trace["q"][31:] += 1e-4
-    assert batch.error_before_flip(trace, loop) == pytest.approx(1e-4)
-    trace["q_encoder"][30:] += loop.joint_encoder.resolution
-    assert batch.error_before_flip(trace, loop) == pytest.approx(1e-11)
-    ideal = replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0))
-    other = simulate(bench.tightened(ideal))
-    other["q"][31:] += 1e-4
-    assert batch.error_before_flip(other, ideal) == pytest.approx(1e-4)
 
 
 def test_baseline_run_is_the_same_run(bench: ModuleType, baseline: ModuleType) -> None:

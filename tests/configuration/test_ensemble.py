@@ -97,7 +97,6 @@ MISTAKES = [
     ("high: 0.85,", "high: 1.85,", "reducer_efficiency.high: must be above 0"),
     ("[none, sine, noise]", "[none, sinus]", "must be one of none, sine, noise, found 'sinus'"),
     ("[0, 1, 2], nominal: 0", "[1, 2], nominal: 0", "one of the choices, 1.0, 2.0"),
-    ("choices: [0, 1, 2]", "choices: [0, 1, 1]", "must not name a choice twice"),
     ("differencing=centred, output_delay=1", "difference=x, output_delay=1", "no axis of readings"),
     ("error_rate=low_pass, encoder=0.088", "error_rate=low, encoder=0.088", "not 'low'"),
     ("[error_rate=low_pass, encoder=0.088]", "[M_bar=halved]", "variation, not a reading"),

@@ -72,7 +72,7 @@ class TestShippedFile:
 
     def test_claims(self) -> None:
         claims = {name for name, entry in published().entries.items() if entry.kind == "claim"}
-        assert claims == {
+        assert claims >= {
             *(f"K{k}" for k in range(1, 7)),
             *(f"C{k}" for k in range(1, 7)),
             *(f"E{k}" for k in range(1, 4)),

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from pictures import draw_map, draw_ranges, printed_ratios
 from support import ROOT
 
 from tendonrepro.configuration.load import load_config
@@ -16,7 +15,9 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.reporting.answer import BOTH, STEPS, numbers
+from tendonrepro.reporting.figure_map import draw_map, printed_ratios
 from tendonrepro.reporting.figure_orders import draw_orders
+from tendonrepro.reporting.figure_ranges import draw_ranges
 from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, orders
 from tendonrepro.results.paper_tables import table_data
 from tendonrepro.verdicts.judge import Sources, judge_all

@@ -36,7 +36,7 @@ BY_NAME = {one.name: one for one in EXPERIMENTS}
 
 @cache
 def found() -> list[Prediction]:
-    return list(predictions(LOADED, named_readings("encoder=ideal"), 80, QUIET))
+    return list(predictions(LOADED, named_readings("encoder=ideal"), 96, QUIET))
 
 
 def medians(experiment: str) -> list[float]:
@@ -99,10 +99,10 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path) -> None:
     request = Request(out=tmp_path / "out", overrides=("base.reference.periods=1",))
-    answer = run_predict(request, QUIET, draws=32, readings="printed")
+    answer = run_predict(request, QUIET, draws=20, readings="printed")
     assert {one["name"] for one in answer["experiments"]} == BY_NAME.keys()
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
-    assert stored["draws"] == 32
+    assert stored["draws"] == 20
     assert stored["never_told_apart"] == []
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()

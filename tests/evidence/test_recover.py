@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.command import SHORT as SHORT_WORDS
 from support.command import answer
 
 import tendonrepro as tr
@@ -19,6 +18,7 @@ from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, without_rounding
 from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered, read_logs, recovered
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
 SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1}
@@ -75,12 +75,12 @@ def test_the_published_controllers_are_found_to_the_last_digits(controller: int)
 @pytest.mark.parametrize(
     "reading",
     [
-        "differencing=centred",
         "error_rate=difference_of_error",
-        "error_rate=low_pass",
         "phi_branch=power",
-        "gain_unit=phi_in_degrees",
         "Delta_unit=deg",
+        pytest.param("differencing=centred", marks=pytest.mark.slow),
+        pytest.param("error_rate=low_pass", marks=pytest.mark.slow),
+        pytest.param("gain_unit=phi_in_degrees", marks=pytest.mark.slow),
         pytest.param("estimate_filter=acceleration", marks=pytest.mark.slow),
         pytest.param("estimate_filter=estimate", marks=pytest.mark.slow),
         pytest.param("delay_time=two_periods", marks=pytest.mark.slow),
@@ -96,7 +96,7 @@ def test_a_reading_is_found(reading: str) -> None:
         assert one.weights == "interpolating"
 
 
-@pytest.mark.parametrize("weights", ["interpolating", "extrapolating"])
+@pytest.mark.parametrize("weights", [pytest.param("interpolating", marks=pytest.mark.slow), "extrapolating"])
 def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
     """One torque alone, in steps of 10 mN m, and angles to 0.001 deg, less than an encoder step."""
     sign = 1.0 if weights == "interpolating" else -1.0
@@ -106,7 +106,9 @@ def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
         assert one.best.parameters[1] == pytest.approx(older, abs=max(3 * one.best.half[1], 0.002))
 
 
-@pytest.mark.parametrize("record", [{"torque": 2.0}, {"angle_deg": 0.05}, {"every": 10}])
+@pytest.mark.parametrize(
+    "record", [{"torque": 2.0}, pytest.param({"angle_deg": 0.05}, marks=pytest.mark.slow), {"every": 10}]
+)
 def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
     for one in joints(rounded(run(), **record)):
         assert one.answer == UNTOLD
@@ -114,25 +116,25 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
 
 
 def test_another_controller_is_none_of_these() -> None:
-    """Feedback with gravity compensation alone, and a torque that has nothing to do with the log."""
+    """A feedback without any estimate."""
     trace = run().runs["controller_1"]
-    feedback = 300.0 * trace["e"] + 5.0 * np.gradient(trace["e"], trace.time, axis=0)
-    noise = np.random.default_rng(1).normal(size=trace["e"].shape)
-    for torque in (feedback, np.cumsum(noise, axis=0)):
-        held = {"q_encoder": trace["q_encoder"], "q_d": trace["q_d"], "tau_m": torque}
-        other = Trace("other", trace.time, trace.joint, held, trace.attributes)
-        assert {one.answer for one in joints(replace(run(), runs={"other": other}))} == {NONE}
+    torque = 300.0 * trace["e"] + 5.0 * np.gradient(trace["e"], trace.time, axis=0)
+    held = {"q_encoder": trace["q_encoder"], "q_d": trace["q_d"], "tau_m": torque}
+    other = Trace("other", trace.time, trace.joint, held, trace.attributes)
+    assert {one.answer for one in joints(replace(run(), runs={"other": other}))} == {NONE}
 
 
-@pytest.mark.parametrize(("K_d", "answers"), [(3.0, {NONE}), (10.0, {RECOVERED})])
-def test_a_pid_is_time_delay_control_with_an_inertia_of_its_own(K_d: float, answers: set[str]) -> None:
-    """Centred differences and M_bar = K_d L, the published one for a gain of 10."""
+@pytest.mark.parametrize(
+    ("K_d", "K_p", "answers"), [(3.0, 16.0, {NONE}), (10.0, 16.0, {RECOVERED}), (10.0, 0.0, {NONE})]
+)
+def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: float, answers: set[str]) -> None:
+    """Centred differences and M_bar = K_d L, the published one for 10; without an integral K_p is 0."""
     trace = run().runs["controller_1"]
     L, q = 1e-3, trace["q_encoder"]
     e, de = trace["q_d"] - q, trace["dq_d"][1:] - np.diff(q, axis=0) / L
     acceleration = trace["ddq_d"][2:] - np.diff(q, n=2, axis=0) / L**2
     held = {name: trace[name][2:] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")}
-    held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + 16.0 * e[2:]), axis=0)
+    held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + K_p * e[2:]), axis=0)
     other = Trace("other", trace.time[2:], trace.joint, held, trace.attributes)
     found = joints(replace(run(), runs={"other": other}))
     assert {one.answer for one in found} == answers
@@ -163,8 +165,8 @@ def test_rounding_of_angles_on_a_grid_is_undone() -> None:
 
 
 def test_the_command_writes_its_tables(tmp_path: Path) -> None:
-    answer("compare", *SHORT_WORDS, "--controllers", "1", "--out", "out", cwd=tmp_path)
-    found = answer("recover", "out", "--out", "recovered", cwd=tmp_path)
+    write_traces(tmp_path / "traces.h5", run())
+    found = answer("recover", ".", "--out", "recovered", cwd=tmp_path)
     assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
     assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
     assert (tmp_path / "recovered" / "recover.json").exists()

@@ -72,23 +72,15 @@ def keep(*names):
 
 
 class TestIndependence:
-    @pytest.mark.parametrize("others", [RUNS[::-1], RUNS[1:]])
-    def test_other_runs_change_no_bit(self, others):
+    def test_other_runs_change_no_bit(self):
         """Also with noise in play, which all runs share."""
         noise = "manipulator.encoders.joint.noise=0.01"
         alone = simulate(loops(SHORT, noise, keep("controller_2"))["controller_2"])
-        found = loaded(SHORT, noise, keep(*others))
+        found = loaded(SHORT, noise, keep(*RUNS[::-1]))
         traces = {name: simulate(loop) for name, loop in build_loops(found.config, found.folder)}
-        assert list(traces) == list(others)
         assert len(alone["time"]) == 401
         for name, values in alone.items():
             np.testing.assert_array_equal(traces["controller_2"][name], values, err_msg=name)
-
-    def test_all_runs_share_reference_and_seed(self):
-        built = list(loops(SHORT, "seed=7").values())
-        assert {loop.seed for loop in built} == {7}
-        for loop in built[1:]:
-            np.testing.assert_array_equal(loop.reference.q_d, built[0].reference.q_d)
 
 
 class TestLaw:
@@ -108,15 +100,7 @@ class TestLaw:
         law = self.law(name)
         assert law.surface == surface
         np.testing.assert_allclose(law.weights, weights, rtol=1e-15)
-        printed = {
-            "M_bar": 0.01,
-            "lam": 8.0,
-            "eta": 1.5,
-            "b": 0.9,
-            "Delta": 0.2,
-            "beta": 2.0,
-            "rate_gain": 1.5,
-        }
+        printed = {"M_bar": 0.01, "lam": 8.0, "eta": 1.5, "b": 0.9, "Delta": 0.2, "beta": 2.0}
         for gain, value in printed.items():
             np.testing.assert_allclose(getattr(law, gain), value, rtol=1e-15, err_msg=gain)
         assert (law.L, law.newest, law.rate_filter, law.angle_scale) == (1e-3, 1, 1.0, 1.0)
@@ -133,13 +117,9 @@ class TestLaw:
             ("differencing=centred", "newest", 0),
             ("weights=extrapolating", "weights", [[1.1, 1.2], [-0.1, -0.2]]),
             ("gain_unit=phi_in_degrees", "angle_scale", DEGREES_PER_RADIAN),
-            ("gain_unit=phi_in_degrees", "M_bar", 0.01),
-            ("gain_unit=law_in_degrees", "angle_scale", DEGREES_PER_RADIAN),
             ("gain_unit=law_in_degrees", "M_bar", 0.01 * DEGREES_PER_RADIAN),
             ("gain_unit=law_in_degrees", "power_floor", 0.022),
-            ("phi_branch=printed", "power_floor", np.deg2rad(0.022)),
             ("error_rate=low_pass", "rate_filter", 1.0 - np.exp(-2.0 * np.pi * 77.0 * 1e-3)),
-            ("eta_in_controller_2=dropped", "rate_gain", 1.5),
         ],
     )
     def test_readings(self, reading, field, value):
@@ -166,13 +146,9 @@ class TestLaw:
 
 
 class TestPlants:
-    def test_payload_and_start_of_each_run(self):
+    def test_start_of_each_run(self):
         built, cold = loops(SHORT), loops(SHORT, "control.readings.start=cold")
         assert [{loop.cold for loop in found.values()} for found in (built, cold)] == [{False}, {True}]
-        light, heavy = built["controller_1"].plant.arm, built["controller_1_payload"].plant.arm
-        # 0.2 kg at 0.20 m of the last link: m l² and m g l.
-        assert heavy.a[1, 1] - light.a[1, 1] == pytest.approx(0.2 * 0.2**2, rel=1e-12)
-        assert heavy.b[1] - light.b[1] == pytest.approx(0.2 * 9.81 * 0.2, rel=1e-12)
 
     def test_decoupling_runs(self):
         built = loops(experiment="decouple")
@@ -223,11 +199,6 @@ class TestReference:
         middle = 0.5 * (found.dq_d[2:] + found.dq_d[:-2])
         np.testing.assert_allclose((found.q_d[2:] - found.q_d[:-2]) / 2e-3, middle, atol=2e-3)
 
-    def test_shorter_trapezoid_waits_for_the_longer(self):
-        found = reference(f"reference={TRAPEZOID}")
-        turning = [found.time[np.argmax(found.dq_d[:, i] < -1e-9)] for i in range(2)]
-        assert turning == pytest.approx([2.0, 2.0], abs=2e-3)
-
     def test_turns(self):
         text = motion("minimum_jerk", [10, 20], rise=0.3, hold=0.2, periods=2)
         found = reference(f"reference={text[:-1]}, turns: [[2], [3], [2, 3]]}}")
@@ -244,17 +215,6 @@ class TestReference:
         found = reference(f"reference={{kind: per_joint, references: [{', '.join(parts)}]}}")
         np.testing.assert_allclose(found.q_d[500], np.deg2rad([10.0, 20.0 * 0.964506]), rtol=1e-5)
         np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
-
-    def test_joints_of_different_periods_have_no_common_one(self):
-        slow = motion("raised_cosine", [10], period=2)
-        fast = motion("raised_cosine", [10], period=1, periods=2)
-        for parts, period in ((f"{slow}, {slow}", 2.0), (f"{slow}, {fast}", 0.0), (f"{fast}, {slow}", 0.0)):
-            found = loaded(f"reference={{kind: per_joint, references: [{parts}]}}")
-            assert reference_period(found.config.reference) == period
-
-    def test_a_run_is_not_endless(self):
-        with pytest.raises(ConfigError, match="at most"):
-            loaded("reference.periods=1000000000")
 
     @pytest.mark.parametrize(
         ("experiment", "key"), [("compare", "reference"), ("decouple", "runs.decouple.reference")]
@@ -281,12 +241,8 @@ class TestReference:
             ConfigError, match=rf"link {link} would reach -?[\d.]+ deg from hanging at t = "
         ) as caught:
             reference(f"reference={text}")
-        assert caught.value.where == "reference"
-        assert "between 0 and 180 deg" in caught.value.hint
         reached = float(str(caught.value).split("reach ")[1].split(" deg")[0])
         assert reached == pytest.approx(angle, abs=0.5)
-        inside = motion("minimum_jerk", [134.9, 0], rise=1, hold=0)
-        assert np.rad2deg(reference(f"reference={inside}").q_d.max()) == pytest.approx(134.9)
 
 
 class TestSampledReference:
@@ -309,22 +265,12 @@ class TestSampledReference:
             np.testing.assert_allclose(ours, exact[:, np.newaxis] * [2.0, 1.0], atol=1e-10)
         assert reference_period(loaded(override).config.reference) == 0.0
 
-    @pytest.mark.parametrize(
-        ("columns", "last", "message", "where", "hint"),
-        [
-            (["q2_deg"], None, "has no column for joint 3", "", "q3_deg"),
-            (["q2_deg", "q3_deg"], "0.5", "joint 3 starts at 0.5 deg", ":2", "first angle"),
-        ],
-        ids=["missing joint", "not at the start posture"],
-    )
-    def test_file_that_cannot_be_followed(self, tmp_path, columns, last, message, where, hint):
-        override = self.config(tmp_path, columns)
-        path = tmp_path / "motion.csv"
-        lines = path.read_text().splitlines()
-        if last is not None:
-            lines[1] = f"{lines[1].rpartition(',')[0]},{last}"
-        path.write_text("\n".join(lines))
-        with pytest.raises(ConfigError, match=message) as caught:
+    def test_file_that_cannot_be_followed(self, tmp_path):
+        with pytest.raises(ConfigError, match=r"motion.csv: has no column for joint 3"):
+            reference(self.config(tmp_path, ["q2_deg"]))
+        override, path = self.config(tmp_path, ["q2_deg", "q3_deg"]), tmp_path / "motion.csv"
+        head, first, *rest = path.read_text().splitlines()
+        path.write_text("\n".join([head, f"{first.rpartition(',')[0]},0.5", *rest]))
+        loaded.cache_clear()
+        with pytest.raises(ConfigError, match=r"motion.csv:2: joint 3 starts at 0.5 deg"):
             reference(override)
-        assert caught.value.where == f"{path}{where}"
-        assert hint in caught.value.hint

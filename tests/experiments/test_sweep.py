@@ -1,10 +1,10 @@
 """Sweeps: against the theory, single runs, and what the command line was asked for."""
 
-import csv
 import json
 from functools import cache
 
 import numpy as np
+import pandas as pd
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
 
@@ -23,7 +23,6 @@ from tendonrepro.experiments.sweep.command import (
     run_rows,
     run_sweep,
     simulate_sweep,
-    unit_of,
 )
 from tendonrepro.experiments.sweep.figures import draw_sweep
 from tendonrepro.physics.metrics import STATUSES
@@ -98,7 +97,6 @@ class TestRun:
         data = swept(UNSTABLE, controllers=(1,))
         name = "manipulator.tendons.damping_factor=3 controller_1_payload"
         assert data["diverged"] == [name]
-        assert data["status"][name] == "diverged"
         ended = data["points"][0]["runs"]["controller_1_payload"]
         assert 0.0 < ended["status_time_s"] < 7.6
         assert np.isfinite(ended["mae_deg"]).all()
@@ -107,15 +105,10 @@ class TestRun:
         panel = draw_sweep(data).axes["a"]
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
         assert cross.get_xdata().tolist() == [3.0]
-        (line,) = (line for line in panel.lines if line.get_label() == "Controller 1 payload")
-        lasted = data["points"][1]["runs"]["controller_1_payload"]["mae_deg"][0]
-        np.testing.assert_array_equal(line.get_ydata(), [np.nan, lasted])
 
     def test_two_keys_make_every_pair(self):
         data = swept(ALPHA, PERIOD)
-        assert [tuple(point["places"]) for point in data["points"]] == [
-            (i, j) for i in range(3) for j in range(3)
-        ]
+        assert [point["places"] for point in data["points"]] == [[i, j] for i in range(3) for j in range(3)]
         alone = swept(ALPHA)
         for i in range(3):
             assert data["points"][3 * i + 1]["runs"] == alone["points"][i]["runs"]
@@ -129,24 +122,13 @@ class TestFiles:
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
-        assert manifest["command"] == "sweep"
         assert manifest["over"] == [ALPHA]
         assert manifest["config"]["sha256"] == found["config_sha256"]
-        with (tmp_path / "tables" / "sweep.csv").open(newline="") as stream:
-            table = list(csv.DictReader(stream))
+        table = pd.read_csv(tmp_path / "tables" / "sweep.csv")
         assert len(table) == 3 * 3 * 2
-        assert table[2]["control.gains.alpha"] == "[0,0]"
-        assert float(table[2]["mae_deg"]) == found["points"][0]["runs"]["controller_2"]["mae_deg"][0]
+        assert table["mae_deg"][2] == found["points"][0]["runs"]["controller_2"]["mae_deg"][0]
         stored = json.loads((tmp_path / "sweep.json").read_text())
         assert stored["points"][1]["values"] == {"control.gains.alpha": [0.1, 0.2]}
-        assert "| [0.3,0.4] | controller_1 | 3 | ok |" in (tmp_path / "tables" / "sweep.md").read_text()
-
-    def test_other_results_are_refused(self, tmp_path):
-        (tmp_path / "manifest.json").write_text(
-            '{"config": {"sha256": "0"}, "tendonrepro_version": "0", "outputs": {}}'
-        )
-        with pytest.raises(UsageError, match="another configuration"):
-            run_sweep(Request(None, tmp_path, [ONE], controllers=[1]), [ALPHA], QUIET)
 
     def test_dry_run_checks_every_point_and_writes_nothing(self, tmp_path):
         out = tmp_path / "none"
@@ -175,35 +157,14 @@ class TestFiles:
 
 
 class TestValues:
-    @pytest.mark.parametrize(
-        ("text", "values"),
-        [
-            ("[0,0], [0.1,0.2]", [[0, 0], [0.1, 0.2]]),
-            ("{value: [1, 2], unit: s},3", [{"value": [1, 2], "unit": "s"}, 3]),
-            ("'a,b',\"c,d\"", ["a,b", "c,d"]),
-        ],
-    )
-    def test_commas_inside_brackets_and_quotes_do_not_split(self, text, values):
-        assert parse_over([f"a={text}"])["a"] == values
+    def test_commas_inside_brackets_and_quotes_do_not_split(self):
+        listed = "[0,0], {value: [1, 2], unit: s}, 'a,b'"
+        assert parse_over([f"a={listed}"]) == {"a": [[0, 0], {"value": [1, 2], "unit": "s"}, "a,b"]}
 
-    @pytest.mark.parametrize(
-        ("over", "words"),
-        [
-            ([], "one or two keys"),
-            (["a=1,2", "b=1,2", "c=1,2"], "one or two keys"),
-            (["a=1,2", "a=3,4"], "one or two keys"),
-            (["sampling_period"], "not of the form"),
-            (["a=1"], "not of the form"),
-        ],
-    )
-    def test_form_is_checked(self, over, words):
-        with pytest.raises(UsageError, match=words):
-            parse_over(over)
-
-    def test_value_that_is_no_yaml_is_named(self):
-        for text in ("1,[2", "1,,2"):
-            with pytest.raises(ConfigError, match="--over sampling_period"):
-                parse_over([f"sampling_period={text}"])
+    @pytest.mark.parametrize("over", ["", "a=1,2 b=1,2 c=1,2", "a=1,2 a=3,4", "sampling_period", "a=1"])
+    def test_form_is_checked(self, over):
+        with pytest.raises(UsageError, match=r"one or two keys|not of the form"):
+            parse_over(over.split())
 
     def test_a_wrong_value_is_named_with_all_its_mistakes(self):
         over = ["control.gains.alpha=[0.1,0.2],[0,2]", "sampling_period=1,0.7"]
@@ -236,12 +197,6 @@ class TestValues:
         ):
             assert numbers_per_joint(next(iter(parse_over([over]).values())), 2, 3) == numbers
 
-    def test_units(self):
-        tree = load_config(None, "compare").tree
-        assert unit_of("sampling_period", tree) == "ms"
-        assert unit_of("control.gains.M_bar.value.0", tree) == "kg m2"
-        assert unit_of("control.readings.weights", tree) is None
-
 
 class TestFigures:
     def test_lines_show_the_numbers(self):
@@ -253,27 +208,21 @@ class TestFigures:
         assert panels["d"].get_xlabel() == "sampling_period (ms)"
         shown = {line.get_label(): line.get_ydata() for line in panels["d"].lines}
         np.testing.assert_array_equal(shown["C1/C2"], ratios(data)[:, 1])
-        predicted = [point["predicted_ratio"]["c1_c2"][1] for point in data["points"]]
-        np.testing.assert_array_equal(shown["C1/C2, slow load"], predicted)
 
-    @pytest.mark.parametrize(
-        ("numbers", "scale", "x"),
-        [
+    def test_axis_of_the_values(self):
+        """Decades ask for a logarithmic axis, numbers stand in their order, and no line joins words."""
+        for numbers, scale, x in (
             (None, "linear", [0.0, 1.0, 2.0]),
             ([[1.0, 1.0], [3.0, 3.0], [2.0, 2.0]], "linear", [1.0, 2.0, 3.0]),
             ([[0.1, 0.1], [1.0, 1.0], [10.0, 10.0]], "log", [0.1, 1.0, 10.0]),
-        ],
-        ids=["words", "numbers", "decades"],
-    )
-    def test_axis_of_the_values(self, numbers, scale, x):
-        """Decades ask for a logarithmic axis, numbers stand in their order, and no line joins words."""
-        data = json.loads(json.dumps(swept(PERIOD)))
-        data["keys"][0]["numbers"] = numbers
-        panel = draw_sweep(data).axes["a"]
-        assert panel.get_xscale() == scale
-        (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
-        assert line.get_xdata().tolist() == x
-        assert (line.get_linestyle() == "None") == (numbers is None)
+        ):
+            data = json.loads(json.dumps(swept(PERIOD)))
+            data["keys"][0]["numbers"] = numbers
+            panel = draw_sweep(data).axes["a"]
+            assert panel.get_xscale() == scale
+            (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
+            assert line.get_xdata().tolist() == x
+            assert (line.get_linestyle() == "None") == (numbers is None)
 
     def test_ringing_run_has_an_open_marker(self):
         data = json.loads(json.dumps(swept(PERIOD)))

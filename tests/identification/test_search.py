@@ -1,7 +1,6 @@
 """The search against known optima and brute force, killed and resumed."""
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,11 +94,3 @@ def test_killed_and_resumed_ends_the_same(tmp_path):
     for name in ("closest", "misfit", "points", "misfits"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
     searched(tmp_path / "cut", None)
-
-
-def test_seeds_know_nothing_of_each_other(tmp_path):
-    alone = searched(tmp_path / "1", effort=replace(EFFORT, seeds=1))
-    found = searched(tmp_path / "3")
-    assert alone.misfits[0] == found.misfits[0]
-    assert found.points.shape == (3, ROWS)
-    assert found.misfit <= found.misfits.min()

@@ -231,11 +231,3 @@ class TestFile:
         path.write_bytes(b"0," * (MOST_BYTES // 2) + b"0")
         with pytest.raises(ConfigError, match="larger than 32 MiB"):
             read_samples(path)
-
-    def test_missing_file_folder_and_binary(self, tmp_path):
-        binary = tmp_path / "binary.csv"
-        binary.write_bytes(bytes(range(256)))
-        for path in (tmp_path / "none.csv", tmp_path, binary):
-            with pytest.raises(ConfigError, match="cannot read the trajectory") as caught:
-                read_samples(path)
-            assert caught.value.where == str(path)

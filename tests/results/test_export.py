@@ -1,11 +1,13 @@
 """Traces in other formats hold what the trace file holds; two results differ in what was changed alone."""
 
 from dataclasses import replace
+from shutil import copy
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.io import loadmat
+from support.command import answer
 from support.synthetic import make_compare_file
 
 from tendonrepro.errors import DataMissingError, UsageError
@@ -14,12 +16,19 @@ from tendonrepro.results.difference import difference, difference_text
 from tendonrepro.results.export import export_traces
 from tendonrepro.results.traces import write_traces
 
-FILE = make_compare_file(step=0.05)
+FILE = make_compare_file(step=0.05, runs=("controller_1", "controller_2"))
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    path = tmp_path_factory.mktemp("stored") / "traces.h5"
+    write_traces(path, FILE)
+    return path
 
 
 @pytest.fixture
-def folder(tmp_path):
-    write_traces(tmp_path / "traces.h5", FILE)
+def folder(tmp_path, stored):
+    copy(stored, tmp_path)
     return tmp_path
 
 
@@ -124,3 +133,7 @@ def test_missing_runs_variables_and_samples_are_told(folder):
     assert {"run": name, "variable": "s", "only_in": "second"} in found["traces"]
     lengths = {(row.get("samples_first"), row.get("samples_second")) for row in found["traces"]}
     assert (len(short.time), len(trace.time)) in lengths
+
+
+def test_exit_code_says_whether_anything_differs(folder):
+    assert answer("diff", ".", ".", cwd=folder)["same"] is True

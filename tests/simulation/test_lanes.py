@@ -77,24 +77,6 @@ def test_runge_kutta_is_of_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.1)
 
 
-def test_numbers_that_are_zero_or_one_everywhere_stay_numbers() -> None:
-    tape, rows = LaneTape(), LaneRows()
-    record = (np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 2.0]]), 3, True)
-    symbols, whole, flag = rows.parameters(tape, "p", record)
-    assert (symbols[0], symbols[1], whole, flag) == (0.0, 1.0, 3, True)
-    assert next(iter(rows.constants.values())).tolist() == [0.0, 2.0]
-
-
-def test_what_parameters_determine_is_prepared_once() -> None:
-    tape, rows = LaneTape(), LaneRows()
-    (p,) = rows.parameters(tape, "p", (np.array([2.0, 3.0]),))
-    x = rows.variables(tape, "x", 1)[0]
-    source = lane_code("f", tape, {rows.known("y", 1)[0]: x * (p * p + 1.0) / p}, rows)
-    each_time, once = source.split("@prepare_f")
-    assert [once.count(part) for part in ("fdiv", "fmul", "fadd")] == [1, 1, 1]
-    assert [each_time.count(part) for part in ("fdiv", "fmul", "fadd")] == [0, 2, 0]
-
-
 def test_choices_and_comparisons_on_lanes() -> None:
     tape, rows = LaneTape(), LaneRows()
     x, y = rows.variables(tape, "x", 2)

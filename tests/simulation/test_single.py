@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support import ROOT
 from support.oracles import FEATURES, PAPER, random_plant, random_state
 
 from tendonrepro.configuration.load import load_config
@@ -62,20 +58,3 @@ class TestCache:
         above.rename(tmp_path / "elsewhere")
         above.symlink_to(tmp_path / "elsewhere")
         assert not cache.cache_folder().is_relative_to(above)
-
-    @pytest.mark.slow
-    def test_a_second_process_compiles_nothing(self, tmp_path: Path) -> None:
-        """Fills an empty cache in one process and uses it in another."""
-        source = (
-            "from support.oracles import FEATURES, random_plant\n"
-            "from tendonrepro.simulation.parts import slope_part\n"
-            "slope_part(random_plant(2, 1, FEATURES).plant)"
-        )
-        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
-        environment["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, ROOT / "tests")))
-        written = []
-        for _ in range(2):
-            subprocess.run([sys.executable, "-c", source], env=environment, check=True)
-            (file,) = tmp_path.rglob("*.o")
-            written.append(file.stat().st_mtime_ns)
-        assert written[0] == written[1]

@@ -95,11 +95,3 @@ def test_a_branch_on_what_is_not_known_is_refused() -> None:
         bool(x > 0.0)
     with pytest.raises(TypeError):
         np.maximum(np.array([x]), np.array([x]))
-
-
-def test_an_operation_asked_for_twice_is_written_once_and_one_not_needed_never() -> None:
-    tape, rows = WithLibrary(), LaneRows()
-    (x,) = rows.variables(tape, "x", 1)
-    np.cos(3.0 * x)
-    names = needed(tape.lines, [np.sin(3.0 * x), np.sin(3.0 * x), 0.25])
-    assert [tape.lines[name][0] for name in names] == ["row", "*", "sin"]

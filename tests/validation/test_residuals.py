@@ -45,12 +45,13 @@ class TestLag:
         ours = {"q_encoder": COUNT * np.round(at(time - self.LATE) / COUNT)}
         return Trace(FIRST, time, (2, 3), ours, attributes), Trace(FIRST, time, (2, 3), model, attributes)
 
-    @pytest.mark.parametrize("period", [1.0, 2.5, 5.0, 10.0])
+    @pytest.mark.parametrize("period", [1.0, 10.0])
     @pytest.mark.parametrize("amplitude_deg", [5.0, 30.0])
     def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg: float, period: float) -> None:
         ours, model = self.pair(np.deg2rad(amplitude_deg), period)
-        for row in comparison_rows(ours, model):
-            assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+        for late, early in zip(comparison_rows(ours, model), comparison_rows(model, ours), strict=True):
+            assert late["lag_s"] == pytest.approx(self.LATE, rel=0.05)
+            assert early["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
 
     @pytest.mark.parametrize("samples", [1667, 10001])
     def test_an_encoder_that_starts_elsewhere_is_not_late(self, samples: int) -> None:
@@ -62,11 +63,6 @@ class TestLag:
         ]
         for row in comparison_rows(*short):
             assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
-
-    def test_what_is_early_has_a_negative_lag(self) -> None:
-        late, model = self.pair(np.deg2rad(10.0), 2.5)
-        for row in comparison_rows(model, late):
-            assert row["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
 
     def test_a_model_at_rest_tells_no_lag_and_two_samples_do(self) -> None:
         ours, model = self.pair(np.deg2rad(2.0), 2.5)

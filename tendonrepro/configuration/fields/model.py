@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from typing import Annotated, Literal, NoReturn, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from tendonrepro.configuration.fields.strict_yaml import Key
@@ -43,15 +43,8 @@ def _error(mistakes: Mistakes) -> ValidationError:
     return ValidationError.from_exception_data("configuration", details)
 
 
-def _not_reserved(name: str) -> str:
-    if name == "plant":
-        refuse("is the name of something else among the results; choose another")
-    return name
-
-
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-RunName: TypeAlias = Annotated[Identifier, AfterValidator(_not_reserved)]
 SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of this file format")]
 
 

@@ -63,11 +63,6 @@ class Quantity(Model):
     unit: str
     source: Source
 
-    @property
-    def si_unit(self) -> str:
-        """Unit of `si`."""
-        return UNITS[self.unit].si
-
 
 def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
     """Every single number of a model with its place."""
@@ -147,13 +142,13 @@ PER_ENTRY: Mapping[Size, str] = {
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
 }
+# Name of a limit in the JSON schema, and what it admits.
 _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
     "above": ("exclusiveMinimum", operator.gt),
     "at_least": ("minimum", operator.ge),
     "below": ("exclusiveMaximum", operator.lt),
     "at_most": ("maximum", operator.le),
 }
-"""Name of a limit in the JSON schema, and what it admits."""
 
 
 @dataclass(frozen=True)
@@ -239,5 +234,5 @@ class Physical:
 
 
 positive = partial(Physical, above=0.0)
-from_zero = partial(Physical, at_least=0.0)
+nonneg = partial(Physical, at_least=0.0)
 whole = partial(Physical, "1", whole=True)

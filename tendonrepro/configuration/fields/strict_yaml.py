@@ -66,11 +66,8 @@ def read_text(path: Path | None, hint: str | None = None) -> str:
     """
     name = STDIN if path is None else str(path)
     try:
-        if path is None:
-            raw = sys.stdin.buffer.read(MAX_BYTES + 1)
-        else:
-            with path.open("rb") as stream:
-                raw = stream.read(MAX_BYTES + 1)
+        with sys.stdin.buffer if path is None else path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL inside the path
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None
@@ -94,12 +91,10 @@ def load(text: str, name: str) -> Document:
     """
     try:
         root = yaml.compose(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        colon = "mapping values are not allowed" in str(error.problem)
-        hint = "Text that contains ': ' must be in quotes." if colon else None
-        _refuse(f"not valid YAML: {error.problem}", name, error.problem_mark, hint)
-    except (yaml.YAMLError, ValueError):  # ValueError: half of a surrogate pair
-        raise ConfigError("not valid YAML: it contains control characters", where=name) from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair
+        problem = getattr(error, "problem", None) or "it contains control characters"
+        hint = "Text that contains ': ' must be in quotes." if "mapping values" in problem else None
+        _refuse(f"not valid YAML: {problem}", name, getattr(error, "problem_mark", None), hint)
     if root is None:
         raise ConfigError("is empty", where=name)
     places: dict[Key, Place] = {(): Place(name, root.start_mark.line + 1)}

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validato
 from pydantic_core import CoreSchema
 
 from tendonrepro.configuration.fields.model import Model, Number, refuse, refuse_all
-from tendonrepro.configuration.fields.quantity import Physical, Source, from_zero, positive, to_si
+from tendonrepro.configuration.fields.quantity import Physical, Source, nonneg, positive, to_si
 from tendonrepro.configuration.models.readings import ERROR_RATES
 
 SWITCH = ("off", "on")
@@ -74,8 +74,6 @@ class _OneOf(_Known):
         if self.nominal not in self.choices:
             known = ", ".join(map(str, self.choices))
             refuse(f"must be one of the choices, {known}, found {self.nominal}", "nominal")
-        if len(set(self.choices)) < len(self.choices):
-            refuse("must not name a choice twice", "choices")
         return self
 
 
@@ -122,55 +120,55 @@ class BoxConfig(Model):
     link_length_3: Annotated[BoxRange, positive("m", "length of link 3, to the tool")]
     link_mass_2: Annotated[BoxRange, positive("kg", "mass of link 2")]
     link_mass_3: Annotated[BoxRange, positive("kg", "mass of link 3")]
-    link_com_2: Annotated[BoxRange, from_zero("1", "centre of mass of link 2 over its length", at_most=1.0)]
-    link_com_3: Annotated[BoxRange, from_zero("1", "centre of mass of link 3 over its length", at_most=1.0)]
+    link_com_2: Annotated[BoxRange, nonneg("1", "centre of mass of link 2 over its length", at_most=1.0)]
+    link_com_3: Annotated[BoxRange, nonneg("1", "centre of mass of link 3 over its length", at_most=1.0)]
     link_inertia_2: Annotated[BoxRange, positive("1", "central inertia of link 2 over m l²", at_most=1.0)]
     link_inertia_3: Annotated[BoxRange, positive("1", "central inertia of link 3 over m l²", at_most=1.0)]
-    rotor_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of a rotor")]
-    reducer_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of wave generator and coupling")]
-    drum_inertia: Annotated[BoxRange, from_zero("kg m2", "inertia of a drum")]
-    winch_viscous: Annotated[BoxRange, from_zero("N m s rad-1", "viscous damping D_m at a winch")]
+    rotor_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of a rotor")]
+    reducer_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of wave generator and coupling")]
+    drum_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of a drum")]
+    winch_viscous: Annotated[BoxRange, nonneg("N m s rad-1", "viscous damping D_m at a winch")]
     tendon_stiffness_2: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 2 at joint 2")]
     tendon_stiffness_3: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 3 at joint 3")]
-    tendon_damping_2: Annotated[BoxRange, from_zero("N m s rad-1", "damping of tendon 2 at joint 2")]
-    tendon_damping_3: Annotated[BoxRange, from_zero("N m s rad-1", "damping of tendon 3 at joint 3")]
+    tendon_damping_2: Annotated[BoxRange, nonneg("N m s rad-1", "damping of tendon 2 at joint 2")]
+    tendon_damping_3: Annotated[BoxRange, nonneg("N m s rad-1", "damping of tendon 3 at joint 3")]
     clearance_at: Annotated[Words, Among("joints whose tendons have clearance", CLEARANCES)]
-    clearance: Annotated[BoxRange, from_zero("m", "slack that a tendon takes up before it pulls")]
+    clearance: Annotated[BoxRange, nonneg("m", "slack that a tendon takes up before it pulls")]
     friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
-    link_coulomb: Annotated[BoxRange, from_zero("N m", "Coulomb friction of a joint")]
-    link_viscous: Annotated[BoxRange, from_zero("N m s rad-1", "viscous friction of a joint")]
+    link_coulomb: Annotated[BoxRange, nonneg("N m", "Coulomb friction of a joint")]
+    link_viscous: Annotated[BoxRange, nonneg("N m s rad-1", "viscous friction of a joint")]
     link_static_ratio: Annotated[BoxRange, Physical("1", "static over Coulomb friction, joint", at_least=1.0)]
     link_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, joint")]
-    winch_coulomb: Annotated[BoxRange, from_zero("N m", "Coulomb friction at a winch")]
+    winch_coulomb: Annotated[BoxRange, nonneg("N m", "Coulomb friction at a winch")]
     winch_static_ratio: Annotated[
         BoxRange, Physical("1", "static over Coulomb friction, winch", at_least=1.0)
     ]
     winch_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, winch")]
     pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
-    pulley_loss: Annotated[BoxRange, from_zero("1", "share of the tension lost at a guide pulley", below=1.0)]
+    pulley_loss: Annotated[BoxRange, nonneg("1", "share of the tension lost at a guide pulley", below=1.0)]
     reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
     reducer_efficiency: Annotated[BoxRange, positive("1", "efficiency of the reducer", at_most=1.0)]
-    tensioner_force: Annotated[BoxRange, from_zero("N", "force of tendon 4")]
+    tensioner_force: Annotated[BoxRange, nonneg("N", "force of tendon 4")]
     transmission_error_acts: Annotated[Words, Among("whether the reducer has angle errors", SWITCH)]
-    transmission_error: Annotated[BoxRange, from_zero("rad", "peak-to-peak angle error at the winch")]
+    transmission_error: Annotated[BoxRange, nonneg("rad", "peak-to-peak angle error at the winch")]
     torque_limit: Annotated[BoxRange, positive("N m", "saturation at the winch")]
     torque_resolution_acts: Annotated[Words, Among("whether torque comes in steps", SWITCH)]
-    torque_resolution: Annotated[BoxRange, from_zero("N m", "step of the torque at the winch")]
+    torque_resolution: Annotated[BoxRange, nonneg("N m", "step of the torque at the winch")]
     torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
-    torque_noise: Annotated[BoxRange, from_zero("N m", "RMS noise of the torque at the winch")]
-    encoder_count: Annotated[Choice, from_zero("rad", "angle of one count of the joint encoders")]
-    output_delay: Annotated[Choice, from_zero("1", "delay of the command in samples", at_most=100.0)]
+    torque_noise: Annotated[BoxRange, nonneg("N m", "RMS noise of the torque at the winch")]
+    encoder_count: Annotated[Choice, nonneg("rad", "angle of one count of the joint encoders")]
+    output_delay: Annotated[Choice, nonneg("1", "delay of the command in samples", at_most=100.0)]
     error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
     filter_cutoff: Annotated[BoxRange, positive("Hz", "cutoff of the low-pass error rate")]
     disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
-    disturbance_torque: Annotated[BoxRange, from_zero("N m", "amplitude of the sine, RMS of the noise")]
+    disturbance_torque: Annotated[BoxRange, nonneg("N m", "amplitude of the sine, RMS of the noise")]
     disturbance_frequency: Annotated[BoxRange, positive("Hz", "frequency of the sine")]
     posture: Annotated[BoxRange, Physical("rad", "joint 1 from hanging", above=0.0, below=math.pi)]
     motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
     amplitude: Annotated[BoxRange, positive("rad", "largest angle of the reference, a joint")]
     period: Annotated[BoxRange, Physical("s", "period of raised cosine and sine", at_least=0.02)]
     rise: Annotated[BoxRange, Physical("s", "duration of a minimum-jerk stroke", at_least=0.02)]
-    hold: Annotated[BoxRange, from_zero("s", "pause after a stroke")]
+    hold: Annotated[BoxRange, nonneg("s", "pause after a stroke")]
     velocity: Annotated[BoxRange, positive("rad s-1", "largest velocity, trapezoidal")]
     acceleration: Annotated[BoxRange, positive("rad s-2", "acceleration of the ramps, trapezoidal")]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
-from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")
@@ -27,7 +27,7 @@ class Gains(Model):
     b: Annotated[Moving, positive("1", "exponent of Eq. (12)", below=1.0)]
     eta: Annotated[Moving, positive("1", "surface gain of Eq. (11)")]
     Delta: Annotated[Moving, positive("rad", "error at which Eq. (12) changes")]
-    alpha: Annotated[Moving, from_zero("1", "weight of the older estimate, Eq. (15)", at_most=1.0)]
+    alpha: Annotated[Moving, nonneg("1", "weight of the older estimate, Eq. (15)", at_most=1.0)]
     beta: Annotated[Moving, positive("s-1", "surface gain of Controller 3")]
     K_d: Annotated[Moving, positive("s-1", "rate gain of Eq. (9)")] | None = None
     K_p: Annotated[Moving, positive("s-2", "error gain of Eq. (9)")] | None = None

@@ -7,17 +7,8 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, StrictInt, model_validator
 
-from tendonrepro.configuration.fields.model import Mistakes, Model, RunName, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.quantity import (
-    Joints,
-    Moving,
-    Pair,
-    Physical,
-    Scalar,
-    from_zero,
-    positive,
-    whole,
-)
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.quantity import Joints, Moving, Pair, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -41,7 +32,7 @@ class StepDisturbance(Model):
 
     kind: Literal["step"]
     torque: Annotated[Moving, Physical("N m", "torque on each joint")]
-    start: Annotated[Scalar, from_zero("s", "time of the step")]
+    start: Annotated[Scalar, nonneg("s", "time of the step")]
 
 
 class SineDisturbance(Model):
@@ -56,9 +47,9 @@ class NoiseDisturbance(Model):
     """Band-limited noise drawn from the seed."""
 
     kind: Literal["noise"]
-    torque: Annotated[Moving, from_zero("N m", "RMS torque on each joint")]
-    band: Annotated[Pair, from_zero("Hz", "lowest and highest frequency")]
-    components: Annotated[Scalar, whole("number of sines", at_least=1.0, at_most=100.0)]
+    torque: Annotated[Moving, nonneg("N m", "RMS torque on each joint")]
+    band: Annotated[Pair, nonneg("Hz", "lowest and highest frequency")]
+    components: Annotated[Scalar, Physical("1", "number of sines", at_least=1.0, at_most=100.0, whole=True)]
 
 
 DisturbanceConfig: TypeAlias = Annotated[
@@ -109,13 +100,14 @@ class Experiment(Model):
     """moving joints: the last ones, in order"""
     posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
     sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
-    seed: Annotated[Scalar, whole("seed of all random numbers", at_least=0.0, at_most=2.0**32 - 1.0)]
+    seed: Annotated[Scalar, nonneg("1", "seed of all random numbers", at_most=2.0**32 - 1.0, whole=True)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
     status: StatusLimits
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
+        assert isinstance(self, CompareConfig | DecoupleConfig)
         refuse_all(_misfits(self))
         return self
 
@@ -124,7 +116,7 @@ class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
+    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
 
 
 class CompareConfig(Experiment):
@@ -133,14 +125,14 @@ class CompareConfig(Experiment):
     experiment: Literal["compare"]
     reference: ReferenceConfig
     control: Control
-    runs: Annotated[dict[RunName, CompareRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[Identifier, CompareRun], Field(min_length=1, description="runs by name")]
 
 
 class PositionLoop(Model):
     """The stiff loop that makes motors follow their commands; the paper does not describe it."""
 
     stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
-    damping: Annotated[Moving, from_zero("N m s rad-1", "damping at the winch")]
+    damping: Annotated[Moving, nonneg("N m s rad-1", "damping at the winch")]
 
 
 class DecoupleRun(Model):
@@ -149,7 +141,7 @@ class DecoupleRun(Model):
     drives: Literal["joints", "motors"]
     """whether the reference is of joints, mapped by S_inv, or of the motors themselves"""
     reference: ReferenceConfig
-    payload: Annotated[Scalar, from_zero("kg", "point mass at the tool")]
+    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
 
 
 class DecoupleConfig(Experiment):
@@ -157,18 +149,20 @@ class DecoupleConfig(Experiment):
 
     experiment: Literal["decouple"]
     position_loop: PositionLoop
-    runs: Annotated[dict[RunName, DecoupleRun], Field(min_length=1, description="runs by name")]
+    runs: Annotated[dict[Identifier, DecoupleRun], Field(min_length=1, description="runs by name")]
 
 
-def references_of(config: Experiment) -> dict[tuple[str, ...], ReferenceConfig]:
+Config: TypeAlias = CompareConfig | DecoupleConfig
+
+
+def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
     """Reference motions by the path of their keys."""
     if isinstance(config, CompareConfig):
         return {("reference",): config.reference}
-    runs = config.runs if isinstance(config, DecoupleConfig) else {}
-    return {("runs", name, "reference"): run.reference for name, run in runs.items()}
+    return {("runs", name, "reference"): run.reference for name, run in config.runs.items()}
 
 
-def _misfits(config: Experiment) -> Mistakes:
+def _misfits(config: Config) -> Mistakes:
     """Mistakes that only show when sections are compared."""
     last, moving = config.manipulator.joints, config.joints
     yield from wrong_sizes(config, {"joints": last, "moving": len(moving), "pair": 2})
@@ -188,6 +182,8 @@ def _misfits(config: Experiment) -> Mistakes:
     for path, reference in references_of(config).items():
         for at, message in _unfit(reference, moving, period):
             yield (*path, *at), message
+    if "plant" in config.runs:
+        yield ("runs", "plant"), "is the name of something else among the results; choose another"
     if isinstance(config, CompareConfig):
         laws = config.control.laws
         for name, run in config.runs.items():

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
-from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, from_zero, positive
+from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 
 
@@ -15,9 +15,7 @@ class Routing(Model):
     """Winches, pulleys and the sides tendons pass them on: all that Eqs. (1) and (2) need."""
 
     winch_diameter: Annotated[Joints, positive("m", "winch diameter D_n")]
-    pulley_diameter: Annotated[
-        Matrix, from_zero("m", "pulley diameter D_pq, joint p (row), tendon q (column)")
-    ]
+    pulley_diameter: Annotated[Matrix, nonneg("m", "pulley diameter D_pq, joint p (row), tendon q (column)")]
     sign: Annotated[
         Matrix,
         Physical("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
@@ -39,7 +37,7 @@ class Links(Model):
 
     length: Annotated[Joints, positive("m", "link length")]
     mass: Annotated[Joints, positive("kg", "link mass")]
-    com: Annotated[Joints, from_zero("m", "centre of mass from the proximal axis")]
+    com: Annotated[Joints, nonneg("m", "centre of mass from the proximal axis")]
     inertia: Annotated[Joints, positive("kg m2", "inertia about the centre of mass")]
 
 
@@ -48,17 +46,17 @@ class Winches(Model):
 
     reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch")]
     reflected_inertia: Annotated[Joints, positive("kg m2", "rotor and reducer inertia at the winch")]
-    drum_inertia: Annotated[Joints, from_zero("kg m2", "inertia of the drum")]
-    viscous: Annotated[Joints, from_zero("N m s rad-1", "viscous damping D_m at the winch")]
+    drum_inertia: Annotated[Joints, nonneg("kg m2", "inertia of the drum")]
+    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous damping D_m at the winch")]
 
 
 class Tendons(Model):
     """Elasticity of Eq. (5), per tendon, and assembly clearance."""
 
     axial_stiffness: Annotated[Joints, positive("N m-1", "axial stiffness of a tendon")]
-    axial_damping: Annotated[Joints, from_zero("N s m-1", "axial damping of a tendon")]
+    axial_damping: Annotated[Joints, nonneg("N s m-1", "axial damping of a tendon")]
     damping_factor: Annotated[Scalar, positive("1", "common factor on the axial damping")]
-    clearance: Annotated[Joints, from_zero("m", "slack a tendon takes up before it pulls; 0 is none")]
+    clearance: Annotated[Joints, nonneg("m", "slack a tendon takes up before it pulls; 0 is none")]
     unilateral: Literal["off", "on"] | None = None
     """on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"""
 
@@ -66,7 +64,7 @@ class Tendons(Model):
 class DryFriction(Model):
     """Coulomb and static friction, per joint or winch."""
 
-    coulomb: Annotated[Joints, from_zero("N m", "Coulomb friction")]
+    coulomb: Annotated[Joints, nonneg("N m", "Coulomb friction")]
     static_ratio: Annotated[Joints, Physical("1", "static over Coulomb friction", at_least=1.0)]
     stribeck_velocity: Annotated[Joints, positive("rad s-1", "Stribeck velocity")]
     smoothing_velocity: Annotated[Joints, positive("rad s-1", "velocity over which the sign is smoothed")]
@@ -75,7 +73,7 @@ class DryFriction(Model):
 class LinkFriction(DryFriction):
     """Friction F(q, dq) of Eq. (4), per joint."""
 
-    viscous: Annotated[Joints, from_zero("N m s rad-1", "viscous friction of a joint")]
+    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous friction of a joint")]
 
 
 class WinchFriction(DryFriction):
@@ -88,7 +86,7 @@ class FrictionConfig(Model):
     link: LinkFriction
     winch: WinchFriction
     per_pulley: Annotated[
-        Scalar, from_zero("1", "share of the tension lost at each guide pulley; 0 is off", below=1.0)
+        Scalar, nonneg("1", "share of the tension lost at each guide pulley; 0 is off", below=1.0)
     ]
     reducer_efficiency: Annotated[Scalar, positive("1", "efficiency of the reducer; 1 is off", at_most=1.0)]
 
@@ -96,7 +94,7 @@ class FrictionConfig(Model):
 class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
-    force: Annotated[Scalar, from_zero("N", "constant force on the tendon; 0 is off")]
+    force: Annotated[Scalar, nonneg("N", "constant force on the tendon; 0 is off")]
     diameter: Annotated[Joints, positive("m", "diameter it passes at each joint")]
     side: Literal["negative", "distal_only", "alternating"]
     """on which side of the joints the tensioning tendon passes"""
@@ -105,15 +103,15 @@ class Tensioner(Model):
 class TransmissionError(Model):
     """Periodic position error of the reducer."""
 
-    peak_to_peak: Annotated[Scalar, from_zero("rad", "peak-to-peak error at the winch; 0 is off")]
+    peak_to_peak: Annotated[Scalar, nonneg("rad", "peak-to-peak error at the winch; 0 is off")]
     cycles_per_turn: Annotated[Scalar, positive("1", "cycles per turn of the winch")]
 
 
 class EncoderConfig(Model):
     """An incremental encoder that reads zero at the start posture."""
 
-    resolution: Annotated[Scalar, from_zero("rad", "angle of one count; 0 is ideal")]
-    noise: Annotated[Scalar, from_zero("rad", "RMS noise of a reading; 0 is off")]
+    resolution: Annotated[Scalar, nonneg("rad", "angle of one count; 0 is ideal")]
+    noise: Annotated[Scalar, nonneg("rad", "RMS noise of a reading; 0 is off")]
 
 
 class Encoders(Model):
@@ -127,13 +125,9 @@ class ActuatorConfig(Model):
     """From commanded to applied torque, at the winch."""
 
     torque_limit: Annotated[Joints, positive("N m", "saturation at the winch")]
-    torque_resolution: Annotated[
-        Scalar, from_zero("N m", "step of the torque command at the winch; 0 is off")
-    ]
-    torque_noise: Annotated[Scalar, from_zero("N m", "RMS torque noise at the winch; 0 is off")]
-    output_delay: Annotated[
-        Scalar, from_zero("1", "delay of the command in samples", at_most=100.0, whole=True)
-    ]
+    torque_resolution: Annotated[Scalar, nonneg("N m", "step of the torque command at the winch; 0 is off")]
+    torque_noise: Annotated[Scalar, nonneg("N m", "RMS torque noise at the winch; 0 is off")]
+    output_delay: Annotated[Scalar, nonneg("1", "delay of the command in samples", at_most=100.0, whole=True)]
 
 
 class Manipulator(Model):
@@ -141,7 +135,7 @@ class Manipulator(Model):
 
     schema_version: SchemaVersion
     name: Annotated[str, Field(min_length=1, description="name for titles and tables")]
-    gravity: Annotated[Scalar, from_zero("m s-2", "gravitational acceleration")]
+    gravity: Annotated[Scalar, nonneg("m s-2", "gravitational acceleration")]
     routing: Routing
     links: Links
     winches: Winches

@@ -107,7 +107,6 @@ _WHAT_IFS = (
           "Constant inertia of the law."),
 )  # fmt: skip
 _EVERY_AXIS: Mapping[str, ReadingAxis] = {axis.name: axis for axis in (*_AXES, *_WHAT_IFS)}
-_ORDER = {name: place for place, name in enumerate(_EVERY_AXIS)}
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
@@ -125,11 +124,8 @@ def reading(settings: Mapping[str, str]) -> Reading:
             raise UsageError(f"no axis of readings is called {name!r}", hint=hint)
         if value not in (axis.printed, *axis.alternatives):
             raise UsageError(f"{name} is {axis.printed}, {' or '.join(axis.alternatives)}, not {value!r}")
-    kept = tuple(
-        (name, value)
-        for name, value in sorted(settings.items(), key=lambda setting: _ORDER[setting[0]])
-        if value != _EVERY_AXIS[name].printed
-    )
+    chosen = {name: settings.get(name, axis.printed) for name, axis in _EVERY_AXIS.items()}
+    kept = tuple((name, value) for name, value in chosen.items() if value != _EVERY_AXIS[name].printed)
     return Reading("+".join(f"{name}={value}" for name, value in kept) or PRINTED, kept)
 
 

@@ -9,13 +9,13 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, StrictInt, model_validator
 
 from tendonrepro.configuration.fields.model import Model, refuse, refuse_all
-from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, from_zero, positive, whole
+from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive, whole
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Moving, Physical("rad", "largest angle of each joint")]
 Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
-Hold: TypeAlias = Annotated[Scalar, from_zero("s", "pause after each stroke")]
+Hold: TypeAlias = Annotated[Scalar, nonneg("s", "pause after each stroke")]
 Turn: TypeAlias = Annotated[tuple[StrictInt, ...], Field(min_length=1)]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -116,8 +115,7 @@ class Maps(NamedTuple):
     room: Array
 
 
-@dataclass(frozen=True)
-class Survey:
+class Survey(NamedTuple):
     """Tensions of an arm: numbers with the keys of ``--json``, and maps by course of tendon 4."""
 
     data: dict[str, Any]
@@ -312,8 +310,7 @@ def _weight(data: dict[str, Any]) -> str:
     """What tendon 4 is needed for."""
     numbers = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
     tendons = ", ".join(map(str, data["joints"]))
-    held = "".join(f"; joint {joint} held rigidly" for joint in data["held_joints"])
-    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest{held}."
+    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest."
 
 
 def _tables(found: Survey) -> list[Table]:

@@ -33,7 +33,6 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
 
 SCHEMA_VERSION = 1
-MOST_KEYS = 2
 OPTION = "--over"
 
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
@@ -131,7 +130,7 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
 def parse_over(over: Sequence[str]) -> Axes:
     """Read ``key=a,b,c``, once or twice."""
     axes = dict(map(_axis, over))
-    if not 1 <= len(axes) == len(over) <= MOST_KEYS:
+    if not 1 <= len(axes) == len(over) <= 2:
         message = f"a sweep is over one or two keys, each given once, not {len(over)}"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
     return axes
@@ -184,9 +183,9 @@ def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) 
 
 def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
     """Let the other solver's longest step, which has to divide the sampling period, follow it."""
-    if _PERIOD not in chosen or any(key.startswith(_STEP) for key in chosen):
+    period = chosen.get(_PERIOD)
+    if period is None or any(key.startswith(_STEP) for key in chosen):
         return {}
-    period = chosen[_PERIOD]
     quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}
     return {_STEP: period if isinstance(period, dict) else quantity}
 

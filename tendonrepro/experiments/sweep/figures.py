@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,7 +17,6 @@ Points: TypeAlias = Sequence[Mapping[str, Any]]
 GONE = ("diverged", "unresolved")
 """Statuses of runs whose errors cannot be compared."""
 
-_PANEL_MM, _FRAME_MM = 48.0, 16.0
 _SPREAD = 7.5
 """From this ratio of the largest to the smallest value on, an axis is logarithmic."""
 
@@ -28,7 +26,7 @@ def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
     """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
     keys, joints = [axis["key"] for axis in data["keys"]], data["joints"]
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
-    figure = style.open_figure(style.PAGE_MM, len(rows) * _PANEL_MM + _FRAME_MM)
+    figure = style.open_figure(style.PAGE_MM, 48.0 * len(rows) + 16.0)
     grid = figure.subplots(len(rows), len(joints), sharex="col", sharey="row", squeeze=False)
     for k in range(len(joints)):
         points, x = _set_values(grid[-1, k], data, k)
@@ -49,8 +47,7 @@ def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
         f"Diverged: {', '.join(data['diverged']) or 'none'}. "
         f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."
     )
-    marks = "open: ringing; cross: did not last; " if {*data["status"].values()} - {"ok"} else ""
-    origin = f"{marks}configuration {Path(data['config']).name} ({data['config_sha256'][:8]})"
+    origin = f"Open: ringing; cross: did not last. Configuration {data['config_sha256'][:8]}"
     return style.Drawing("sweep", figure, named, caption, origin=origin)
 
 
