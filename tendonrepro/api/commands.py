@@ -342,12 +342,12 @@ def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None =
 
     Without an ensemble there the verdicts of the stored one stand in. Nothing is written.
     """
-    from tendonrepro.verdicts.command import found_sources, judged
+    from tendonrepro.verdicts.command import judged
     from tendonrepro.verdicts.report import as_data, details_text, table_text
 
     folder, talk, started = Path(out), Talk(), time.perf_counter()
-    sources = found_sources(folder, None if measured is None else Path(measured), talk)
-    verdicts, judged_by = judged(sources, folder, ids, talk)
+    file = None if measured is None else Path(measured)
+    _, verdicts, judged_by = judged(folder, file, ids, talk)
     text = "\n\n".join(map(details_text, verdicts)) if ids else table_text(verdicts, every=True)
     outcome = Outcome(as_data(verdicts, judged_by), [text])
     return _studied("claims", load_config(None, "compare"), outcome, started)

@@ -25,8 +25,7 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
-FAST_PERIOD = 3.33
-"""Period of the motion ``fast_sine``, s: 0.3 Hz."""
+FAST_PERIOD = 3.33  # of the motion fast_sine, s: 0.3 Hz
 
 
 class Population(Model):

@@ -98,8 +98,8 @@ class Draft:
         self.kind: Any = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
         allowed = [wanted] if wanted else KINDS
         if self.kind not in allowed:
-            found = f"found {describe(self.kind)}{did_you_mean(self.kind, allowed)}"
-            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, {found}")
+            hint = did_you_mean(self.kind, allowed)
+            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(self.kind)}{hint}")
         if self.kind in MODELS and BASE in tree:
             self._take_from_base(tree.pop(BASE))
         changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]

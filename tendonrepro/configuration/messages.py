@@ -15,8 +15,7 @@ from tendonrepro.configuration.fields.quantity import SOURCE_PATTERN
 from tendonrepro.configuration.fields.strict_yaml import Document, Key, holds
 from tendonrepro.errors import ConfigError
 
-MOST_NAMED = 20
-"""Mistakes that a message names; the rest is counted."""
+MOST_NAMED = 20  # the rest of the mistakes is counted
 
 _MAPPING = "must be a mapping of keys"
 _ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"

@@ -14,8 +14,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 
 SCHEMA_FILE = "schema.json"
-ARM = 3
-"""Joints of the shipped arm."""
+ARM = 3  # joints of the shipped arm
 
 
 def shipped_folder() -> Path:

@@ -96,8 +96,6 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
         "dry_run": True,
         "config_sha256": study.sha256,
         "draws": draws,
-        "readings_count": len(study.readings),
-        "cases": len(study.cases),
         "cost": cost,
         "blocks": len(study.blocks(draws)),
         "out": str(folder),
@@ -214,7 +212,6 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
 
 def _manifest(study: Study, seconds: float) -> dict[str, Any]:
     manifest = make_manifest(study.base, seconds, "ensemble")
+    config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
     stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-    manifest |= {"experiment": "ensemble", "seed": study.seed, "solver": stepper}
-    manifest["config"] = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
-    return manifest
+    return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": stepper, "config": config}

@@ -89,7 +89,9 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
     winches["reflected_inertia"] = _alike(motor, "kg m2", "rotor_inertia and reducer_inertia")
     winches["drum_inertia"] = _alike(draw["drum_inertia"], "kg m2", "drum_inertia")
     winches["viscous"] = _alike(draw["winch_viscous"], "N m s rad-1", "winch_viscous")
-    two, three = _own_radii(arm["routing"]["pulley_diameter"])
+    # Where tendons 2 and 3 pass their own joints.
+    diameter = arm["routing"]["pulley_diameter"]
+    two, three = (to_si(diameter["value"][i][i], diameter["unit"]) / 2.0 for i in (1, 2))
     stiffness = draw["tendon_stiffness_2"] / two**2, draw["tendon_stiffness_3"] / three**2
     damping = draw["tendon_damping_2"] / two**2, draw["tendon_damping_3"] / three**2
     tendons["axial_stiffness"] = _per_joint(*stiffness, "N m-1", "tendon_stiffness over the radius squared")
@@ -100,10 +102,8 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
     tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
 
 
-def _own_radii(diameter: Mapping[str, Any]) -> tuple[float, float]:
-    """Radius at which tendons 2 and 3 pass their own joints, m."""
-    two, three = (to_si(diameter["value"][i][i], diameter["unit"]) / 2.0 for i in (1, 2))
-    return two, three
+def _switched(draw: Mapping[str, float], row: str) -> float:
+    return draw[f"{row}_acts"] * draw[row]
 
 
 def _put_friction(friction: dict[str, Any], draw: Mapping[str, float]) -> None:
@@ -117,24 +117,20 @@ def _put_friction(friction: dict[str, Any], draw: Mapping[str, float]) -> None:
         part["smoothing_velocity"] = _alike(stribeck / 2.0, "rad s-1", f"half of {side}_stribeck_velocity")
     on_links = float(sides in ("link", "both"))
     friction["link"]["viscous"] = _alike(on_links * draw["link_viscous"], "N m s rad-1", "link_viscous")
-    friction["per_pulley"] = _drawn(draw["pulley_loss_acts"] * draw["pulley_loss"], "1", "pulley_loss")
+    friction["per_pulley"] = _drawn(_switched(draw, "pulley_loss"), "1", "pulley_loss")
     efficiency = draw["reducer_efficiency"] if draw["reducer_loss_acts"] else 1.0
     friction["reducer_efficiency"] = _drawn(efficiency, "1", "reducer_efficiency")
 
 
 def _put_options(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
-    def switched(row: str) -> float:
-        return draw[f"{row}_acts"] * draw[row]
-
     arm["tensioner"]["force"] = _drawn(draw["tensioner_force"], "N", "tensioner_force")
     arm["tensioner"]["side"] = AXES["tensioner"].printed
-    arm["transmission_error"]["peak_to_peak"] = _drawn(
-        switched("transmission_error"), "rad", "transmission_error"
-    )
+    error = _switched(draw, "transmission_error")
+    arm["transmission_error"]["peak_to_peak"] = _drawn(error, "rad", "transmission_error")
     actuator = arm["actuator"]
     actuator["torque_limit"] = _alike(draw["torque_limit"], "N m", "torque_limit")
     for row in ("torque_resolution", "torque_noise"):
-        actuator[row] = _drawn(switched(row), "N m", row)
+        actuator[row] = _drawn(_switched(draw, row), "N m", row)
 
 
 def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -164,9 +164,7 @@ class Study:
             "readings": [reading.name for reading in self.readings],
             "variations": [reading.name for reading in self.variations],
             "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
-            "blocks": [
-                [block.population, block.replicate, block.first, block.count] for block in self.blocks(draws)
-            ],
+            "blocks": [astuple(block) for block in self.blocks(draws)],
         }
 
     def cost(self, draws: int) -> dict[str, float]:

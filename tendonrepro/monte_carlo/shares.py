@@ -25,15 +25,6 @@ RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (
 
 RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 
-PLANT_SETS = ("all_ok", "diverged_last")
-"""The two sets of plants that every ranking is given over.
-
-``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all on which not all three diverged;
-a law that did has an infinite error, so that it comes last and two that did are not in order; a law that
-rings is ranked by the error it has. Plants that the integrator could not resolve are in neither, and are
-counted.
-"""
-
 LEAST_PLANTS = 100
 """Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
 
@@ -201,8 +192,8 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Rankings and ratios are given over each of `PLANT_SETS`, then by metric, then for ``both`` joints or each;
-    ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are given over each of the sets of `_plants`, then by metric, then for ``both`` joints
+    or each; ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -243,7 +234,13 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
-    """Plants of each of `PLANT_SETS`, from the statuses of the three controllers, (3, N)."""
+    """The two sets of plants that every ranking is given over, from statuses of the controllers, (3, N).
+
+    ``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all on which not all three
+    diverged; a law that did has an infinite error, so that it comes last and two that did are not in order; a
+    law that rings is ranked by the error it has. Plants that the integrator could not resolve are in neither,
+    and are counted.
+    """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
     return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": rankable}

@@ -19,12 +19,11 @@ from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
-from tendonrepro.verdicts.judge import Sources, Verdict, changed, judge_all
+from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
 
-SCHEMA_VERSION = 1
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
 
@@ -83,8 +82,7 @@ def run_claims(
         For an unknown id, a baseline together with ids, or where something would be overwritten.
     """
     before = None if baseline is None else _baseline(baseline, ids)
-    sources = found_sources(out, measured, talk)
-    verdicts, judged_by = judged(sources, out, ids, talk)
+    sources, verdicts, judged_by = judged(out, measured, ids, talk)
     changes = {} if before is None else changed(before, verdicts)
     failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
     failed = tuple(failing if before is None else changes)
@@ -123,50 +121,38 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
 
 
 def judged(
-    sources: Sources, out: Path, ids: Sequence[str], talk: Talk
-) -> tuple[list[Verdict], Mapping[str, Any]]:
-    """Judge from what was found under `out`, and say which ensemble judged; see `run_claims`.
-
-    Where there is none the shipped verdicts stand in.
-    """
+    out: Path, measured: Path | None, ids: Sequence[str], talk: Talk
+) -> tuple[Sources, list[Verdict], Mapping[str, Any]]:
+    """Judge from what is found under `out`, and say which ensemble judged; see `run_claims`."""
+    sources = _found(out, measured, talk)
     present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
     talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
     readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
     with talk.bar("judging", readings) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
     if sources.ensemble is not None:
-        return verdicts, local_origin(out / ENSEMBLE, len(sources.ensemble.draws))
+        return sources, verdicts, local_origin(out / ENSEMBLE, len(sources.ensemble.draws))
     ledger = shipped_ledger()
-    return with_shipped(verdicts, ledger), ledger.ensemble
+    return sources, with_shipped(verdicts, ledger), ledger.ensemble
 
 
-def found_sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
-    """Read what claims are judged from: results under a folder, and the measured file; see `run_claims`."""
-    compare, folder = None, out / "compare"
-    if (folder / TRACES).exists():
-        stored = stored_traces(folder)
-        runs = [run for run in CONTROLLERS if run in stored.runs]
-        if (
-            of_paper(stored)
-            and all(of_paper(stored, stored.runs[run]) for run in runs)
-            and not fitted_under(stored)
-        ):
-            compare = stored
-        else:
-            talk.note(f"{folder}: fitted, or not the paper's arm, joints and gains; judging without it")
+def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
+    """Read results under a folder, and the measured file; what is not the paper's is left out."""
+    compare, ensemble = None, None
+    if (out / "compare" / TRACES).exists():
+        stored = stored_traces(out / "compare")
+        runs = [stored.runs[run] for run in CONTROLLERS if run in stored.runs]
+        papers = of_paper(stored) and all(of_paper(stored, run) for run in runs)
+        compare = stored if papers and not fitted_under(stored) else None
+        if compare is None:
+            talk.note(f"{out / 'compare'}: fitted, or not the paper's arm and gains; judging without it")
+    if (out / ENSEMBLE / PLAN).exists():
+        drawn = read_ensemble(out / ENSEMBLE)
+        ensemble = drawn if drawn.of_paper else None
+        if ensemble is None:
+            talk.note(f"{out / ENSEMBLE}: not of the paper's arm, gains and payload; judging without it")
     file = measured or (MEASURED if MEASURED.exists() else None)
-    return Sources(compare, _ensemble(out / ENSEMBLE, talk), read_measured(file) if file else None)
-
-
-def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
-    """Results over the box; one that is unfinished or not of the paper counts as none, and is told of."""
-    if not (folder / PLAN).exists():
-        return None
-    data = read_ensemble(folder)
-    if not data.of_paper:
-        talk.note(f"{folder}: not drawn around the paper's arm, gains and payload; judging without it")
-        return None
-    return data
+    return Sources(compare, ensemble, read_measured(file) if file else None)
 
 
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
@@ -210,19 +196,19 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Ver
 
     A stored verdict counts only if it is of the number or claim of today, by the rule of the same name.
     """
-    return [
-        _taken(one, ledger) if one.kind == "ensemble" and one.verdict == "not_testable" else one
-        for one in verdicts
-    ]
+    found = []
+    for one in verdicts:
+        entry = ledger.entries.get(one.id, {})
+        waits = one.kind == "ensemble" and one.verdict == "not_testable"
+        same = all(entry.get(key) == getattr(one, key) for key in ("kind", "rule", "printed"))
+        found.append(_taken(one, entry, ledger.ensemble) if waits and same else one)
+    return found
 
 
-def _taken(waiting: Verdict, ledger: ShippedLedger) -> Verdict:
-    entry = ledger.entries.get(waiting.id, {})
-    if any(entry.get(key) != getattr(waiting, key) for key in ("kind", "rule", "printed")):
-        return waiting
+def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
     # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
-    evidence = {**entry["evidence"], **here, "ensemble": ledger.ensemble}
+    evidence = {**entry["evidence"], **here, "ensemble": origin}
     return replace(
         waiting,
         ours=entry["ours"] if here["shipped_run"] is None else waiting.ours,

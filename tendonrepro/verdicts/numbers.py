@@ -55,32 +55,24 @@ class Formula(NamedTuple):
 
 def formula_of(paper: Published, identifier: str) -> Formula:
     """How a number follows from the errors of Tables 2 and 3, of which it may be one."""
+    names: tuple[str, ...]
     entry = paper.entries[identifier]
     if isinstance(entry, PrintedQuotient):
         return Formula((entry.numerator, entry.denominator), truediv)
     if isinstance(entry, PrintedDose):
         (first_3, second_3), (first_2, second_2) = entry.parts
-        return Formula((first_3, second_3, first_2, second_2), _dose)
+        # What Controller 1 gains over Controller 2 on joint 3, over what it gains on joint 2.
+        names = first_3, second_3, first_2, second_2
+        return Formula(names, lambda c1_3, c2_3, c1_2, c2_2: (1 - c1_3 / c2_3) / (1 - c1_2 / c2_2))
     family, what, *rest = identifier.split(".", 2)
     if family == "share":
         rival = what.removeprefix("controller_1_of_")
-        return Formula((f"table2.{FIRST}.{rest[0]}", f"table2.controller_{rival}.{rest[0]}"), _share)
+        names = f"table2.{FIRST}.{rest[0]}", f"table2.controller_{rival}.{rest[0]}"
+        return Formula(names, lambda part, whole: 100 * part / whole)
     if family == "increase":
-        return Formula((f"table3.with_load.{rest[0]}", f"table3.no_load.{rest[0]}"), _increase)
+        names = f"table3.with_load.{rest[0]}", f"table3.no_load.{rest[0]}"
+        return Formula(names, lambda after, before: 100 * after / before - 100)
     return Formula((identifier,), lambda error: error)
-
-
-def _dose(first_3: Any, second_3: Any, first_2: Any, second_2: Any) -> Any:
-    """What Controller 1 gains over Controller 2 on joint 3, over what it gains on joint 2."""
-    return (1 - first_3 / second_3) / (1 - first_2 / second_2)
-
-
-def _share(part: Any, whole: Any) -> Any:
-    return 100 * part / whole
-
-
-def _increase(after: Any, before: Any) -> Any:
-    return 100 * after / before - 100
 
 
 def cut(value: Fraction, printed: PrintedNumber) -> str:

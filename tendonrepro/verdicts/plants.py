@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,21 +29,19 @@ class Plants:
         self.data = data
         self.reading = reading
         self.joints = data.joints
-        self._kept: dict[tuple[str, str], Array] = {}
-        self._codes: dict[str, NDArray[np.int8]] = {}
+        self._kept: dict[tuple[str, str], NDArray[Any]] = {}
 
     def status(self, run: str) -> NDArray[np.int8]:
         """Status codes of a run, (N,)."""
-        if run not in self._codes:
-            self._codes[run] = self.data.status(*self._address(run))
-        return self._codes[run]
+        if (run, "status") not in self._kept:
+            self._kept[run, "status"] = self.data.status(*self._address(run))
+        return self._kept[run, "status"]
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
         """Statistic of a run, (N, n), by (run, name); of `SHAPE` NaN where there is no error."""
         run, name = key
         if name == SHAPE:
-            mae, rmse = self[run, "mae"], self[run, "rmse"]
-            return np.divide(rmse, mae, out=np.full_like(mae, np.nan), where=mae > 0.0)
+            return np.asarray(self[run, "rmse"] / self[run, "mae"])
         if key not in self._kept:
             self._kept[key] = self.data.statistic(*self._address(run), name)
         return self._kept[key]

@@ -152,7 +152,7 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
     X = X[:, free]
     problem = {
         "num_vars": X.shape[1],
-        "names": [name for name, varies in zip(strongest, free.tolist(), strict=False) if varies],
+        "names": np.array(names)[chosen][free].tolist(),
         "bounds": np.column_stack([X.min(axis=0), X.max(axis=0)]).tolist(),
     }
     with warnings.catch_warnings():

@@ -71,7 +71,6 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
     corners = np.array(list(product((0.0, np.pi), repeat=len(side)))).T
     joints = np.diff(corners, axis=0, prepend=0.0)
     travel = float(np.ptp(tensioner_stretch(joints, side, diameter)))
-    per_newton = tendon_tension(-tensioner_torque(1.0, side, diameter), route.S, route.winch)
     varies = np.full(len(machines.force), travel > 0.0)
     shares, decisions = {}, []
     for margin in MARGINS:
@@ -86,7 +85,6 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
         "verdict": decision.verdict,
         "borderline": decision.borderline,
         "every_tendon_tense": shares,
-        "tension_per_newton": np.where(np.abs(per_newton) < SLACK, 0.0, per_newton).tolist(),
         "spring_varies": travel > 0.0,
         "length_change_mm": 1e3 * travel,
     }

@@ -42,15 +42,6 @@ def test_shipped_file_loads() -> None:
     assert list(loaded.config.populations) == ["box", "firm"]
 
 
-def test_yaml_text_loads_to_the_same(tmp_path: Path) -> None:
-    loaded = load_ensemble(None, overrides=["box.posture.high=60"])
-    copy = tmp_path / "copy.yaml"
-    copy.write_text(loaded.yaml_text, encoding="utf-8")
-    again = load_ensemble(copy)
-    assert again.config == loaded.config
-    assert again.sha256 == loaded.sha256
-
-
 @pytest.mark.parametrize(
     "override",
     ["seed=2", "box.posture.high=60", "populations.firm.share=0.5", "base.control.gains.lam=[7, 8]"],
@@ -82,23 +73,15 @@ def with_base(folder: Path, old: str, new: str) -> Path:
     return written(folder, ("base: compare.yaml ", "base: mine.yaml "))
 
 
-def test_base_may_stand_beside_the_file(tmp_path: Path) -> None:
-    loaded = load_ensemble(with_base(tmp_path, "[8, 8]", "[6, 6]"))
-    assert loaded.compare.control.gains.lam.value == (6.0, 6.0)
-
-
 MISTAKES = [
     ("link_mass_2:", "link_mas_2:", "unknown key 'link_mas_2', did you mean 'link_mass_2'"),
     ("low: 40, ", "low: 4000, ", "tendon_stiffness_2.low: must be below high, 2000, found 4000"),
     ("nominal: 280,", "nominal: 15,", "nominal: must be from 40 to 2000, found 15"),
-    ("low: 5, nominal: 17", "low: 0, nominal: 17", "above 0 on a log scale"),
     ("12, scale: linear, unit: s", "12, scale: linear, unit: m", "box.period.unit: must be s or ms, found"),
     ("low: 0.55,", "low: -1,", "reducer_efficiency.low: must be above 0"),
-    ("high: 0.85,", "high: 1.85,", "reducer_efficiency.high: must be above 0"),
     ("[none, sine, noise]", "[none, sinus]", "must be one of none, sine, noise, found 'sinus'"),
     ("[0, 1, 2], nominal: 0", "[1, 2], nominal: 0", "one of the choices, 1.0, 2.0"),
     ("differencing=centred, output_delay=1", "difference=x, output_delay=1", "no axis of readings"),
-    ("error_rate=low_pass, encoder=0.088", "error_rate=low, encoder=0.088", "not 'low'"),
     ("[error_rate=low_pass, encoder=0.088]", "[M_bar=halved]", "variation, not a reading"),
     ("- sampling_period=0.5ms", "- sampling_period=3ms", "must be one of"),
     ("value:  32", "value:  33", "block.value: must be a power of two, found 33"),
@@ -115,15 +98,6 @@ def test_mistakes_name_their_line(tmp_path: Path, old: str, new: str, message: s
         load_ensemble(path)
     assert f"{path}:{line_of(old)}: " in str(raised.value)
     assert "1 mistake" in str(raised.value)
-
-
-def test_a_missing_row_is_named(tmp_path: Path) -> None:
-    start = TEXT.index("  tensioner_force:")
-    end = TEXT.index("  transmission_error_acts:")
-    path = tmp_path / "ensemble.yaml"
-    path.write_text(TEXT[:start] + TEXT[end:], encoding="utf-8")
-    with pytest.raises(ConfigError, match="box: missing key 'tensioner_force'"):
-        load_ensemble(path)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import io
 import json
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tendonrepro.configuration.fields.quantity import Quantity
-from tendonrepro.configuration.fields.strict_yaml import Node, load, read_text
+from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.configuration.kinds import json_schema
 from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
 from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
@@ -41,22 +40,6 @@ def decouple() -> DecoupleConfig:
     return config
 
 
-def shipped_tree(name: str) -> dict[str, Any]:
-    path = shipped_folder() / f"{name}.yaml"
-    tree = load(read_text(path), str(path)).tree
-    assert isinstance(tree, dict)
-    return tree
-
-
-def quantities(tree: Node) -> Iterator[dict[str, Any]]:
-    if isinstance(tree, dict):
-        if "value" in tree:
-            yield tree
-        else:
-            for item in tree.values():
-                yield from quantities(item)
-
-
 # ---- what the shipped files say ----------------------------------------------------------------------------
 
 
@@ -73,25 +56,6 @@ def test_printed_numbers(compare: CompareConfig) -> None:
     assert compare.sampling_period.si == 0.001
     assert compare.manipulator.encoders.joint.resolution.value == 0.022
     assert [compare.runs[name].payload.si for name in compare.runs] == [0, 0, 0, 0.2]
-
-
-def test_numbers_follow_from_what_their_sources_state(compare: CompareConfig) -> None:
-    """Those of the arm do in tests/monte_carlo/test_nominal.py."""
-    manipulator, gains = compare.manipulator, compare.control.gains
-    assert manipulator.encoders.motor.resolution.value == 360 / (2048 * 4 * 100)
-    assert gains.K_d is not None
-    assert gains.K_p is not None
-    np.testing.assert_array_equal(gains.K_d.si, gains.beta.si + gains.lam.si)
-    np.testing.assert_array_equal(gains.K_p.si, gains.beta.si * gains.lam.si)
-
-
-def test_reference_stays_below_the_rated_motor_speed(compare: CompareConfig) -> None:
-    reference = compare.reference
-    assert reference.kind == "minimum_jerk"
-    assert reference.duration == pytest.approx(15.2, rel=1e-12)
-    peak_deg = 1.875 * 33 / reference.rise.si
-    assert peak_deg == pytest.approx(26.9, abs=0.05)
-    assert peak_deg * 77 / 37 == pytest.approx(56.0, abs=0.05)
 
 
 def test_readings_are_the_first_choice(compare: CompareConfig) -> None:
@@ -136,16 +100,6 @@ def test_every_way_to_the_same_configuration(
     assert shipped.inputs == (path, shipped_folder() / "lumidouce_ii.yaml")
     assert [way.inputs for way in ways[3:]] == [(copy,), ()]
     assert [way.folder for way in ways[3:]] == [tmp_path, tmp_path]
-
-
-def test_file_comes_before_the_shipped_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "compare").mkdir()
-    assert load_config("compare", "compare").origin == "compare"
-    (tmp_path / "compare").rmdir()
-    (tmp_path / "compare").write_text("experiment: [")
-    with pytest.raises(ConfigError, match="not valid YAML"):
-        load_config("compare", "compare")
 
 
 def test_manipulator_beside_the_file_comes_before_the_shipped_one(tmp_path: Path) -> None:
@@ -260,6 +214,7 @@ def changed(*overrides: str, **options: Any) -> CompareConfig:
     ("manipulator.routing.pulley_diameter.value.0.2=30", "manipulator.routing.pulley_diameter",
      ((77, 35, 30), (0, 77, 35), (0, 0, 37))),
     (" control.gains.b = [.5, .6]", "control.gains.b", (0.5, 0.6)),
+    ("control.gains.lam=6", "control.gains.lam", (6, 6)),
 ])  # fmt: skip
 def test_value_set_on_the_command_line_says_so(override: str, path: str, value: object) -> None:
     quantity: Any = changed(override)
@@ -308,6 +263,7 @@ def test_another_manipulator_comes_before_changes_inside_it(tmp_path: Path) -> N
     ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
     ("control.gains.lam.value.x=9", "--set control.gains.lam.value.x", "no entry x in a list of 2"),
     ("title.x=9", "--set title.x", "nothing below it can be set"),
+    ("manipulator.routing.pulley_diameter=30", "None", "value: must be a list"),
     ("title=", "--set title", "is empty"),
     ("title=[1", "--set title:", "not valid YAML"),
     ("manipulator=nowhere.yaml", "--set manipulator", "no file 'nowhere.yaml'"),
@@ -317,26 +273,6 @@ def test_override_that_cannot_be_applied(override: str, where: str, message: str
         changed(override)
     assert str(raised.value.where).startswith(where)
     assert message in raised.value.message
-
-
-@pytest.mark.parametrize(("override", "key"), [
-    ("control.gains.lma=9", "control.gains: unknown key 'lma', did you mean 'lam'?"),
-    ("control.gains.b=[2, .5]", "control.gains.b.value.0: "),
-    ("posture=[.nan, 0, 0]", "posture.value.0: "),
-    ("control.readings.start=warm", "control.readings.start: "),
-    ("runs=[]", "runs: "),
-])  # fmt: skip
-def test_mistake_made_by_an_override_is_placed_there(override: str, key: str) -> None:
-    with pytest.raises(ConfigError) as raised:
-        changed(override)
-    (_, line) = str(raised.value).splitlines()
-    assert line.startswith(f"--set {override.partition('=')[0]}: {key}")
-
-
-@pytest.mark.parametrize("override", ["title", "=3", "a..b=3", ".a=3", ""])
-def test_override_of_the_wrong_form(override: str) -> None:
-    with pytest.raises(UsageError, match="not of the form key=VALUE"):
-        changed(override)
 
 
 def test_everything_set_is_recorded_and_reproduced_by_the_text(tmp_path: Path) -> None:
@@ -357,17 +293,8 @@ def test_controller_without_a_run(controllers: list[int]) -> None:
     with pytest.raises(UsageError) as raised:
         changed(controllers=controllers)
     assert raised.value.hint == "Laws with a run: controller_1, controller_2, controller_3"
-
-
-def test_controllers_where_there_are_none() -> None:
-    with pytest.raises(UsageError, match="has no controllers"):
+    with pytest.raises(UsageError, match="no controllers"):
         load_config(None, "decouple", controllers=[1])
-
-
-@pytest.mark.parametrize("seed", [-1, 2**32, 10**400])
-def test_seed_out_of_range(seed: int) -> None:
-    with pytest.raises(ConfigError, match=r"seed\.value: must be"):
-        changed(seed=seed)
 
 
 @settings(max_examples=40)
@@ -480,86 +407,13 @@ def test_schema_file_is_up_to_date() -> None:
     )
 
 
-def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
-    """Whether a value satisfies the part of JSON schema that pydantic writes here."""
-    if "$ref" in schema:
-        return accepts(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], value, root)
-    for choice in ("anyOf", "oneOf"):
-        if choice in schema and not any(accepts(option, value, root) for option in schema[choice]):
-            return False
-    types = {
-        "object": dict,
-        "array": list,
-        "string": str,
-        "null": type(None),
-        "number": (int, float),
-        "integer": int,
-    }
-    if "type" in schema and (not isinstance(value, types[schema["type"]]) or isinstance(value, bool)):
-        return False
-    checks = {
-        "const": lambda limit: value == limit, "enum": lambda limit: value in limit,
-        "minimum": lambda limit: value >= limit, "exclusiveMinimum": lambda limit: value > limit,
-        "maximum": lambda limit: value <= limit, "exclusiveMaximum": lambda limit: value < limit,
-        "minItems": lambda limit: len(value) >= limit, "maxItems": lambda limit: len(value) <= limit,
-        "minLength": lambda limit: len(value) >= limit, "minProperties": lambda limit: len(value) >= limit,
-        "pattern": lambda limit: re.search(limit, value) is not None,
-        "items": lambda item: all(accepts(item, entry, root) for entry in value),
-        "required": lambda keys: set(keys) <= set(value),
-        "properties": lambda keys: all(accepts(keys[key], value[key], root) for key in keys if key in value),
-        "additionalProperties": lambda rest: all(
-            rest is not False and accepts(rest, value[key], root)
-            for key in set(value) - set(schema.get("properties", {}))
-        ),
-        "patternProperties": lambda patterns: all(
-            accepts(patterns[pattern], value[key], root)
-            for pattern in patterns for key in value if re.search(pattern, key)
-        ),
+def test_schema_states_units_and_limits_of_every_quantity() -> None:
+    gains = json_schema("compare")["$defs"]["Gains"]["properties"]
+    assert gains["b"]["properties"]["value"]["items"] == {
+        "type": "number", "exclusiveMinimum": 0.0, "exclusiveMaximum": 1.0,
     }  # fmt: skip
-    known = {"type", "title", "description", "default", "discriminator", "anyOf", "oneOf", "$defs", "$schema"}
-    assert set(schema) <= known | set(checks), f"the test does not know {set(schema) - known - set(checks)}"
-    return all(check(schema[keyword]) for keyword, check in checks.items() if keyword in schema)
-
-
-@pytest.mark.parametrize("name", SHIPPED_FILES)
-def test_schema_accepts_the_shipped_files_and_not_much_else(name: Any) -> None:
-    kind = {"lumidouce_ii": "manipulator", "compare_cosine": "compare", "closest": "compare"}.get(name, name)
-    tree = shipped_tree(name)
-    if name in EXPERIMENTS:  # also with the manipulator inside
-        assert accepts(json_schema(name), load_config(None, name).tree, json_schema(name))
-    for schema in (json_schema(), json_schema(kind)):
-        assert accepts(schema, tree, schema)
-        assert not accepts(schema, tree | {"unknown": 1}, schema)
-        assert not accepts(schema, tree | {"schema_version": 2}, schema)
-        for key in tree:
-            left_to_base = name == "compare_cosine" and key in ("title", "reference")
-            rest = {other: tree[other] for other in tree if other != key}
-            assert accepts(schema, rest, schema) == left_to_base
-        for quantity in list(quantities(tree))[::4]:
-            kept = dict(quantity)
-            wrongs = ("unit", "furlong"), ("source", "somewhere"), ("value", "text"), ("value", [[[1]]])
-            for key, wrong in wrongs:
-                quantity[key] = wrong
-                assert not accepts(schema, tree, schema)
-                quantity[key] = kept[key]
-
-
-def test_schema_describes_every_quantity() -> None:
     for definition in json_schema()["$defs"].values():
         assert definition["description"]
         for name, field in definition["properties"].items():
             if "value" in field.get("properties", {}):
                 assert re.search(r"; unit \S", field["description"]), name
-
-
-@pytest.mark.parametrize("key", ["control.gains.lam", "control.gains.lam.value"])
-def test_one_number_means_all_joints(key: str) -> None:
-    loaded = load_config(None, "compare", overrides=[f"{key}=6"])
-    assert isinstance(loaded.config, CompareConfig)
-    assert loaded.config.control.gains.lam.si.tolist() == [6.0, 6.0]
-    assert loaded.sha256 == load_config(None, "compare", overrides=[f"{key}=[6, 6]"]).sha256
-
-
-def test_one_number_means_no_matrix() -> None:
-    with pytest.raises(ConfigError):
-        load_config(None, "compare", overrides=["manipulator.routing.pulley_diameter=30"])

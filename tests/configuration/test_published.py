@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 from fnmatch import fnmatchcase
 from fractions import Fraction
 
@@ -45,15 +44,6 @@ class TestShippedFile:
         for read, name in ((published().number, "hardware.motor"), (published().quantity, "C2")):
             with pytest.raises(KeyError, match="is not printed as a number"):
                 read(name)
-
-    def test_units_and_joints_without_a_printed_value(self) -> None:
-        units = {"table2": "deg", "table3": "deg", "share": "%", "increase": "%", "S": "1", "S_inv": "1"}
-        for name, entry in published().entries.items():
-            if isinstance(entry, PrintedNumber):
-                assert entry.unit == units.get(name.split(".")[0], entry.unit)
-        values = published().per_joint("table2.controller_1.mae", (1, 3))
-        assert math.isnan(values[0])
-        assert values[1] == 0.219
 
     def test_rmse_over_mae_is_what_the_rounding_of_both_tables_allows(self) -> None:
         low, high = published().interval("rmse_over_mae.controller_3.joint_2")

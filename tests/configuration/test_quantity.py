@@ -105,18 +105,8 @@ def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], w
     assert words in mistakes(field, value, unit)[at]
 
 
-def test_all_wrong_entries_are_named() -> None:
-    assert set(mistakes("lengths", [0, 1, -1], "m")) == {("value", 0), ("value", 2)}
-    assert set(mistakes("lengths", ["a", 1, None], "m")) == {("value", 0), ("value", 2)}
-
-
 @pytest.mark.parametrize("source", ["printed", "printed:", "printed: ", "Printed: x", "guessed: x", ""])
 def test_source_must_say_where_from(source: str) -> None:
     assert ("source",) in mistakes("count", 1, "1", source)
     for origin in ("printed", "derived", "datasheet", "assumed", "identified"):
         assert sample("count", 1, "1", f"{origin}: x").source == f"{origin}: x"
-
-
-def test_bare_number_is_told_what_is_missing() -> None:
-    with pytest.raises(ValidationError, match=r"as in {value: \.\.\., unit: rad, source:"):
-        Sample.model_validate({"angle": 3})

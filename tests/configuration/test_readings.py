@@ -15,7 +15,6 @@ from tendonrepro.configuration.models.readings import (
     AXES,
     VARIATIONS,
     Reading,
-    as_printed,
     case_of,
     default_readings,
     parse_reading,
@@ -90,20 +89,6 @@ def test_the_case_of_a_run_is_the_same_loop(choice: Reading) -> None:
 
 
 @pytest.mark.parametrize(
-    ("pair", "run", "case"),
-    [
-        ("phi_branch=power+weights=extrapolating", "controller_1", "phi_branch=power+weights=extrapolating"),
-        ("phi_branch=power+weights=extrapolating", "controller_2", "phi_branch=power"),
-        ("phi_branch=power+weights=extrapolating", "controller_3", "printed"),
-        ("gain_unit=phi_in_degrees", "controller_3", "printed"),
-        ("gain_unit=law_in_degrees", "controller_3", "gain_unit=law_in_degrees"),
-    ],
-)
-def test_the_case_of_a_pair_keeps_what_matters(pair: str, run: str, case: str) -> None:
-    assert case_of(parse_reading(pair), run) == parse_reading(case)
-
-
-@pytest.mark.parametrize(
     ("choice", "count_deg", "delay"),
     [("printed", 0.022, 0), ("hardware=drawn", 0.088, 2), ("hardware=drawn+encoder=ideal", 0.0, 2)],
 )
@@ -113,12 +98,6 @@ def test_hardware_is_the_papers_or_that_of_the_draw(choice: str, count_deg: floa
     assert loop.actuator.delay == delay
     rate_filter = loop.controller.law.rate_filter  # type: ignore[attr-defined]
     assert rate_filter == 1.0 if choice == "printed" else 0.0 < rate_filter < 1.0
-
-
-def test_low_pass_uses_the_drawn_cutoff() -> None:
-    loop = loops_under(parse_reading("error_rate=low_pass"))["controller_3"]
-    expected = 1.0 - np.exp(-2.0 * np.pi * drawing()[1]["filter_cutoff"] * 1e-3)
-    assert loop.controller.law.rate_filter == pytest.approx(expected)  # type: ignore[attr-defined]
 
 
 def test_sides_of_the_tensioner() -> None:
@@ -149,15 +128,6 @@ def test_under_shares_what_does_not_change_and_stays_valid() -> None:
         assert CompareConfig.model_validate(changed.model_dump()) == changed
 
 
-def test_as_printed_undoes_other_readings() -> None:
-    config, draw = drawing()
-    other = under(
-        parse_reading("weights=extrapolating+output_delay=2+encoder=0.088+start=cold"), config, draw
-    )
-    assert content(as_printed(other).control) == content(config.control)
-    assert as_printed(other).manipulator.encoders.joint.resolution.si == np.deg2rad(0.022)
-
-
 def test_default_readings_are_printed_alternatives_and_pairs() -> None:
     chosen = default_readings([["weights=extrapolating", "phi_branch=power"]])
     names = [choice.name for choice in chosen]
@@ -169,12 +139,6 @@ def test_default_readings_are_printed_alternatives_and_pairs() -> None:
 @pytest.mark.parametrize("choice", ALONE + list(VARIATIONS), ids=lambda choice: choice.name)
 def test_a_name_leads_back_to_its_reading(choice: Reading) -> None:
     assert parse_reading(choice.name) == choice
-
-
-def test_order_and_printed_values_do_not_matter() -> None:
-    pair = parse_reading("phi_branch=power+weights=extrapolating")
-    assert parse_reading("weights=extrapolating+phi_branch=power+start=filled") == pair
-    assert parse_reading("weights=interpolating") == reading({})
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.linear import growing, run_views
 from tendonrepro.experiments.loops import build_reference
-from tendonrepro.experiments.report import _growing
 from tendonrepro.physics.linear_loop import decay_rate, stroke
 
 
@@ -18,10 +17,3 @@ def test_loops_that_grow_are_those_without_decay():
     found = growing(heavy)
     assert found.keys() == {run for run, rate in decay.items() if rate < 0.0} == {"controller_1_payload"}
     assert 11.1 < found["controller_1_payload"] < 11.4
-
-
-def test_only_runs_that_ended_well_are_said_to_grow():
-    status = {"controller_1": "ok", "controller_2": "ringing", "controller_3": "ok"}
-    (line,) = _growing({"growing_hz": {"controller_1": 4.31, "controller_2": 4.3}, "status": status})
-    assert "controller_1 at 4.3 Hz" in line
-    assert list(_growing({"growing_hz": {"controller_2": 4.3}, "status": status})) == []

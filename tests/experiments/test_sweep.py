@@ -138,15 +138,6 @@ class TestFiles:
         with pytest.raises(ConfigError, match=r"--over reference.*would reach"):
             run_sweep(steep, ["reference.amplitude=[33,33],[150,33]"], QUIET)
 
-    def test_identity_is_that_of_values_and_configuration(self):
-        digests = {
-            load_sweep(Request(overrides=overrides), over).base.sha256
-            for over in ([ALPHA], [PERIOD], [ALPHA, PERIOD])
-            for overrides in ((), (ONE,))
-        }
-        assert len(digests) == 6
-        assert load_sweep(Request(), [ALPHA]).base.sha256 in digests
-
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
         text = load_config(None, "compare").yaml_text
         path = tmp_path / "given.yaml"
@@ -223,12 +214,3 @@ class TestFigures:
             (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
             assert line.get_xdata().tolist() == x
             assert (line.get_linestyle() == "None") == (numbers is None)
-
-    def test_ringing_run_has_an_open_marker(self):
-        data = json.loads(json.dumps(swept(PERIOD)))
-        data["points"][1]["runs"]["controller_1"]["status"] = data["status"]["x"] = "ringing"
-        drawing = draw_sweep(data)
-        drawn = (line for line in drawing.axes["a"].lines if len(line.get_xdata()))
-        (dots,) = (line for line in drawn if line.get_markerfacecolor() == "white")
-        assert dots.get_xdata().tolist() == [1.0]
-        assert "ringing" in drawing.origin

@@ -139,11 +139,6 @@ def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):
     assert results(tmp_path / "new") == results(unbroken)
 
 
-def test_a_dry_run_refuses_what_a_run_would(unbroken):
-    with pytest.raises(UsageError):
-        run_ensemble(Request(out=unbroken, dry_run=True), QUIET, draws=2 * DRAWS)
-
-
 @pytest.mark.parametrize(
     ("asked", "expected"),
     [

@@ -34,12 +34,6 @@ def test_what_is_not_there_is_missing(unbroken):
         read_ensemble(unbroken).status("controller_1", "start=cold")
 
 
-def test_what_is_not_finished_is_missing(tmp_path):
-    with pytest.raises(DataMissingError) as caught:
-        read_ensemble(tmp_path)
-    assert caught.value.exit_code == 4
-
-
 def test_a_large_ensemble_is_read_case_by_case(unbroken, monkeypatch):
     monkeypatch.setattr("tendonrepro.monte_carlo.data.KEPT_DRAWS", 0)
     pieces = read_ensemble(unbroken).statistic("controller_2", "printed", "mae")

@@ -10,8 +10,6 @@ from support.made_ensemble import (
     DIVERGED,
     PLANTS,
     READINGS,
-    RUNS,
-    always_ok,
     ensemble,
     printed_like,
     random_errors,
@@ -78,14 +76,3 @@ def test_a_reading_is_judged_by_the_printed_ratios(factor, ok, verdict):
     codes = np.where(np.arange(PLANTS) % ok == 0, 0, DIVERGED).astype(np.int8)
     data.status = lambda *_: codes
     assert whole(data)["readings"][0]["agreement"]["verdict"] == verdict
-
-
-@pytest.mark.parametrize(
-    ("sizes", "printed", "reverse"),
-    [((1.0, 2.0, 3.0, 1.0), 1.0, 0.0), ((3.0, 2.0, 1.0, 3.0), 0.0, 1.0), ((2.0, 1.0, 3.0, 2.0), 0.0, 0.0)],
-)
-def test_shares_of_the_orders(sizes, printed, reverse):
-    size = dict(zip(RUNS, sizes, strict=True))
-    reading = whole(ensemble(lambda run, *_: np.full((PLANTS, 2), size[run]), always_ok))["readings"][0]
-    for key, share in (("share_c1_lt_c2_lt_c3", printed), ("share_c3_lt_c2_lt_c1", reverse)):
-        assert reading[key]["all_ok"]["mae_and_rmse"]["both"]["share"] == share

@@ -234,13 +234,6 @@ def test_a_reading_that_makes_the_print_agrees_and_another_cannot():
         assert reading_summary(data, "printed")["agreement"]["verdict"] == verdict
 
 
-def test_a_scrambling_with_few_plants_weighs_little():
-    few = np.repeat(np.arange(8), [57, 57, 57, 57, 57, 57, 57, 1])
-    interval = share_of(np.arange(400) % 2 == 0, few).interval
-    assert interval is not None
-    assert interval[1] - interval[0] < 0.02
-
-
 @given(st.lists(st.booleans(), min_size=80, max_size=200), st.integers(0, 2**32 - 1))
 def test_intervals_stay_between_0_and_1_around_the_share(flags, seed):
     replicate = np.arange(len(flags)) % 8

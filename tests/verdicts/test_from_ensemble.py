@@ -16,9 +16,7 @@ from support.made_claims import (
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, parse_reading
-from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER
 
 
@@ -183,32 +181,17 @@ class TestEveryClaimCanFail:
         assert one(data, paper_of(data), "C2").verdict == "not_met"
 
     def test_the_bounds_are_those_of_the_paper(self, data, paper):
-        # Omega = .1 gives .0493 by Eq. (30); the error may reach .0529 by the derivation.
-        for name, value in {"epsilon_max": 0.8, "s_max": 0.1, "rate_max": 0.15}.items():
+        # Omega = .1 gives .0493 by Eq. (30).
+        for name, value in {"epsilon_max": 0.8, "rate_max": 0.15}.items():
             data.values["controller_1", PRINTED, name][:] = value
         bound = (0.1 / 1.5) ** (1.0 / 0.9)
         assert bound == pytest.approx(0.0493, abs=1e-4)
         for error, verdict in ((bound - 1e-4, "compatible"), (bound + 1e-4, "contradicted")):
             data.values["controller_1", PRINTED, "max_error"][:] = error
             found = one(data, paper, "L1").evidence
-            rows = {row["statement"]: row["verdict"] for row in found["statements"] + found["beside"]}
+            rows = {row["statement"]: row["verdict"] for row in found["statements"]}
             assert rows["joint 2: the largest |e| inside Eq. (30) as printed"] == verdict
-            assert rows["joint 2: the largest |e| inside Eq. (30) with max for min"] == "compatible"
         assert any("median Omega is 0.1, 0.1 rad/s" in remark for remark in found["remarks"])
-
-    def test_omega_is_no_statement_of_the_bounds(self, data, paper):
-        spoil(data, FIRST, ["s_max"], 1e3)
-        found = one(data, paper, "L1")
-        assert found.verdict == "compatible"
-        assert {row["verdict"] for row in found.evidence["beside"] if "Omega" in row["statement"]} == {
-            "contradicted"
-        }
-
-    def test_what_a_shorter_period_costs_is_said(self, data, paper):
-        data.codes[SECOND, SHORTER][:100] = 1
-        assert any(
-            "is ok on 75 %, 100 %, 100 %" in text for text in one(data, paper, "E2").evidence["remarks"]
-        )
 
     def test_bounds_that_no_run_could_leave_are_no_test(self, data, paper):
         # Delta is 11.5 deg, beyond the 10 deg at which a run has diverged; Omega is large enough for it.
@@ -295,21 +278,6 @@ class TestWhatIsCounted:
         data.codes["controller_3", PRINTED][:200] = 2
         assert one(data, paper, "C2").evidence["diverged_last"]["plants"] == 200
 
-    def test_a_number_says_where_a_diverged_law_would_change_its_verdict(self, data, paper):
-        for name in ("mae", "rmse"):
-            values, first, third = data.values, *((f"controller_{k}", PRINTED, name) for k in (1, 3))
-            values[first], values[third] = values[third], values[first]
-        identifier = "share.controller_1_of_3.mae.joint_2"
-        assert not any("ranked last" in text for text in one(data, paper, identifier).evidence["remarks"])
-        data.codes["controller_3", PRINTED][:200] = 2
-        found = one(data, paper, identifier)
-        assert found.verdict == "contradicted"
-        assert "with a diverged law ranked last: depends_on_plant" in found.evidence["remarks"]
-
-    def test_statements_that_rank_nothing_fail_where_a_law_diverged(self, data, paper):
-        data.codes["controller_2", PRINTED][:200] = 2
-        assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
-
     def test_too_few_plants(self, data, paper):
         data.codes["controller_2", PRINTED][99:] = 2
         for name in ("C2", "table2.controller_1.mae.joint_2"):
@@ -352,9 +320,7 @@ class TestWhatIsCounted:
         for size, verdict in ((0.95, "compatible"), (0.9499, "contradicted")):
             for name in SURFACES:
                 data.values["controller_1", PRINTED, name][:] = size
-            found = one(data, paper, "C4")
-            assert found.verdict == verdict
-            assert {row["verdict"] for row in found.evidence["beside"]} == {"compatible"}
+            assert one(data, paper, "C4").verdict == verdict
 
     @pytest.mark.parametrize(
         ("claim", "signal", "passes", "fails"), [("C5", "H_hat", 0.9999, 1.0), ("C6", "torque", 0.9499, 0.95)]
@@ -380,13 +346,6 @@ class TestWhatIsCounted:
         spoil(data, SECOND, ["rmse"], 1.1)
         assert one(data, paper, found.id).verdict == "outside_model"
 
-    def test_a_claim_tells_the_power_of_its_values(self, data, paper):
-        for claim, values in {"C2": 12, "P1": 4}.items():
-            (told,) = [text for text in one(data, paper, claim).evidence["remarks"] if "also pass" in text]
-            assert told.count("%") == values
-        spoil(data, LOADED, ["mae", "rmse"], 0.5)
-        assert not any("also pass" in text for text in one(data, paper, "P1").evidence["remarks"])
-
     def test_a_number_has_its_power_beside_it(self, data, paper):
         wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence
         narrow = one(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
@@ -397,16 +356,6 @@ class TestWhatIsCounted:
         assert narrow["also_passing"] < 0.02 < wide["also_passing"] < 1.0
         span = np.log10((wide["box"]["high"] + 5e-4) / (wide["box"]["low"] - 5e-4))
         assert wide["also_passing"] == pytest.approx(span, rel=1e-9)
-
-
-def test_the_ensemble_is_asked_by_run_and_reading(data):
-    plants = Plants(data, PRINTED)
-    assert (
-        plants["controller_2@" + SHORTER, "epsilon_rms"]
-        is data.values["controller_2", SHORTER, "epsilon_rms"]
-    )
-    with pytest.raises(DataMissingError, match=SHORTER):
-        plants.status("controller_1@" + SHORTER)
 
 
 def test_names_are_those_the_ensemble_writes():

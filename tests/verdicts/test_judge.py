@@ -163,12 +163,3 @@ def test_which_unknown_decides(data, paper):
     first, second = found.evidence["decided_by"]["rows"]
     assert (first["name"], second["name"]) == ("size", "nothing")
     assert first["index"] > found.evidence["decided_by"]["noise_floor"] > second["index"]
-
-
-def test_a_number_is_decided_too(data, paper):
-    name = "table2.controller_1.mae.joint_2"
-    (found,) = judge_all(Sources(ensemble=data), paper, [name], decided_by=True)
-    assert found.evidence["decided_by"]["rows"][0]["name"] == "size"
-    del data.codes["controller_1", PRINTED]
-    (found,) = judge_all(Sources(ensemble=data), paper, [name], decided_by=True)
-    assert found.evidence["decided_by"] is None

@@ -15,10 +15,8 @@ from tendonrepro.verdicts.rules import (
     FAILURES,
     VERDICTS,
     Decision,
-    of_arithmetic,
     of_claim,
     of_courses,
-    of_model,
     of_number,
     of_share,
     of_values,
@@ -168,16 +166,6 @@ class TestClaims:
         assert of_values(Decision("contradicted"), [good, weak]).verdict == "no_power"
         assert of_values(Decision("compatible"), [bad]).verdict == "direction_only"
         assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
-
-    def test_values_near_an_end_make_the_claim_borderline(self):
-        near = Decision("compatible", borderline=True)
-        assert with_values(Decision("compatible"), [near]).borderline
-        assert not with_values(Decision("contradicted"), [near]).borderline
-        assert of_values(Decision("compatible"), [near]).borderline
-
-    def test_arithmetic_and_model(self):
-        assert [of_arithmetic(x).verdict for x in (True, False)] == ["exact", "not_reproduced"]
-        assert [of_model(x).verdict for x in (True, False)] == ["reproduced", "not_reproduced"]
 
     def test_ways_that_agree_have_their_verdict(self):
         good, bad, near = (

@@ -65,13 +65,6 @@ def test_chance_stays_below_the_floor(draws):
     assert above <= 4
 
 
-def test_bootstrap_intervals_narrow_with_more_draws(draws):
-    noise = np.random.default_rng(2).normal(size=1024)
-    outcome = draws[:, 0] + 0.3 * noise
-    few, many = (ranking_of(draws[:n], outcome[:n])["rows"][0]["half_width"] for n in (128, 1024))
-    assert 0.0 < many < few
-
-
 def test_nothing_to_rank(draws):
     assert ranked(NAMES, draws, np.ones(1024)) is None
     assert ranked(NAMES, draws[:99], draws[:99, 0]) is None

@@ -1,21 +1,17 @@
 """The verdicts that come with the package: where they stand in, what they say, what replaces them."""
 
 import json
-from dataclasses import replace
 
 import pytest
-from support.fake_batch import run_ensemble_of, small_study
 from support.made_claims import MadeEnsemble
 from support.synthetic import make_compare_file
 
-from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.data import PLAN
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import ShippedLedger, run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.report import details_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 
 QUIET = Talk(quiet=True)
@@ -67,16 +63,6 @@ def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
     assert entry["evidence"]["box"] == shipped_ledger().entries[name]["evidence"]["box"]
 
 
-def test_an_ensemble_of_another_arm_does_not(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tendonrepro.monte_carlo.command.draw_ensemble_figures", lambda *_: [])
-    base = load_ensemble(None, overrides=["base.manipulator.name=SYNTHETIC"]).base
-    summary = run_ensemble_of(tmp_path / "ensemble", study=replace(small_study(), base=base))
-    assert not summary["of_paper"]
-    ledger = run_claims(tmp_path, ["C2"], None, Talk())
-    assert "not drawn around the paper's arm" in capsys.readouterr().err
-    assert entries(ledger)["C2"]["shipped"]
-
-
 def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     own = MadeEnsemble()
     (tmp_path / "ensemble").mkdir()
@@ -107,14 +93,6 @@ def test_a_verdict_by_another_rule_does_not_count(key):
     assert taken.shipped
 
 
-def test_what_was_measured_elsewhere_is_not_told_here():
-    waiting = [one for one in judge_all(Sources()) if one.id == "C2"]
-    entry = dict(shipped_ledger().entries["C2"])
-    entry["evidence"] = {**entry["evidence"], "measured": {"verdict": "reproduced", "ours": 1.0}}
-    (found,) = with_shipped(waiting, ShippedLedger({"C2": entry}, {}))
-    assert "measured" not in found.evidence
-
-
 def test_the_run_of_the_shipped_plant_is_not_called_one_of_here():
     name = "table2.controller_1.mae.joint_2"
     stored = shipped_ledger()
@@ -122,13 +100,3 @@ def test_the_run_of_the_shipped_plant_is_not_called_one_of_here():
     (found,) = with_shipped(judge_all(Sources(), only=[name]), stored)
     assert "shipped_run" not in found.evidence
     assert found.ours == stored.entries[name]["ours"]
-
-
-def test_an_origin_that_was_not_stored_is_said():
-    waiting = [one for one in judge_all(Sources()) if one.id == "C2"]
-    nothing = dict.fromkeys(shipped_ledger().ensemble)
-    (found,) = with_shipped(waiting, ShippedLedger(shipped_ledger().entries, nothing))
-    assert "of unknown date, by an earlier edition of the rules" in details_text(found)
-    today = nothing | {"created": "2026-01-02T03:04:05+00:00", "rules_edition": EDITION}
-    (found,) = with_shipped(waiting, ShippedLedger(shipped_ledger().entries, today))
-    assert "2026-01-02)" in details_text(found)

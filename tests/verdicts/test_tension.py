@@ -94,10 +94,3 @@ def test_where_the_distance_from_the_edges_decides_the_course_depends():
     assert by_margin["at_5_deg"]["verdict"] != by_margin["at_20_deg"]["verdict"]
     assert found.decision.verdict == "depends_on_plant"
     assert found.other_readings["tensioner=absent"] == "not_testable"
-
-
-def test_an_ensemble_of_another_box_is_used_as_far_as_it_can():
-    fixed = drawn(160, tensioner_force=60.0, link_mass_2=0.25, link_mass_3=0.1)
-    assert rows_of(fixed)["distal_only"]["every_tendon_tense"]["at_5_deg"]["plants"] == 160
-    strange = SimpleNamespace(names=("size",), draws=np.ones((9, 1)), replicate=np.zeros(9))
-    assert rows_of(strange)["negative"]["every_tendon_tense"]["at_5_deg"]["plants"] == rule.DRAWS
