@@ -68,7 +68,7 @@ BUDGETS = {
     "simulation": 1_825,
     "configuration": 1_700,
     "results": 2_199,
-    "experiments": 1_400,
+    "experiments": 1_402,
     "analysis": 629,
     "evidence": 977,
     "monte_carlo": 1_197,

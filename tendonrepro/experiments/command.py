@@ -108,6 +108,8 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
         simulated = simulate_all(asked, talk, orders[0].solver)
         figures: list[Figure] = []
         for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
+            for trace in traces:
+                talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
             result.manifest = make_manifest(loaded, result.seconds)
             if order.solver == "compiled":
                 result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
