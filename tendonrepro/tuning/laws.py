@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -178,6 +179,9 @@ def _of(*names: str) -> dict[str, Range]:
 
 _NTSM = _of("M_bar", "lam", "eta", "b", "Delta")
 
+_TWISTING = _of("M_bar", "beta", "k_1", "k_2") | {"M_bar": Range(3e-4, 10.0, 0.2)}
+"""There ``M_bar`` is the gain of the whole feedback, not of an estimator that feeds back the torque."""
+
 LAWS: tuple[TunedLaw, ...] = (
     TunedLaw("pid", "PID", _of("M_bar", "K_d", "K_p"), newest=0),
     TunedLaw("tdc", "Plain TDC", _of("M_bar", "K_d", "K_p")),
@@ -187,7 +191,7 @@ LAWS: tuple[TunedLaw, ...] = (
     TunedLaw("alpha_published", "α-TDE and NTSM, published α", _NTSM, Surface.NTSM, "interpolating"),
     TunedLaw("alpha_extrapolating", "α-TDE and NTSM, extrapolating", _NTSM, Surface.NTSM, "extrapolating"),
     TunedLaw("alpha_free", "α-TDE and NTSM, free α", _NTSM | _of("alpha"), Surface.NTSM, "free"),
-    TunedLaw("super_twisting", "Super-twisting", _of("M_bar", "beta", "k_1", "k_2"), command=super_twisting),
+    TunedLaw("super_twisting", "Super-twisting", _TWISTING, command=super_twisting),
 )
 """The PID is plain TDC with centred differences: its derivative gain is ``M_bar / L``, the proportional one
 ``M_bar K_d / L``, the integral one ``M_bar K_p / L``. With the model known it is computed torque."""
@@ -216,14 +220,20 @@ def _scaled(gains: Gains, factor: Array) -> Gains:
     return {**gains, "M_bar": gains["M_bar"] * factor}
 
 
-def _twisting(gains: Gains) -> Gains:
-    """Super-twisting whose reach and integral are those of a linear law where ``s`` is `SMALL_SPEED`."""
-    k_2 = gains["lam"] * gains["beta"] * SMALL_SPEED
-    return {**gains, "k_1": gains["lam"] * SMALL_SPEED**0.5, "k_2": k_2}
+def _twisting(gains: Gains, ratio: float, s: float) -> Gains:
+    """Super-twisting that is TSM's PI of the sliding variable, ``M_bar/L (s + lam ∫s)``, where that is `s`.
+
+    Its ``M_bar`` is `ratio` times that of TSM: so much of the rate's gain is left to the equivalent control.
+    """
+    reach = 1.0 / (SAMPLING_PERIOD * ratio)
+    k_2 = reach * gains["lam"] * s
+    return {**_scaled(gains, np.array(ratio)), "k_1": np.full(1, reach * s**0.5), "k_2": k_2}
 
 
-SMALL_SPEED = 0.02
-"""rad s⁻¹."""
+SAMPLING_PERIOD = 1e-3
+"""s, as published; other periods only make the seeds of super-twisting worse."""
+TWISTS = tuple(product((10.0, 100.0), (0.05, 0.4)))
+"""Ratios and sliding variables, rad s⁻¹, of the seeds of super-twisting."""
 
 STEPS: tuple[Step, ...] = (
     Step("ntsm", "alpha_published", False, lambda g, a: _scaled(g, 1.0 + a)),
@@ -233,7 +243,10 @@ STEPS: tuple[Step, ...] = (
     Step("ntsm", "tdc", False, lambda g, _: _linear(g, _slope(g))),
     Step("tdc", "pid", False, lambda g, _: g),
     Step("pid", "tdc", False, lambda g, _: g),
-    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g)),
+    *(
+        Step("tsm", "super_twisting", False, lambda g, _, at=at: _twisting(g, *at))  # type: ignore[misc]
+        for at in TWISTS
+    ),
     Step("tsm", "tdc", True, lambda g, _: _linear(g, g["beta"])),
     Step("tsm", "ntsm", True, lambda g, _: {**g, "eta": g["beta"], "b": 1.0, "Delta": 0.2}),
     Step("tdc", "dob", True, lambda g, _: {**g, "estimate_filter": 1.0}),
