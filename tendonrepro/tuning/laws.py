@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -232,7 +231,7 @@ def _twisting(gains: Gains, ratio: float, s: float) -> Gains:
 
 SAMPLING_PERIOD = 1e-3
 """s, as published; other periods only make the seeds of super-twisting worse."""
-TWISTS = tuple(product((10.0, 100.0), (0.05, 0.4)))
+TWISTS = (10.0, 0.05), (100.0, 0.4)
 """Ratios and sliding variables, rad s⁻¹, of the seeds of super-twisting."""
 
 STEPS: tuple[Step, ...] = (

@@ -30,6 +30,8 @@ SAME = 0.02
 """Difference of errors, in logs, up to which a special case is matched: rounding moves encoder counts."""
 _OVER_CAP = 3.0
 """How many times the excess over the cap counts, in logs: more than the error gains by it."""
+_HERE = 1e-9
+"""Distance in the unit cube up to which a place is the same."""
 _UNSTABLE = 10.0
 """What an unstable run costs, in logs: more than any error."""
 
@@ -71,6 +73,15 @@ class Search:
         self.error += np.log(found.mae[part, :2]).mean(axis=(1, 2)).tolist()
         self.roughness += found.roughness[part].tolist()
         self.stable += list(found.stable[part])
+
+    def unseen(self, units: Sequence[Array]) -> list[Array]:
+        """Those of some places that were not looked at before."""
+        seen = np.array(self.units).reshape(len(self.units), -1)
+        return (
+            [unit for unit in units if not (np.abs(seen - unit).max(axis=1) < _HERE).any()]
+            if self.units
+            else [*units]
+        )
 
     def costs(self, cap: float, last: int = 0) -> Array:
         """What is minimised under a cap, of all candidates or the last ones."""
@@ -215,6 +226,8 @@ def _look(
             for key, units in own.items()
             for unit in units
         ]
+        if not candidates:
+            continue
         result, first = measure(candidates), 0
         for key, units in own.items():
             found[key].keep(units, result, slice(first, first := first + len(units)))
@@ -233,9 +246,10 @@ def _exchange(found: Mapping[Key, Search], caps: Sequence[float], measure: Measu
         _look(
             found,
             {
-                key._replace(knows=after): _best_units(search, caps)
+                target: found[target].unseen(_best_units(search, caps))
                 for key, search in found.items()
-                if key.knows == before and key._replace(knows=after) in found
+                for target in [key._replace(knows=after)]
+                if key.knows == before and target in found
             },
             measure,
             n,
@@ -246,5 +260,6 @@ def _exchange(found: Mapping[Key, Search], caps: Sequence[float], measure: Measu
             target = key._replace(law=step.target)
             if key.law == step.source and target in found:
                 gains = [search.law.values(unit, n) for unit in _best_units(search, caps)]
-                asked[target] = [found[target].law.unit(step.change(one, alpha), n) for one in gains]
+                units = [found[target].law.unit(step.change(one, alpha), n) for one in gains]
+                asked[target] = found[target].unseen(units)
         _look(found, asked, measure, n)
