@@ -219,6 +219,7 @@ QUESTIONS: Mapping[str, Column] = {
     "smaller": lambda row: str(row["smaller_error"]),
     "no difference": lambda row: str(row["no_difference"]),
     "larger": lambda row: str(row["larger_error"]),
+    "undecided": lambda row: str(row["undecided"]),
     "verdict on the first": lambda row: row["verdict"],
 }
 MAKERS: Mapping[str, Callable[[], str]] = {

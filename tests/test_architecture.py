@@ -74,7 +74,7 @@ BUDGETS = {
     "monte_carlo": 1_197,
     "identification": 670,
     "dataset": 1_700,
-    "tuning": 972,
+    "tuning": 976,
     "verdicts": 1_719,
     "validation": 455,
     "reporting": 672,

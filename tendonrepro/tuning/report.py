@@ -25,7 +25,9 @@ QUESTIONS: tuple[tuple[str, str], ...] = (
 )
 """Pairs of laws whose errors are compared, the first over the second."""
 
-VERDICTS = ("smaller error", "no difference", "larger error", "too few plants")
+VERDICTS = ("smaller error", "no difference", "larger error", "undecided", "too few plants")
+ALIKE = 0.1
+"""A difference below this, in logs, is none; a wider interval that shows none leaves it undecided."""
 FEWEST = 8
 """Draws on which both laws must have gains, for a verdict."""
 _RESAMPLES, _TAIL = 2000, 0.025
@@ -75,8 +77,10 @@ def _compared(kept: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], seed:
     ]
     middle, (low, high) = float(np.median(logs)), _interval(logs, seed)
     scatter = max(float(np.median([_miss(pair[k]["errors"]) for pair in kept])) for k in (0, 1))
-    if low <= 0.0 <= high or abs(middle) <= scatter:
+    if low >= -ALIKE and high <= ALIKE:
         verdict = VERDICTS[1]
+    elif low <= 0.0 <= high or abs(middle) <= scatter:
+        verdict = VERDICTS[3]
     else:
         verdict = VERDICTS[0] if middle < 0.0 else VERDICTS[2]
     names = ("ratio", "low", "high", "scatter")

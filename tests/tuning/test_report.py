@@ -30,8 +30,10 @@ def rows(ratio: float, spread: float = 0.0, scatter: float = 0.0, draws: int = D
     [
         (rows(0.5), "smaller error"),
         (rows(2.0), "larger error"),
-        (rows(0.98, spread=0.1), "no difference"),
-        (rows(0.9, scatter=0.2), "no difference"),
+        (rows(0.98, spread=0.02), "no difference"),
+        (rows(0.98, scatter=0.2), "no difference"),
+        (rows(0.98, spread=0.5), "undecided"),
+        (rows(0.8, scatter=0.5), "undecided"),
         (rows(0.7, scatter=0.2), "smaller error"),
         (rows(0.5, draws=FEWEST - 1), "too few plants"),
     ],
