@@ -16,7 +16,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.answer import filled, numbers, percent
@@ -51,8 +50,7 @@ def take(reports: Path) -> None:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
     physics = {"physics_sha256": summary["physics_sha256"]}
     store("ensemble.json", physics | thinned(summary))
-    ledger = rounded(ledger)
-    store("claims.json", ledger | {"sha256": digest_of(ledger)})
+    store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "identify_all").exists():

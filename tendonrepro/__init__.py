@@ -42,6 +42,7 @@ __all__ = [
     "statics",
     "sweep",
     "tables",
+    "tune",
     "validate",
 ]
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from typing import TypeVar
 
 from tendonrepro.errors import TendonreproError
@@ -74,10 +75,12 @@ def as_ready(
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     order = "generator" if ordered else "generator_unordered"
-    begin = {"initializer": _begin, "initargs": (os.getpid(),)}
+    begin = {"initializer": _end_with, "initargs": (os.getpid(),)}
     pool = Parallel(jobs, "loky", return_as=order, batch_size=1, max_nbytes=None, **begin)
     try:
-        yield from pool(delayed(function)(item) for item in items)
+        with _interrupts_blocked():
+            ready = pool(delayed(function)(item) for item in items)
+        yield from ready
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
         hint = "look at free memory, and at the limits that ulimit -a shows; fewer --jobs need less"
@@ -87,9 +90,25 @@ def as_ready(
         get_reusable_executor(reuse=True).shutdown(kill_workers=True)
 
 
-def _begin(parent: int) -> None:
-    """Leave interrupts to the process that started this one, and end as soon as that is gone, even killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Start processes that hear no interrupt, which a terminal sends to them too; ours waits for the end."""
+    if sys.platform == "win32":  # which knows no masks
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # This process of the standard library lifts the block when it starts.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with(parent: int) -> None:
+    """End this process as soon as the one that started it is gone, even where that was killed."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import inspect
 import re
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from support import ROOT
 
 import tendonrepro as tr
@@ -120,11 +122,15 @@ def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_every_command_of_the_command_line_is_a_function() -> None:
     from tendonrepro.cli.app import app
 
-    commands = {held.name or held.callback.__name__ for held in app.registered_commands if held.callback}
-    for group in app.registered_groups:
-        if group.name is None and group.typer_instance:
-            commands |= {held.name for held in group.typer_instance.registered_commands if held.name}
-    assert commands - set(tr.__all__) <= {"doctor"}
+    commands = typer.main.get_command(app).commands
+    assert len(commands) > 20
+    assert commands.keys() - set(tr.__all__) == {"doctor"}
+    for name, held in commands.items():
+        options = {option.name: option.default for option in held.params}
+        own = inspect.signature(getattr(tr, name)).parameters if name != "doctor" else {}
+        for key, parameter in own.items():
+            if key in options and isinstance(parameter.default, int | float):
+                assert parameter.default == options[key], (name, key)
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

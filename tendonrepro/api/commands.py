@@ -213,7 +213,7 @@ def identify(
     *,
     config: str | Path | None = None,
     readings: str = "printed",
-    generations: int = 40,
+    generations: int = 60,
     population: int = 48,
     seeds: int = 3,
     jobs: int = -1,

@@ -94,11 +94,12 @@ def command(
             key: inspect.Parameter(key, keyword, default=False if key in _SWITCHES else None, annotation=kind)
             for key, kind in (asked | _TERMINAL).items()
         }
-        kept = {
-            key: parameter.replace(annotation=_described(parameter, hints[key], *told[key]), kind=keyword)
-            for key, parameter in own.items()
-            if key not in {"request", "terminal"}
-        }
+        kept = {}
+        for key, parameter in own.items():
+            if key not in {"request", "terminal"}:
+                # Under -OO there is no docstring, and so no help.
+                described = _described(parameter, hints[key], *told.get(key, ("", "")))
+                kept[key] = parameter.replace(annotation=described, kind=keyword)
         run.__signature__ = inspect.Signature([*kept.values(), *shared.values()])  # type: ignore[attr-defined]
         run.__annotations__ = {key: parameter.annotation for key, parameter in (kept | shared).items()}
         run.__doc__ = head

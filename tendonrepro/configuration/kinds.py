@@ -25,10 +25,11 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
         When it is not valid.
     """
     found = find_source(source, None)
-    kind = Draft(found, None).kind
-    if kind == MANIPULATOR:
-        return Draft(found, kind, overrides).validate(Manipulator)
-    if kind == "ensemble":
+    # Those of the base are no keys of the ensemble's own file.
+    draft = Draft(found, None, [text for text in overrides if not text.startswith("base.")])
+    if draft.kind == MANIPULATOR:
+        return draft.validate(Manipulator)
+    if draft.kind == "ensemble":
         return load_ensemble(found, overrides=overrides)
     return load_config(found, None, overrides=overrides)
 

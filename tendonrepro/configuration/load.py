@@ -236,7 +236,8 @@ def load_config(
         When the command line asks for something impossible.
     """
     recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
-    draft = Draft(source, experiment, recorded)
+    seeds = [] if seed is None else [Override("seed", seed, "--seed")]
+    draft = Draft(source, experiment, [*overrides, *seeds])
     config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
         config = _only(config, draft.tree, controllers)

@@ -37,18 +37,20 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
         if path.stat().st_size > MOST_BYTES:
             message = f"is larger than {MOST_BYTES >> 20} MiB, so it holds more than the longest run"
             raise ConfigError(message, where=str(path))
-        header, *rows = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+        header, *rest = path.read_text(encoding="utf-8-sig").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from None
     names = [name.strip() for name in header.split(",")]
     joints = [int(name[1]) for name in names if re.fullmatch("q[1-9]_deg", name)]
-    if not joints or names != ["time_s", *(f"q{joint}_deg" for joint in joints)]:
+    wanted = ["time_s", *(f"q{joint}_deg" for joint in dict.fromkeys(joints))]
+    if not joints or names != wanted:
         message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
         raise ConfigError(message, where=f"{path}:1")
+    rows = {line: text for line, text in enumerate(rest, 2) if text.strip()}
     if len(rows) < FEWEST:
         raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(rows)}", where=str(path))
     try:
-        table = np.loadtxt(rows, delimiter=",", ndmin=2)
+        table = np.loadtxt([*rows.values()], delimiter=",", ndmin=2, comments=None)
         time, *angles = table.T
         if len(angles) != len(joints):
             raise ValueError(f"{table.shape[1]} in each row")
@@ -58,5 +60,5 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     wrong = ~np.isfinite(table).all(axis=1) | (np.diff(time, prepend=-np.inf) <= 0.0)
     if wrong.any():
         message = "numbers must be finite, and time must increase from row to row"
-        raise ConfigError(message, where=f"{path}:{np.argmax(wrong) + 2}")
+        raise ConfigError(message, where=f"{path}:{[*rows][np.argmax(wrong)]}")
     return time, {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}

@@ -167,10 +167,12 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     except (RequestException, ValueError) as error:
         hint = f"look at the network and at HTTPS_PROXY, {BY_HAND}"
         raise DataMissingError("cannot be reached", where=urlsplit(url).netloc, hint=hint) from error
-    if response.ok:
+    is_page = "text/html" in response.headers.get("Content-Type", "")
+    if response.ok and not is_page:
         return response
     response.close()
-    message = f"the site answers {response.status_code} {response.reason}"
+    said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
+    message = f"the site answers {said}"
     hint = f"check the number and --base-url, try again later, {BY_HAND}"
     raise DataMissingError(message, where=url, hint=hint)
 

@@ -95,16 +95,22 @@ class PrintedTables:
         """The winner, else the whole motion as it is."""
         return self.winner or self.tried[0]
 
+    @property
+    def window(self) -> str | None:
+        """Name of what decides; None where the file holds no run of the tables."""
+        return self.deciding.name if self.compared else None
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
+        any_run = self.compared > 0
         return {
-            "tried": len(self.tried),
+            "tried": len(self.tried) if any_run else 0,
             "compared": self.compared,
             "printed": NUMBERS,
-            "winner": self.winner.name if self.winner else None,
-            "best": self.best.name,
+            "winner": self.winner.name if self.winner and any_run else None,
+            "best": self.best.name if any_run else None,
             "best_agree": len(self.best.agree),
-            "chance": self.chance,
+            "chance": self.chance if any_run else None,
             "combinations": [
                 {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
                 | {"agree": len(one.agree), "of": self.compared}
@@ -116,6 +122,8 @@ class PrintedTables:
 
     def remark(self) -> str:
         """What the search found, and what it is worth after so many tries."""
+        if not self.compared:
+            return "The file holds no run of Tables 2 and 3."
         return (
             f"Of {len(self.tried)} windows tried, {self.best.name} gives most: {len(self.best.agree)} of "
             f"{self.compared} printed numbers. Were errors independent and spread evenly within "

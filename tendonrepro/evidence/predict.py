@@ -83,7 +83,7 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
     found = list(predictions(loaded, chosen, draws, talk))
     names = [held.name for held in chosen]
     told = told_apart(found, names)
-    never = [[a, b] for a, b in combinations(names, 2) if not any((a, b) in gaps for gaps in told.values())]
+    never = never_told_apart(told, names)
     data = {
         "schema_version": SCHEMA_VERSION,
         "draws": draws,
@@ -165,6 +165,13 @@ def told_apart(
     return told
 
 
+def never_told_apart(
+    told: Mapping[str, Mapping[tuple[str, str], float]], readings: Sequence[str]
+) -> list[list[str]]:
+    """Pairs of readings that no experiment tells apart."""
+    return [[*pair] for pair in combinations(readings, 2) if not any(pair in gaps for gaps in told.values())]
+
+
 def _gap(a: Prediction, b: Prediction) -> float:
     """Gap between two ranges; negative where they meet or one is unknown."""
     gap = max(a.low, b.low) - min(a.high, b.high)
@@ -176,7 +183,7 @@ def _tables(
     told: Mapping[str, Mapping[tuple[str, str], float]],
     never: Sequence[Sequence[str]],
     draws: int,
-) -> list[Table]:
+) -> list[Table | str]:
     widest = {name: max(gaps.values(), default=0.0) for name, gaps in told.items()}
     telling = sorted(EXPERIMENTS, key=lambda one: -widest[one.name])
     rows = [
@@ -192,7 +199,12 @@ def _tables(
     ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
     untold = [{"interpretation": a, "and": b} for a, b in never]
+    few = sum(row.plants < LEAST for row in found)
+    remark = (
+        f"{few} of {len(found)} ranges have fewer than {LEAST} stable plants, and tell nothing: more --draws"
+    )
     return [
+        *([remark] if few else []),
         Table("experiments", caption, rows),
         Table("never_told_apart", "Interpretations that no experiment tells apart.", untold),
         Table("predictions", about, ratios, terminal=()),

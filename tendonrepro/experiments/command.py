@@ -15,7 +15,7 @@ from tendonrepro.configuration.load import ExperimentName, LoadedConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.linear import growing
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
@@ -285,7 +285,7 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in the given folder, or in those directly below it."""
-    paths = [*out.glob(TRACES), *sorted(out.glob(f"[!.]*/{TRACES}"))]
+    paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
@@ -327,6 +327,9 @@ def _drawn(figure: Figure) -> list[Path]:
 
 def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
     """Configuration and laws; stepper and laws are part of the digest."""
+    if order.solver == "compiled" and order.laws:
+        message = "only the paper's own control laws run on lanes"
+        raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = order.request.load(order.experiment)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()

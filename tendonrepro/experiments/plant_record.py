@@ -40,7 +40,6 @@ EQUATIONS = (
 
 def plant_record(config: Experiment) -> PlantRecord:
     """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
-    posture = "start posture; joints before the moving ones are held there"
     values = _derived_matrices(config) | dict(_stated(config.manipulator, ""))
     posture = "start posture; joints before the moving ones are held there"
     values["posture"] = _plant_value(config.posture, posture)

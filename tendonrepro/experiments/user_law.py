@@ -88,7 +88,7 @@ class UserLaw:
         try:
             with redirect_stdout(sys.stderr):
                 yield
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             calls = traceback.extract_tb(error.__traceback__)
             own = [call.lineno for call in calls if call.filename == str(self.path)]
             message = f"the law {self.name} failed: {type(error).__name__}: {error}"

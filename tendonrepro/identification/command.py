@@ -156,6 +156,8 @@ def run_identify(
     for option, value in {"generations": generations, "population": population, "seeds": seeds}.items():
         if value < 1:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
+    if not jobs:
+        raise UsageError("must be a number of processors, or -1 for all, found 0", where="--jobs")
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
     processors = jobs if jobs > 0 else os.cpu_count() or 1

@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import windows
+from tendonrepro.physics.metrics import max_abs, rmse, windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, saturated, statistics
+from tendonrepro.results.statistics import error_sizes, saturated
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -117,10 +117,14 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
         and the share of samples in which the joint's motor gives all it can. Without keys where the torque
         or, for the last one, the limit is unknown.
     """
-    found = statistics(trace)
-    if "torque_rms" not in found:
+    if "tau_m" not in trace:
         return {}
-    sizes = {f"{name}_Nm": found[name] for name in ("torque_rms", "torque_peak", "torque_step_rms")}
+    torque = trace["tau_m"]
+    sizes = {
+        "torque_rms_Nm": rmse(torque),
+        "torque_peak_Nm": max_abs(torque),
+        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
+    }
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
@@ -160,7 +164,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     both orders. Of another experiment than the paper's ``agrees`` is None.
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
-    runs = known + [trace for trace in file.runs.values() if is_user_law(trace) and PAYLOAD not in trace.name]
+    runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():

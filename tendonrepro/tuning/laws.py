@@ -271,6 +271,9 @@ def user_law(own: UserLaw) -> TunedLaw:
         names = ", ".join(sorted(_TUNABLE))
         hint = f"give it an attribute: {own.name}.bounds = {{'K_p': (1, 1000)}}, with names among {names}"
         raise UsageError(f"the law {own.name} has no bounds for its gains", where="--law", hint=hint)
+    if not all(0.0 < low < high for low, high in bounds.values()):
+        message = f"the bounds of the law {own.name} must be two positive numbers, the lower one first"
+        raise UsageError(message, where="--law")
     if setup is not None:
         message = f"the law {own.name} is told of its plant, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")

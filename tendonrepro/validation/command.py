@@ -128,7 +128,7 @@ def _study(file: TraceFile, head: Mapping[str, Any], base: LoadedConfig, folder:
         "sources": known.get("inputs", []),
         "guesses": known.get("guesses", []),
         "doubts": known.get("doubts", []),
-        "window": tables.deciding.name,
+        "window": tables.window,
         **table_data(tables.deciding, paper),
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
         "windows": tables.as_dict(),

@@ -41,6 +41,7 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
     if name == "fig15":
         # Bands of raw samples of all runs, twice, would hide the means.
         draw, caption = partial(draw_law, bands=False), _LAW_CAPTION
+    drawn: list[Trace] = []
     with journal_style():
         sheet = draw(measured, traces)
         for line in sheet.lines.values():
@@ -52,12 +53,16 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
                 file = replace(measured, runs={trace.name: model})
                 for one in spec.traces(file):
                     _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
-        caption = f"{title_of(name)}. {caption} Measured wide and pale; the model on it thin and dashed."
-        for model in models.values():
-            if model.status == "diverged":
-                caption += f" Simulated, {model.name} diverged at {model.attributes['status_time']:.2f} s."
-        origin = "Measured, and simulated on the measured motion" if models else "Measured"
-        return sheet.finish(name, caption, origin)
+                    drawn.append(one)
+        laid_over = "Measured wide and pale; the model on it thin and dashed."
+        told = [laid_over if drawn else "Measured; no simulation."]
+        told += [
+            f"Simulated, {one.name} diverged at {one.attributes['status_time']:.2f} s."
+            for one in drawn
+            if one.status == "diverged"
+        ]
+        origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
+        return sheet.finish(name, " ".join([f"{title_of(name)}. {caption}", *told]), origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:

@@ -77,7 +77,7 @@ def run_claims(
     Raises
     ------
     DataMissingError
-        If the baseline, the measured file or the shipped verdicts cannot be read.
+        If the baseline or the measured file cannot be read.
     UsageError
         For an unknown id, a baseline together with ids, or where something would be overwritten.
     """

@@ -57,9 +57,9 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     """Judge a number by whether it would be printed so, or from what the rounding of the tables allows."""
-    deciding, formula = measured.tables.deciding, formula_of(paper, identifier)
-    window: Evidence = {"window": deciding.name if deciding else None}
-    known = deciding.sizes if deciding else {}
+    tables, formula = measured.tables, formula_of(paper, identifier)
+    window: Evidence = {"window": tables.window}
+    known = tables.deciding.sizes
     sizes: list[Any] = [known.get(error.id, np.nan) for error in formula.errors]
     for error, size in zip(formula.errors, sizes, strict=True):
         if not np.isfinite(size):
@@ -114,8 +114,8 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     by = [name for name, held in found.measures.items() if together(held)[0]]
     if by and len(found.measures) > 1:
         remarks.append(f"holds by {', '.join(by)}")
-    if any("mae_deg" in asked for asked in arm.asked.values()) and measured.tables.deciding:
-        evidence["window"] = measured.tables.deciding.name
+    if any("mae_deg" in asked for asked in arm.asked.values()):
+        evidence["window"] = measured.tables.window
     holds = bool(by)
     if rule == "payload":
         values = {name: one.decision.verdict for name, one in numbers.items() if name.startswith("increase.")}

@@ -104,8 +104,7 @@ class OneArm:
         return found[np.newaxis]
 
     def _of_the_tables(self, run: str, metric: str) -> Array:
-        deciding = self._measured.tables.deciding
-        sizes = deciding.sizes if deciding else {}
+        sizes = self._measured.tables.deciding.sizes
         found = [sizes.get(ErrorOf(run, metric, joint).id, np.nan) for joint in self.joints]
         if not np.isfinite(found).all():
             raise DataMissingError(f"the tracking error of the run {run}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
@@ -67,6 +69,10 @@ def test_every_command_has_help_with_an_example(tmp_path: Path) -> None:
             text = CliRunner().invoke(app, [*words, "--help"])
             assert text.exit_code == 0
             assert f"Example: tendonrepro {' '.join(words)}" in text.stdout
+            parameters = typer.main.get_command_from_info(
+                one, pretty_exceptions_short=True, rich_markup_mode=None
+            ).params
+            assert all(getattr(parameter, "help", "") for parameter in parameters), words
 
 
 def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
@@ -158,7 +164,10 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_an_interrupted_second_run_leaves_the_first_result(command: str, compared: tuple[Path, Any]) -> None:
+@pytest.mark.parametrize("seconds", [1.0, 4.0], ids=["workers are starting", "runs are on"])
+def test_an_interrupted_second_run_leaves_the_first_result(
+    command: str, compared: tuple[Path, Any], seconds: float
+) -> None:
     if sys.platform == "win32":
         pytest.skip("no SIGINT for a child on Windows")
     out = compared[0] / "out"
@@ -178,9 +187,11 @@ def test_an_interrupted_second_run_leaves_the_first_result(command: str, compare
         cwd=compared[0],
         stderr=subprocess.PIPE,
         preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+        start_new_session=True,
     )
-    time.sleep(4.0)
-    process.send_signal(signal.SIGINT)
+    time.sleep(seconds)
+    # A terminal interrupts all processes of a command.
+    os.killpg(process.pid, signal.SIGINT)
     assert process.communicate(timeout=60)[1] == b"error: interrupted\n"
     assert process.returncode == 130
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

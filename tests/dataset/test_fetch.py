@@ -92,6 +92,21 @@ def test_a_line_that_always_ends_leaves_the_part_for_the_next_time(fetch: Fetch,
     assert files_of(tmp_path / "zenodo") == ONE
 
 
+def test_a_web_page_leaves_the_part_as_it_is(fetch: Fetch, tmp_path: Path) -> None:
+    """A proxy that wants a login answers everything with a page."""
+    ((name, content),) = ONE.items()
+    part = tmp_path / "zenodo" / f"{name}.{hashlib.md5(content).hexdigest()[:8]}.part"
+    part.parent.mkdir()
+    part.write_bytes(content[:-7])
+    with serving(Repository(files=dict(ONE), modes={"page_content"})) as repository:
+        with pytest.raises(DataMissingError):
+            fetch(repository)
+        assert part.read_bytes() == content[:-7]
+        repository.modes.clear()
+        fetch(repository)
+    assert files_of(tmp_path / "zenodo") == ONE
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_a_killed_download_goes_on_where_it_stopped(command: str, tmp_path: Path) -> None:
     with serving(Repository(files=dict(ONE), modes={"stuck"}, failures=1)) as repository:

@@ -23,7 +23,7 @@ from tendonrepro.evidence.bench_experiments import (
     law_of,
     with_alpha,
 )
-from tendonrepro.evidence.predict import predictions, run_predict, told_apart
+from tendonrepro.evidence.predict import never_told_apart, predictions, run_predict, told_apart
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -90,7 +90,9 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
         return Prediction("x", reading, joint, 50, low, low, high)
 
     rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
-    assert told_apart(rows, ["a", "b", "c"]) == {"x": {("a", "c"): pytest.approx(0.05)}}
+    told = told_apart(rows, ["a", "b", "c"])
+    assert told == {"x": {("a", "c"): pytest.approx(0.05)}}
+    assert never_told_apart(told, ["a", "b", "c"]) == [["a", "b"], ["b", "c"]]
     unknown = row("b", 2, np.nan, np.nan)
     assert [*told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"])["x"]] == [("a", "c")]
     other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]

@@ -196,6 +196,13 @@ def test_few_scramblings_with_plants_give_no_interval():
         assert quantiles_of(rng.random(PLANTS)[kept], REPLICATE[kept])["median"]["low"] is None
 
 
+def test_a_scrambling_with_few_plants_weighs_little():
+    few = np.repeat(np.arange(8), [57, 57, 57, 57, 57, 57, 57, 1])
+    interval = share_of(np.arange(400) % 2 == 0, few).interval
+    assert interval is not None
+    assert interval[1] - interval[0] < 0.02
+
+
 def test_no_plants_give_no_share():
     nothing = np.zeros(PLANTS, bool)
     found = share_of(nothing, REPLICATE, nothing).as_row()

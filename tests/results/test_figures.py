@@ -393,6 +393,7 @@ def test_diverged_run_is_drawn_to_its_end_and_named_so() -> None:
     assert artists.axes["c"].get_xlim() == pytest.approx((0.0, 18.0))
 
 
+@pytest.mark.pictures
 def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: Path) -> None:
     trace = compare_file().runs["controller_2"]
     changed = {name: trace[name].copy() for name in ("q_encoder", "e", "s", "H_hat", "tau_m")}
@@ -501,6 +502,7 @@ def test_same_bytes_on_a_second_run_in_another_process(tmp_path: Path) -> None:
         assert path.read_bytes() == (tmp_path / "other" / path.name).read_bytes()
 
 
+@pytest.mark.pictures
 def test_the_users_own_matplotlib_settings_have_no_say_and_are_left_alone(tmp_path: Path) -> None:
     before = [path.read_bytes() for path in save_drawing(draw(9, decouple_file()), tmp_path)]
     with mpl.rc_context({"axes.grid": True, "font.size": 20.0, "svg.fonttype": "path", "savefig.dpi": 50}):

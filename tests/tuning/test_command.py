@@ -106,6 +106,13 @@ def branching(*given: Any) -> tuple[Any, ...]:
 branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
 
 
+def reversed_bounds(*_: Any) -> None:
+    """Never called."""
+
+
+reversed_bounds.bounds = {"K_p": (10.0, 1.0)}  # type: ignore[attr-defined]
+
+
 class Told:
     """A law that asks for its plant."""
 
@@ -125,6 +132,7 @@ class Told:
         {"searches": 1},
         {"given": {"branching": branching}},
         {"given": {"told": Told()}},
+        {"given": {"reversed": reversed_bounds}},
         {"given": {"boundless": lambda *_: None}},
     ],
 )

@@ -144,6 +144,9 @@ class TestValidate:
         expected = {"reference.csv", "compare.yaml", "simulated_compare.h5", "validation.json"}
         expected |= {f"tables/{name}" for name in ("residuals.csv", "windows.csv", "table2.tex", "claims.md")}
         assert expected | {"figures/fig13.pdf", "figures/fig16.png"} <= set(manifest["outputs"])
+        told = (out / "tables" / "controllers.csv").read_text().splitlines()
+        rows = [[str(row[key]) for key in ("run", "joint", "answer")] for row in found["controllers"]]
+        assert [line.split(",")[:3] for line in told[1:]] == rows != []
         assert load_config(out / "compare.yaml", "compare").config.title.endswith("SYNTHETIC.h5")
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 

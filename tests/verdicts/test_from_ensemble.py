@@ -278,6 +278,21 @@ class TestWhatIsCounted:
         data.codes["controller_3", PRINTED][:200] = 2
         assert one(data, paper, "C2").evidence["diverged_last"]["plants"] == 200
 
+    def test_statements_that_rank_nothing_fail_where_a_law_diverged(self, data, paper):
+        data.codes["controller_2", PRINTED][:200] = 2
+        assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
+
+    def test_a_number_says_where_a_diverged_law_would_change_its_verdict(self, data, paper):
+        for name in ("mae", "rmse"):
+            values, first, third = data.values, *((f"controller_{k}", PRINTED, name) for k in (1, 3))
+            values[first], values[third] = values[third], values[first]
+        identifier = "share.controller_1_of_3.mae.joint_2"
+        before = len(one(data, paper, identifier).evidence["remarks"])
+        data.codes["controller_3", PRINTED][:200] = 2
+        found = one(data, paper, identifier)
+        assert found.verdict == "contradicted"
+        assert len(found.evidence["remarks"]) == before + 1
+
     def test_too_few_plants(self, data, paper):
         data.codes["controller_2", PRINTED][99:] = 2
         for name in ("C2", "table2.controller_1.mae.joint_2"):

@@ -239,6 +239,14 @@ class TestAngles:
         bare = decoupled(without(DECOUPLED, "q_calculated"))
         assert decoupling(bare).evidence == decoupling(DECOUPLE_FILE).evidence
 
+    @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
+    def test_k5_needs_samples_of_motors_that_move(self, desired, measured):
+        file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
+        trace = file.runs["controller_2"]
+        run = measured_trace(trace, q_d=desired * trace["q_d"], q_encoder=measured * trace["q_d"])
+        with pytest.raises(DataMissingError):
+            motor_angles(replace(file, runs={"controller_2": run}))
+
     def test_k3_names_what_is_missing(self):
         still = decoupled(q_encoder=np.zeros_like(DECOUPLED["q"]))
         for file, word in [(replace(still, runs={}), "decouple"), (still, "all move")]:

@@ -167,6 +167,12 @@ class TestClaims:
         assert of_values(Decision("compatible"), [bad]).verdict == "direction_only"
         assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
 
+    def test_values_near_an_end_make_the_claim_borderline(self):
+        near = Decision("compatible", borderline=True)
+        assert with_values(Decision("compatible"), [near]).borderline
+        assert not with_values(Decision("contradicted"), [near]).borderline
+        assert of_values(Decision("compatible"), [near]).borderline
+
     def test_ways_that_agree_have_their_verdict(self):
         good, bad, near = (
             Decision("compatible"),

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
-from support.made_claims import NAMES, ranking_of
+from support.made_claims import NAMES, MadeEnsemble, ranking_of
 
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts import sensitivity
 from tendonrepro.verdicts.sensitivity import draw_influences, ranked
 
 
@@ -85,3 +88,26 @@ def test_the_picture_has_a_column_an_outcome_and_the_strongest_unknowns_on_top(d
         name = axes.get_yticklabels()[row].get_text()
         (held,) = (one for one in [*found.values()][column]["rows"] if one["name"] == name)
         assert value == pytest.approx(100.0 * held["total"])
+
+
+def test_what_is_ranked_are_ratio_numbers_and_joint_3_over_joint_2(monkeypatch):
+    data, seen = MadeEnsemble(), []
+
+    def spied(_names, _draws, values, floor=None):
+        seen.append((values, floor))
+        return {"noise_floor": 0.25}
+
+    monkeypatch.setattr(sensitivity, "ranked", spied)
+    found = dict(zip(sensitivity.rankings(data), seen, strict=True))
+    error = {run: data.values[run, PRINTED, "mae"] for run in CONTROLLERS}
+    for i, joint in enumerate(data.joints):
+        values, floor = found[f"ratio_joint_{joint}"]
+        assert values == pytest.approx(np.log(error[CONTROLLERS[0]] / error[CONTROLLERS[1]])[:, i])
+        assert floor is None
+        values, floor = found[f"table2.controller_3.mae.joint_{joint}"]
+        assert values == pytest.approx(np.log(error[CONTROLLERS[2]])[:, i])
+        assert floor == 0.25
+    values, floor = found["joint_3_over_2"]
+    assert values == pytest.approx(np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0]))
+    assert floor == 0.25
+    assert sum(name.startswith("table") for name in found) == 16

@@ -100,3 +100,11 @@ def test_the_run_of_the_shipped_plant_is_not_called_one_of_here():
     (found,) = with_shipped(judge_all(Sources(), only=[name]), stored)
     assert "shipped_run" not in found.evidence
     assert found.ours == stored.entries[name]["ours"]
+
+
+def test_what_was_measured_elsewhere_is_not_told_here():
+    waiting = [one for one in judge_all(Sources()) if one.id == "C2"]
+    entry = dict(shipped_ledger().entries["C2"])
+    entry["evidence"] = {**entry["evidence"], "measured": {"verdict": "reproduced", "ours": 1.0}}
+    (found,) = with_shipped(waiting, ShippedLedger({"C2": entry}, {}))
+    assert "measured" not in found.evidence

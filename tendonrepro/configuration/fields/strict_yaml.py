@@ -66,8 +66,11 @@ def read_text(path: Path | None, hint: str | None = None) -> str:
     """
     name = STDIN if path is None else str(path)
     try:
-        with sys.stdin.buffer if path is None else path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
+        if path is None:  # a process without a terminal may have no standard input
+            raw = sys.stdin.buffer.read(MAX_BYTES + 1) if sys.stdin else b""
+        else:
+            with path.open("rb") as stream:
+                raw = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL inside the path
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None

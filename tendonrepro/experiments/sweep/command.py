@@ -111,6 +111,8 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
 def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     """Read a configuration and make those of all points."""
     axes = parse_over(over)
+    if request.seed is not None and not {"seed", "seed.value"}.isdisjoint(axes):
+        raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
     # Standard input can be read only once.
     source = find_source(request.config, "compare")
     load_one = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
@@ -118,7 +120,8 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     def load_changed(changes: list[str]) -> LoadedConfig:
         return load_one(overrides=[*request.overrides, *changes])
 
-    base, points = load_changed([]), sweep_points(load_changed, axes)
+    base = load_changed([])
+    points = sweep_points(load_changed, axes, base.config.sampling_period.unit)
     base = replace(
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
@@ -151,10 +154,10 @@ def text_of(value: Node) -> str:
     return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
 
 
-def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) -> list[Point]:
+def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes, unit: str) -> list[Point]:
     """Make the configurations of a sweep; the last key's values change fastest.
 
-    `load_changed` loads one with overrides.
+    `load_changed` loads one with overrides; `unit` is that of its sampling period.
 
     Raises
     ------
@@ -163,7 +166,6 @@ def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) 
     UsageError
         If they differ in joints or runs.
     """
-    unit = load_changed([]).config.sampling_period.unit
     points = []
     for numbered in product(*(enumerate(values) for values in axes.values())):
         values = {key: value for key, (_, value) in zip(axes, numbered, strict=True)}
@@ -183,7 +185,7 @@ def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes) 
 
 def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
     """Let the other solver's longest step, which has to divide the sampling period, follow it."""
-    period = chosen.get(_PERIOD)
+    period = chosen.get(_PERIOD, chosen.get(f"{_PERIOD}.value"))
     if period is None or any(key.startswith(_STEP) for key in chosen):
         return {}
     quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}

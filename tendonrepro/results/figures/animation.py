@@ -101,7 +101,7 @@ def animate(
 
 def _places(time: Array, speed: float) -> list[int]:
     """Samples nearest to the times of the pictures."""
-    count = (time[-1] - time[0]) / speed * RATE if speed > 0.0 else np.inf
+    count = (time[-1] - time[0]) / speed * RATE if 0.0 < speed < np.inf else np.inf
     if not count <= MOST_PICTURES:
         message = f"must be above zero and leave at most {MOST_PICTURES} pictures, found {speed:g}"
         raise UsageError(message, where="--speed")
