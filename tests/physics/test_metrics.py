@@ -52,6 +52,13 @@ class TestSizes:
             assert rmse(e)[joint] == pytest.approx(math.sqrt(square), rel=1e-12)
             assert max_abs(e)[joint] == max(abs(x) for x in values)
 
+    def test_samples_that_are_outside_or_not_finite_do_not_count(self) -> None:
+        e = np.array([[1.0, 1.0], [-3.0, math.nan], [9.0, 9.0], [math.nan, 5.0]])
+        inside = np.array([[True, False], [True, True], [False, False], [True, False]])
+        sizes = [size(e, inside) for size in (mae, rmse, max_abs)]
+        expected = [[2.0, math.nan], [math.sqrt(5.0), math.nan], [3.0, math.nan]]
+        np.testing.assert_allclose(sizes, expected, rtol=1e-15)
+
 
 class TestWindows:
     def test_two_periods_recorded_with_both_ends(self) -> None:
