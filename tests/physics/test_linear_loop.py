@@ -191,7 +191,7 @@ class TestLoop:
             ("controller_1", "weights=extrapolating", 0),
             ("controller_2", "differencing=centred", 0),
             ("controller_1", "error_rate=low_pass", 0),
-            ("controller_1", "torque_coordinates=winch", 0),
+            ("controller_1", "torque_coordinates=winch+estimate_filter=estimate", 0),
             ("controller_1", "torque_unit=percent_of_rated", 0),
             ("controller_1", "stored_torque=applied", 1),
             ("controller_1", "delay_time=two_periods", 1),
@@ -204,8 +204,8 @@ class TestLoop:
     )
     def test_powers_of_the_matrix_follow_the_real_loop(self, name, reading, delay):
         """Actual command function, actual integrator, 0.2 s of a step of 1e-5 rad."""
-        overrides = ["posture=[45, 15, 15]"] + ([f"control.readings.{reading}"] if reading else [])
-        config = shipped(*overrides)
+        readings = [f"control.readings.{one}" for one in reading.split("+")] if reading else []
+        config = shipped("posture=[45, 15, 15]", *readings)
         plant, law = frictionless(build_plant(config, 0.2)), build_law(config, name)
         size = np.array([1e-5, -2e-5])
         real = small_step(plant, law, size, 200, delay)
