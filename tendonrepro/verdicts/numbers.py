@@ -19,7 +19,7 @@ PERCENTAGES = ("share.", "increase.")
 
 
 class ErrorOf(NamedTuple):
-    """What an error of Table 2 or 3 is of."""
+    """Which error of Table 2 or 3."""
 
     run: str
     metric: str
@@ -27,7 +27,7 @@ class ErrorOf(NamedTuple):
 
     @property
     def id(self) -> str:
-        """Id of the number; the row without load of Table 3 is Controller 1 of Table 2."""
+        """Id in ``published.yaml``; Table 3 without load is Controller 1 of Table 2."""
         table = "table3.with_load" if self.run == LOADED else f"table2.{self.run}"
         return f"{table}.{self.metric}.joint_{self.joint}"
 
@@ -42,19 +42,19 @@ def error_of(identifier: str) -> ErrorOf:
 
 
 class Formula(NamedTuple):
-    """Ids of the errors that a number follows from, and how; the errors are numbers, fractions or arrays."""
+    """Ids of the errors that a number follows from, and how: of numbers, fractions or arrays."""
 
     names: tuple[str, ...]
     value: Callable[..., Any]
 
     @property
     def errors(self) -> list[ErrorOf]:
-        """What these errors are of."""
+        """These errors."""
         return [error_of(name) for name in self.names]
 
 
 def formula_of(paper: Published, identifier: str) -> Formula:
-    """How a number follows from the errors of Tables 2 and 3, of which it may be one."""
+    """How a number follows from errors of Tables 2 and 3."""
     names: tuple[str, ...]
     entry = paper.entries[identifier]
     if isinstance(entry, PrintedQuotient):

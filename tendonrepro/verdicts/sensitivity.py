@@ -1,4 +1,4 @@
-"""Which unknowns decide an outcome: first-order indices from draws at hand, with a floor of chance."""
+"""Which unknowns decide an outcome: sensitivity indices of SALib from draws at hand."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ SHUFFLES = 40
 SEED = 20260515
 FLOOR_QUANTILE = 0.95
 LEAST_OTHERS = 20
+"""Outcomes that differ from the commonest; a bootstrap of rarer ones may well hold none."""
 
 # The method's usual ten harmonics fit more of the noise of a few hundred plants.
 _HARMONICS = 6
-
 
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
@@ -41,8 +41,7 @@ SHOWN = 12
 LEAST_FITTED = 300
 """Plants below which no surrogate is fitted."""
 SURROGATE = 8
-"""Unknowns, the strongest ones, of which a surrogate tells what they explain together."""
-
+"""The strongest unknowns, which have a total index."""
 
 Ranking: TypeAlias = dict[str, Any]
 """What `ranked` returns."""
@@ -53,18 +52,16 @@ def ranked(
 ) -> Ranking | None:
     """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
 
-    First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
-    only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
-    of all rows, or the one given, of another outcome on as many draws.
+    First-order indices by RBD-FAST. `noise_floor` is that of another outcome on as many draws; by itself it
+    is the 95 % quantile, over shuffles of the outcome, of the largest index.
 
     Returns
     -------
     dict or None
-        ``rows``, the largest index first, each with ``name``, ``index``, ``half_width`` of the index's 95 %
-        bootstrap interval, and of the strongest ``total``: what the unknown explains alone or with one other;
-        ``noise_floor``; ``unexplained`` by single rows above it; ``draws``. None with too few finite
-        outcomes, `LEAST_PLANTS`, or when fewer than 20 of them differ from the commonest: a bootstrap of so
-        rare an outcome may well not hold it at all.
+        ``rows``, the largest index first, each with ``name``, ``index``, ``half_width`` of its 95 % bootstrap
+        interval, and of the strongest ``total``, alone or with one other; ``noise_floor``; ``unexplained`` by
+        single rows above it; ``draws``. None with fewer finite outcomes than `LEAST_PLANTS`, or fewer others
+        than `LEAST_OTHERS`.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -86,23 +83,17 @@ def ranked(
     rows.sort(key=lambda row: -row["index"])
     for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
         row["total"] = total
-    floor = noise_floor
-    if floor is None:
+    if noise_floor is None:
         largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
-        floor = float(np.quantile(largest, FLOOR_QUANTILE))
-    explained = sum(row["index"] for row in rows if row["index"] > floor)
-    return {
-        "rows": rows,
-        "noise_floor": floor,
-        "unexplained": max(1.0 - explained, 0.0),
-        "draws": len(outcome),
-    }
+        noise_floor = float(np.quantile(largest, FLOOR_QUANTILE))
+    left = max(1.0 - sum(row["index"] for row in rows if row["index"] > noise_floor), 0.0)
+    return {"rows": rows, "noise_floor": noise_floor, "unexplained": left, "draws": len(outcome)}
 
 
 def rankings(data: EnsembleData) -> dict[str, Ranking]:
     """Rank the unknowns that decide some claims, the ratio of Controllers 1 and 2, and the tables' numbers.
 
-    A number's floor of chance is that of the ratio, on about as many plants.
+    A number's noise floor is that of the ratio, on about as many plants.
     """
     plants = Plants(data, PRINTED)
     found = {claim: deciding(data, published(), claim) for claim in DECIDED}
@@ -141,7 +132,7 @@ def _numbers(plants: Plants) -> Iterator[tuple[str, Array, Mask]]:
 
 
 def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:
-    """Total indices of the first `SURROGATE` unknowns, from sums of splines of one and of two of them."""
+    """Total indices of the first `SURROGATE` unknowns, by HDMR."""
     from SALib.analyze import hdmr
 
     if len(outcome) < LEAST_FITTED:
@@ -165,7 +156,7 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:
-    """Largest index of all rows, without the bootstrap."""
+    """Largest index, without the bootstrap."""
     from SALib.analyze import rbd_fast
 
     raw = [
@@ -176,7 +167,7 @@ def _largest_index(draws: Array, outcome: Array) -> float:
 
 
 def draw_influences(found: Mapping[str, Ranking]) -> Drawing:
-    """Picture of the share of the variance that the strongest unknowns explain of each outcome."""
+    """Draw the share of each outcome's variance that the strongest unknowns explain."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 
     shares = {
