@@ -1,4 +1,4 @@
-"""What ``tendonrepro claims`` does: judge from the results there are, and write the ledger."""
+"""What ``tendonrepro claims`` does."""
 
 from __future__ import annotations
 
@@ -50,14 +50,11 @@ def run_claims(
     force: bool = False,
     every: bool = False,
 ) -> Ledger:
-    """Judge the claims from what has been run, and write the ledger.
-
-    Without an ensemble the package's stored verdicts stand in.
+    """Judge the claims from what lies under `out`, and write the ledger.
 
     Parameters
     ----------
     out : Path
-        Folder above the results.
     ids : sequence of str
         Claims to show with all their evidence; empty for the whole ledger, which alone is written.
     baseline : Path or None
@@ -65,10 +62,8 @@ def run_claims(
     talk : Talk
     measured : Path or None
         Measured trace file; None is ``data/measured.h5`` where there is one.
-    force : bool
-        Overwrite what no earlier ledger wrote, or what was changed since.
-    every : bool
-        Show all verdicts, not those on the main claims alone.
+    force, every : bool
+        Overwrite what no earlier ledger wrote; show more than the main claims.
 
     Raises
     ------
@@ -121,7 +116,7 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
 def judged(
     out: Path, measured: Path | None, ids: Sequence[str], talk: Talk
 ) -> tuple[Sources, list[Verdict], Mapping[str, Any]]:
-    """Judge from what is found under `out`, and say which ensemble judged; see `run_claims`."""
+    """Judge from what is found under `out`; the last item tells which ensemble judged."""
     sources = _found(out, measured, talk)
     ensemble = sources.ensemble
     with talk.bar("judging", 0 if ensemble is None else len(ensemble.readings)) as progress:
@@ -134,7 +129,7 @@ def judged(
 
 
 def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
-    """Read results and the measured file; what is not the paper's is left out."""
+    """Read results and measurement, without what is not the paper's."""
     compare, ensemble = None, None
     if (out / "compare" / TRACES).exists():
         stored = stored_traces(out / "compare")

@@ -1,4 +1,4 @@
-"""Verdicts from an ensemble: numbers against their range over the box, claims by their shares."""
+"""Verdicts from an ensemble."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 
 
 def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """A printed number's value on every plant, in its unit, and the plants judged, (N,) each."""
+    """A printed number on every plant, in its unit, and the plants judged, (N,) each."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
     sizes = [np.rad2deg(plants[of.run, of.metric][:, plants.joints.index(of.joint)]) for of in errors]
@@ -43,7 +43,7 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
 
 
 def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
-    """What a percentage claims besides its size, and the plants that rank it with a diverged law last."""
+    """What a percentage claims besides its size, and the plants that rank it."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
     statements = smaller(plants, metric, *runs, metric.upper())
@@ -51,7 +51,7 @@ def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[State
 
 
 def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
-    """Judge a number or a claim by its rule under one reading."""
+    """Judge a number or a claim under one reading."""
     rule = paper.judgements[identifier].rule
     try:
         return _number(plants, paper, identifier) if rule in NUMBERS else _claim(plants, paper, rule)
@@ -126,7 +126,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
 
 
 def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Decision, Evidence]:
-    """Judge by the measure under which a claim holds most often; the shares behind that."""
+    """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
         none = np.logical_and.reduce([~one.holds for one in statements])
@@ -149,7 +149,7 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
 
 
 def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
-    """Statements with their own shares and verdicts."""
+    """Statements with shares and verdicts of their own."""
     rows = []
     for one in statements:
         share = _share(plants, one.holds, counted)

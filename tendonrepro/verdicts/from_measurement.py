@@ -32,7 +32,7 @@ LEAST_RANGE = float(np.deg2rad(1.0))
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
-    """Judge the claims `JUDGED` and all numbers of Tables 2 and 3 and sections 5.3 and 5.4, by id."""
+    """Judge the claims `JUDGED` and all printed errors and percentages, by id."""
     numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
     found = {name: _number(measured, paper, name) for name in numbers}
     for name in JUDGED:
@@ -44,7 +44,7 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
-    """Judge a percentage by whether it would be printed so, another number by the printed interval."""
+    """Judge a percentage by whether it would be printed so, others by the printed interval."""
     tables, formula = measured.tables, formula_of(paper, identifier)
     window: Evidence = {"window": tables.window}
     sizes: list[Any] = []
@@ -113,7 +113,7 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
 
 
 def decoupling(file: TraceFile) -> Judged:
-    """K3: joint angles calculated from the motors against the encoders."""
+    """K3: joint angles from the motors against the encoders."""
     trace = file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):
         raise DataMissingError("all of joints 1 to 3 in a measured run decouple")
@@ -148,7 +148,7 @@ def _agreement(size: Array, reach: Array) -> dict[str, Any]:
 
 
 def motor_angles(file: TraceFile) -> Judged:
-    """K5: motor angles from measured against those from desired joint angles."""
+    """K5: motor angles from measured against desired joint angles."""
     rows = []
     for name in CONTROLLERS:
         trace = file.part("compare").runs.get(name)

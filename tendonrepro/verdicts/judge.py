@@ -1,4 +1,4 @@
-"""The ledger of verdicts: every printed result and claim, judged from what has been run."""
+"""The ledger: every printed result and claim, judged from what has been run."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def judge_all(
 def _over_the_box(
     data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
-    """Judge what an ensemble can tell; one reading is held in memory at a time."""
+    """Judge by an ensemble; one reading is held in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
     if data is None or PRINTED not in data.readings or not names:
         return {}
@@ -169,7 +169,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
 
 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
-    """Numbers that follow from the traces of one run, in printed units."""
+    """Numbers of the run of the nominal plant, in printed units."""
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
         whole = tracking_errors(trace)["whole"]
@@ -196,13 +196,13 @@ def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count each verdict, what is printed twice once."""
+    """Count each verdict, what repeats another once."""
     counts = Counter(verdict.verdict for verdict in verdicts if verdict.repeats is None)
     return {name: counts[name] for name in VERDICTS}
 
 
 def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdict before and now, where they differ; None where it was or is not judged."""
+    """Id -> verdict before and now where they differ; None: not judged."""
     after = {verdict.id: verdict.verdict for verdict in now}
     return {
         name: (before.get(name), after.get(name))

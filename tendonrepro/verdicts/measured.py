@@ -1,4 +1,4 @@
-"""A measured comparison as an ensemble of one plant, which the rules of claims are asked of."""
+"""A measured comparison as an ensemble of one plant."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ from tendonrepro.verdicts.numbers import ErrorOf
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
 
-_SIGNALS = {
-    "mae": ("e", "deg"),
-    "rmse": ("e", "deg"),
-    "max": ("e", "deg"),
+_SIGNALS = dict.fromkeys(("mae", "rmse", "max"), ("e", "deg")) | {
     "s": ("s or e", "deg_per_s"),
     "torque": ("tau_m", "N_m"),
     "H": ("H_hat", "N_m"),
@@ -68,10 +65,7 @@ def measured_of(file: TraceFile, paper: Published) -> Measured:
 
 
 class OneArm:
-    """A measured comparison with the interface of an ensemble of one plant.
-
-    `asked`: statistics that rules have looked up, by run and by name with unit.
-    """
+    """An ensemble of one plant; `asked` holds the statistics that were looked up, by run."""
 
     joints = COMPARED
     replicate: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
@@ -82,7 +76,7 @@ class OneArm:
         self.asked: dict[str, dict[str, list[float]]] = {}
 
     def has(self, _run: str, reading: str) -> bool:
-        """Everything: what is missing is named when it is looked up."""
+        """Say yes: what is missing is named when it is looked up."""
         return reading == PRINTED
 
     def status(self, run: str, _reading: str) -> NDArray[np.int8]:
@@ -132,7 +126,7 @@ class OneArm:
         return trace
 
     def _check_alike(self, name: str) -> None:
-        """Refuse what cannot be compared between runs that were recorded differently."""
+        """Refuse to compare what was recorded differently."""
         if name == "torque_step_rms":
             steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
             if max(steps) > 1.01 * min(steps):
@@ -159,7 +153,7 @@ def with_surface(trace: Trace) -> Trace:
 
 
 def _rate(time: Array, e: Array) -> Array:
-    """Difference over `RATE_WINDOW` around each sample, (T, n), or over two steps where these are longer."""
+    """Difference over `RATE_WINDOW`, or over two longer steps, (T, n)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
     half = max(0.5 * RATE_WINDOW, step)
     ends = [

@@ -1,4 +1,4 @@
-"""The ledger of verdicts as files and text, and one claim with all its evidence."""
+"""The ledger as files and text."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def number_in_words(identifier: str) -> str:
 
 
 def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Collect the data of ``claims --json``; `ensemble` tells which one judged."""
+    """Data of ``claims --json``; `ensemble` tells which one judged."""
     return {
         "schema_version": SCHEMA_VERSION,
         "claims": [asdict(verdict) for verdict in verdicts],
@@ -76,17 +76,17 @@ def write_claims(
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:
-    """A verdict with what matters most of its evidence."""
+    """A verdict with the most of its evidence."""
     row = asdict(verdict)
     evidence = row.pop("evidence")
     box = evidence.get("box", {})
-    row |= {"low": box.get("low"), "high": box.get("high")}
+    row |= {name: box.get(name) for name in ("low", "high")}
     row |= {name: evidence.get(name) for name in ("also_passing", "missing")}
     return row | {"measured": _measured(verdict)}
 
 
 def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
-    """Verdicts under their headings, the main claims alone or `every` one, and their counts."""
+    """Verdicts under their headings, of the main claims or of `every` one."""
     by_id = {verdict.id: verdict for verdict in verdicts}
     shown = [by_id[name] for name in MAIN if name in by_id]
     shown += [verdict for verdict in verdicts if every and verdict.id not in MAIN]
@@ -161,7 +161,7 @@ def _unit(verdict: Verdict) -> str:
 
 
 def _ours(verdict: Verdict) -> str:
-    """Our number, its range over the plants, and the printed one; of a claim the share."""
+    """Our number with its range, and the printed one; of a claim its share."""
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
@@ -178,7 +178,7 @@ def _ours(verdict: Verdict) -> str:
 
 
 def _measured(verdict: Verdict) -> str | None:
-    """Verdict on the measurement, which stands beside that of the box."""
+    """Verdict on the measurement."""
     beside = verdict.evidence.get("measured")
     if beside is None:
         return None

@@ -81,12 +81,8 @@ def meets(first: Bounds, second: Bounds) -> bool:
 
 
 def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:
-    """Judge a printed number's rounding interval by its spread over the plants, else by its direction.
-
-    `power` is that of `power_of`.
-    """
-    edges = [found.low_interval, found.high_interval]
-    near = any(edge is not None and meets(printed, edge) for edge in edges)
+    """Judge a printed number's interval by its spread over the plants, else by its direction."""
+    near = any(edge and meets(printed, edge) for edge in (found.low_interval, found.high_interval))
     if meets(printed, (found.low, found.high)):
         return Decision("no_power" if power >= NO_POWER else "compatible", near)
     if direction is None:
@@ -109,7 +105,7 @@ def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
 
 
 def of_share(share: Share) -> Decision:
-    """Judge one statement; its opposite is that it fails."""
+    """Judge one statement."""
     near = _near(share, MOST) or _near(share, FEW)
     if share.share >= MOST:
         return Decision("compatible", near)
@@ -117,7 +113,7 @@ def of_share(share: Share) -> Decision:
 
 
 def of_claim(whole: Share, opposite: Share) -> Decision:
-    """Judge a claim by the shares on which it holds and on which its opposite does."""
+    """Judge a claim by its share and that of its opposite."""
     near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
     if whole.share >= MOST:
         return Decision("compatible", near)
@@ -146,7 +142,7 @@ def of_arithmetic(consistent: bool) -> Decision:
 
 
 def of_courses(ways: Sequence[Decision]) -> Decision:
-    """Judge what has a verdict for each way an unpublished part can be: theirs where all agree."""
+    """Judge by the verdicts of each way an unpublished part can be, where they agree."""
     near = any(way.borderline for way in ways)
     verdicts = {way.verdict for way in ways}
     return Decision(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)

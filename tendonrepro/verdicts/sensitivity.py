@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -19,7 +19,6 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import Mask
 
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
@@ -50,18 +49,17 @@ Ranking: TypeAlias = dict[str, Any]
 def ranked(
     names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
 ) -> Ranking | None:
-    """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
+    """Rank unknowns by how much of an outcome's variance (N,) each explains, from draws (N, P).
 
-    First-order indices by RBD-FAST. `noise_floor` is that of another outcome on as many draws; by itself it
-    is the 95 % quantile, over shuffles of the outcome, of the largest index.
+    A `noise_floor` may be taken from another outcome on as many draws.
 
     Returns
     -------
     dict or None
-        ``rows``, the largest index first, each with ``name``, ``index``, ``half_width`` of its 95 % bootstrap
-        interval, and of the strongest ``total``, alone or with one other; ``noise_floor``; ``unexplained`` by
-        single rows above it; ``draws``. None with fewer finite outcomes than `LEAST_PLANTS`, or fewer others
-        than `LEAST_OTHERS`.
+        ``rows``, the largest first-order index (RBD-FAST) first: ``name``, ``index``, ``half_width`` of its
+        95 % bootstrap interval, and of the strongest ``total``; ``noise_floor``, the 95 % quantile over
+        shuffles of the largest index; ``unexplained`` by rows above it; ``draws``. None with too few
+        outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -91,44 +89,37 @@ def ranked(
 
 
 def rankings(data: EnsembleData) -> dict[str, Ranking]:
-    """Rank the unknowns that decide some claims, the ratio of Controllers 1 and 2, and the tables' numbers.
-
-    A number's noise floor is that of the ratio, on about as many plants.
-    """
+    """Rank what decides some claims, the ratio of Controllers 1 and 2, and the tables' numbers."""
     plants = Plants(data, PRINTED)
+
+    def rank(values: Array, *runs: str, floor: float | None = None) -> Ranking | None:
+        kept = plants.ok(*runs)
+        return ranked(data.names, data.draws[kept], values[kept], floor)
+
     found = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.log(plants[FIRST, "mae"] / plants[SECOND, "mae"])
+        logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), ("mae", "rmse"))}
+        mae = logs[FIRST, "mae"]
+        ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
-        found[f"ratio_joint_{joint}"] = _ranked(data, ratio[:, i], plants.ok(FIRST, SECOND))
+        found[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
+    # About as many plants, so the same floor.
     first = found[f"ratio_joint_{data.joints[0]}"]
     floor = None if first is None else first["noise_floor"]
-    found |= {name: _ranked(data, values, kept, floor) for name, values, kept in _numbers(plants)}
+    for (run, metric), errors in logs.items():
+        for i, joint in enumerate(data.joints):
+            found[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
+    found["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
     return {name: ranking for name, ranking in found.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
-    """Rank the unknowns that decide a verdict; None where there is nothing to rank."""
+    """Rank what decides a verdict; None where nothing does."""
     try:
         values, judged = outcome(Plants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
-    return _ranked(data, values, judged)
-
-
-def _ranked(data: EnsembleData, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
-    return ranked(data.names, data.draws[kept], values[kept], floor)
-
-
-def _numbers(plants: Plants) -> Iterator[tuple[str, Array, Mask]]:
-    """Yield the logarithm of every number of Tables 2 and 3, and of joint 3's error over joint 2's."""
-    for run, metric in product((*CONTROLLERS, LOADED), ("mae", "rmse")):
-        with np.errstate(divide="ignore"):
-            errors = np.log(plants[run, metric])
-        for i, joint in enumerate(plants.joints):
-            yield ErrorOf(run, metric, joint).id, errors[:, i], plants.ok(run)
-        if (run, metric) == (FIRST, "mae"):
-            yield "joint_3_over_2", errors[:, -1] - errors[:, 0], plants.ok(run)
+    return ranked(data.names, data.draws[judged], values[judged])
 
 
 def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:

@@ -35,10 +35,7 @@ ONE_OBSERVATION = "C5 and C6 are one observation: tau_m - H_hat = M_bar u is sma
 
 @dataclass(frozen=True)
 class Statement:
-    """Where a statement holds, plant by plant, (N,).
-
-    `measure` is the one of several ways to judge a claim that it belongs to.
-    """
+    """Plants on which a statement holds, (N,), and the measure of its claim that it belongs to."""
 
     text: str
     holds: Mask
@@ -47,22 +44,10 @@ class Statement:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a rule finds.
+    """What a rule finds: statements, the plants judged, and those ranked with a diverged law last.
 
-    Attributes
-    ----------
-    statements
-    judged, rankable
-        Plants judged, and those ranked with a diverged law last.
-    remarks
-    opposite
-        Of the whole claim, where it is more than that no statement holds.
-    beside
-        Statements that are shown and do not count.
-    chance
-        Shares that laws which do not differ would give: independent joints, joints that go together.
-    untestable
-        Why the plants cannot tell, whatever the shares.
+    `opposite` is one of the whole claim, where it is more than that no statement holds; `beside` does not
+    count; `chance` is that of `_by_chance`; `untestable` says why the plants cannot tell.
     """
 
     statements: Sequence[Statement]
@@ -102,25 +87,25 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
 def _of_runs(
     plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
 ) -> list[Statement]:
-    """One statement a joint that fails where a run it names diverged."""
+    """One statement a joint, which fails where a run diverged."""
     return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
 def smaller(
     plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
 ) -> list[Statement]:
-    """That a statistic of one run is below that of another, on each joint; a diverged run's is infinite."""
+    """That a statistic of one run is below that of another, on each joint; diverged is largest."""
     holds = plants.ranked(first, name) < plants.ranked(second, name)
     return _each_joint(plants, f"{what} of {first} below that of {second}", holds, measure)
 
 
 def together(statements: Sequence[Statement]) -> Mask:
-    """Plants on which all statements hold."""
+    """Where all hold."""
     return np.asarray(np.logical_and.reduce([one.holds for one in statements]))
 
 
 def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
-    """Shares on which laws that do not differ stand in one of so many orders on every joint."""
+    """Chances of one of so many orders, for independent joints and for joints that go together."""
     return float(orders) ** -len(plants.joints), 1.0 / orders
 
 
@@ -128,8 +113,9 @@ def stable(plants: Plants, _: Published) -> Findings:
     """C1: all controllers are ``ok``."""
     resolved = plants.none(UNRESOLVED, *CONTROLLERS)
     statements = [Statement(f"{run} is ok", plants.ok(run)) for run in CONTROLLERS]
-    left_out = f"{100.0 * (1.0 - resolved.mean()):.3g} % of the plants were too fast for the integrator"
-    untestable = left_out if resolved.mean() < 1.0 - MOST_UNRESOLVED else None
+    untestable = None
+    if resolved.mean() < 1.0 - MOST_UNRESOLVED:
+        untestable = f"only {100.0 * resolved.mean():.3g} % of the plants could be integrated"
     return Findings(statements, resolved, None, untestable=untestable)
 
 
@@ -144,7 +130,7 @@ def rising_shape(plants: Plants, _: Published) -> Findings:
 
 
 def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
-    """Controllers 1 < 2 < 3 in some statistics, each joint's order and its reverse beside."""
+    """Controllers 1 < 2 < 3 in some statistics."""
     found, reverse = (
         [
             one
@@ -166,7 +152,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
 
 
 def joints_alike(plants: Plants, paper: Published) -> Findings:
-    """F2: joint 3's error over joint 2's is at least the paper's smallest."""
+    """F2: joint 3 errs at least as much against joint 2 as in the paper."""
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
     runs = (*CONTROLLERS, LOADED)
@@ -191,7 +177,7 @@ def rapid_advantage(plants: Plants, _: Published) -> Findings:
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Findings:
-    """C4: the RMS of s of the three differ by at most 5 %."""
+    """C4: s is of similar size."""
     found: list[Statement] = []
     for name, what in (("s_rms", "RMS of s"), ("s_slow_rms", "RMS of s below 3 Hz")):
         holds = _similar([plants[run, name] for run in CONTROLLERS])
@@ -201,7 +187,7 @@ def similar_surfaces(plants: Plants, _: Published) -> Findings:
 
 
 def _similar(sizes: Sequence[Array]) -> Mask:
-    """Whether the smallest of some sizes is at most 5 % below the largest."""
+    """Whether the smallest is at most 5 % below the largest."""
     return np.asarray(np.min(sizes, axis=0) >= (1.0 - SIMILAR) * np.max(sizes, axis=0))
 
 
@@ -229,7 +215,7 @@ def torque_size(plants: Plants, _: Published) -> Findings:
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
-    """That Controller 1's signal is smaller than the rivals' moving up, by more than a share."""
+    """That Controller 1's signal is smaller moving up, by more than a share."""
     found: list[Statement] = []
     for rival in RIVALS:
         first, second = (plants[run, f"{signal}_{size}_up"] for run in (FIRST, rival))
@@ -265,7 +251,7 @@ def better_estimate(plants: Plants, _: Published) -> Findings:
 
 
 def robustness(plants: Plants, _: Published) -> Findings:
-    """E1a: where just one of Controllers 1 and 2 is ``ok``, it is Controller 1."""
+    """E1a: where one of Controllers 1 and 2 alone is ``ok``, it is Controller 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
     found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
@@ -307,24 +293,24 @@ def small_inertia(plants: Plants, _: Published) -> Findings:
 
 
 def overshoot(plants: Plants, paper: Published) -> Findings:
-    """E3: Controller 1 overshoots less than Controller 2, or neither does by more than an encoder step."""
+    """E3: Controller 1 overshoots less than Controller 2, or neither by more than an encoder step."""
     sizes = np.array([plants[run, "overshoot"] for run in (FIRST, SECOND)])
     neither = (sizes <= np.deg2rad(paper.number("hardware.encoder_resolution"))).all(axis=0)
     counted = np.isfinite(sizes).all(axis=(0, 2)) & ~neither.all(axis=1)
     # A law that diverged has not rested, whatever its last excursion was.
     neither &= plants.none(DIVERGED, FIRST, SECOND)[:, np.newaxis]
+    less = smaller(plants, "overshoot", FIRST, SECOND, "overshoot")
     found = [
-        Statement(f"{one.text}, or neither", one.holds | neither[:, i])
-        for i, one in enumerate(smaller(plants, "overshoot", FIRST, SECOND, "overshoot"))
+        Statement(f"{one.text}, or neither", one.holds | held)
+        for one, held in zip(less, neither.T, strict=True)
     ]
     ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
-    left_out = int((ok & ~counted).sum())
-    remark = f"left out: {left_out} plants without overshoot beyond an encoder count"
+    remark = f"left out: {(ok & ~counted).sum()} plants without overshoot beyond an encoder count"
     return Findings(found, ok & counted, rankable & counted, [remark])
 
 
 def bounds(plants: Plants, paper: Published) -> Findings:
-    """L1: e and de/dt of Controller 1 stay inside the bounds of section 4.3."""
+    """L1: Controller 1 stays inside the bounds of section 4.3."""
     printed = Plants(plants.data, PRINTED)
     lam, eta, b, Delta = (
         np.array(paper.per_joint(f"gain.{name}", plants.joints)) for name in ("lam", "eta", "b", "Delta")
@@ -346,7 +332,7 @@ def bounds(plants: Plants, paper: Published) -> Findings:
 
 
 def _beyond_divergence(bound: Array) -> str | None:
-    """Why no plant could fail the bounds, where a run would diverge before its error reached Eq. (30)."""
+    """Why no plant could fail: its error cannot reach Eq. (30) before it has diverged."""
     limit = load_config(None, "compare").config.status.divergence_limit.si
     if (bound < limit).any():
         return None

@@ -1,4 +1,4 @@
-"""Claim T1: whether every tendon stays in tension, per course of tendon 4, over the plants of the box."""
+"""Claim T1: whether every tendon stays in tension, per course of tendon 4."""
 
 from __future__ import annotations
 
@@ -43,22 +43,21 @@ class Machines(NamedTuple):
 
 
 def tension(data: EnsembleData | None) -> Judged:
-    """T1 on the draws of an ensemble, or on draws of the shipped box."""
+    """T1 on the draws of an ensemble, else of the shipped box."""
     config = load_config(None, "decouple").config
     machines = machines_of(data, config.manipulator)
     rows = [_course(course, mechanism(config, course), machines) for course in COURSES]
-    remarks = [
-        "the course of tendon 4 is not printed; at rest",
-        "that a motor's pull is constant is an input of the model, no result",
-    ]
     evidence = {
         "courses": rows,
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
-        "remarks": remarks,
+        "remarks": [
+            "the course of tendon 4 is not printed; at rest",
+            "that a motor's pull is constant is an input of the model, no result",
+        ],
     }
-    verdicts = {f"tensioner={row['course']}": row["verdict"] for row in rows}
+    readings = {f"tensioner={row['course']}": row["verdict"] for row in rows}
     # The claim is about tendon 4, so a machine without it can tell nothing.
-    readings = verdicts | {"tensioner=absent": "not_testable"}
+    readings["tensioner=absent"] = "not_testable"
     decision = of_courses([Decision(row["verdict"], row["borderline"]) for row in rows])
     return Judged(decision, None, evidence, readings)
 
