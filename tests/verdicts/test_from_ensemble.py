@@ -1,5 +1,7 @@
 """Claims over the box: a paper measured on a plant of it is confirmed, and every claim can fail."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from support.made_claims import (
@@ -16,6 +18,7 @@ from support.made_claims import (
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, parse_reading
+from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER
 
@@ -110,6 +113,7 @@ PARTS = [
     ("C6", FIRST, PRINTED, sizes_of("torque", "_up"), 1.1, "moving up"),
     ("C6", FIRST, PRINTED, ["torque_step_rms"], 1.2, "torque step"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
+    ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
     ("P1", LOADED, PRINTED, ["mae"], 0.5, "MAE"),
     ("L1", FIRST, PRINTED, ["max_error"], 1e3, "(30)"),
     ("L1", FIRST, PRINTED, ["rate_max"], 1e3, "(31)"),
@@ -288,6 +292,27 @@ class TestWhatIsCounted:
             data.values[SECOND, PRINTED, "overshoot"][:, 0] = 0.9 * count
             rows = one(data, paper, "E3").evidence["statements"]
             assert [row["verdict"] for row in rows] == [verdict, "compatible"]
+
+    def test_a_law_that_diverged_has_not_rested(self, data, paper):
+        for run in CONTROLLERS:
+            data.values[run, PRINTED, "overshoot"][:, 0] = 0.0
+        data.codes[FIRST, PRINTED][:200] = 2
+        rows = one(data, paper, "E3").evidence["diverged_last"]["statements"]
+        assert [row["share"] for row in rows] == [0.5, 0.5]
+
+    def test_the_payload_is_its_values_where_all_are_inside(self, data, paper):
+        half = data.draws[:, 0] > 0.5
+        for name in ("mae", "rmse"):
+            data.values[LOADED, PRINTED, name][half] *= 0.9
+        found = one(data, paper, "P1")
+        assert (found.verdict, found.ours) == ("no_power", pytest.approx(np.mean(~half)))
+
+    def test_joint_3_errs_at_least_as_much_as_in_the_paper(self, data):
+        least = 0.2915 / 0.3755  # RMSE of Controller 2, with its rounding
+        for factor, verdict in ((1.0 + 1e-9, "compatible"), (1.0 - 1e-9, "contradicted")):
+            for run, name in product(RUNS, ("mae", "rmse")):
+                data.values[run, PRINTED, name][:, 1] = factor * least * data.values[run, PRINTED, name][:, 0]
+            assert one(data, published(), "F2").verdict == verdict
 
     def test_similar_means_at_most_five_percent(self, data, paper):
         for run in CONTROLLERS:
