@@ -24,7 +24,7 @@ class Unreadable(Exception):
 
 
 class Columns(dict[str, NDArray[Any]]):
-    """Columns of N rows by name, numbers or words; a unit that is stored apart stands behind its name."""
+    """Columns of N rows by name, numbers or words."""
 
     def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
         """Add a column; of those of one name all but the first are numbered."""
@@ -37,20 +37,15 @@ class Columns(dict[str, NDArray[Any]]):
 
 
 class Series(Columns):
-    """Samples of one signal behind their times; those of one clock that lie together are one table."""
+    """Samples of one signal behind their times."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """One table.
 
-    Attributes
-    ----------
-    name : str
-        As the mapping names it: the file, and within it after a colon the sheet or struct.
-    columns : Columns
-    file : dict
-        ``name``, ``size`` in bytes and ``md5`` of its file.
+    `name` is that of the mapping: the file, and after a colon the sheet or struct; `file` has ``name``,
+    ``size`` in bytes and ``md5``.
     """
 
     name: str
@@ -65,7 +60,7 @@ class Source:
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
-    """Yield the tables of a tree with their paths: what lies together and has as many rows, or one clock."""
+    """Yield tables with their paths: what lies together and has as many rows, or one clock."""
     groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Tree]] = []
     for name, value in tree.items():
@@ -92,13 +87,10 @@ def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
 
 
 def _rows(value: Any) -> NDArray[np.float64] | None:
-    """Samples in rows of an array of numbers (N, m); None of what is none."""
+    """Samples in rows of an array of numbers, (N, m); None of what is none."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
         return None
     array = np.squeeze(value)
-    if array.ndim == 3:
-        # One matrix a sample, along the first or the last axis.
-        array = np.moveaxis(array, int(np.argmax(array.shape)), 0).reshape(max(array.shape), -1)
     array = np.atleast_2d(array)
     array = array.T if array.shape[0] < array.shape[1] else array
     is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS

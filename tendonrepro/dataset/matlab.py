@@ -1,4 +1,4 @@
-"""MATLAB files of every version: structs, tables, timeseries and Simulink's logs as nested plain values."""
+"""MATLAB files of every version as nested plain values."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _DAMAGED = 0xDD000000
 
 
 def read_matlab(path: Path) -> Tree:
-    """Read all variables of a MATLAB file.
+    """Read the variables of a MATLAB file that can be read.
 
     Raises
     ------
     Unreadable
-        If no variable can be read. One that cannot is left out.
+        If none can.
     """
     found, reasons = {}, []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -136,7 +136,8 @@ def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
 
 def _timeseries(tree: Tree) -> Series | None:
     """Time and samples of a ``timeseries``, from its properties as they are stored."""
-    info, about, storage = (_dict(tree.get(key)) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    info, about, storage = (part if isinstance(part, dict) else {} for part in held)
     # Streamed logs lie elsewhere.
     data = next(
         (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
@@ -159,10 +160,6 @@ def _timeseries(tree: Tree) -> Series | None:
     for k, column in enumerate(samples.T, start=1):
         found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
     return found
-
-
-def _dict(value: Any) -> Tree:
-    return value if isinstance(value, dict) else {}
 
 
 def _is_filled(value: Any) -> bool:

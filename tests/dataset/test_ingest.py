@@ -193,7 +193,7 @@ def ingest(files: Path, mapping: Path, **options: bool) -> dict[str, Any]:
 
 
 def inspect(files: Path, mapping: Path | None, *, force: bool = False) -> dict[str, Any]:
-    return run_inspect([files], mapping, force=force, talk=QUIET)
+    return run_inspect([files], mapping, force=force)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -385,7 +385,7 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path: Path) -> No
     for name, content in DAMAGED.items():
         (tmp_path / name).write_bytes(content)
     (tmp_path / "good.csv").write_text("t,q2\n" + "".join(f"{k},{k}\n" for k in range(20)))
-    sources, unread = read_files([tmp_path], QUIET)
+    sources, unread = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)
 
@@ -397,5 +397,5 @@ def test_an_archive_stays_in_its_folder(tmp_path: Path) -> None:
     with tarfile.open(folder / "x.tar", "w") as archive:
         archive.add(tmp_path / "x.csv", "../../escaped.csv")
     with pytest.raises(DataMissingError, match=r"x\.tar"):
-        read_files([folder], QUIET)
+        read_files([folder])
     assert "escaped.csv" not in {name for _, _, names in os.walk(tmp_path) for name in names}

@@ -188,13 +188,17 @@ class TestComparison:
 
 
 def test_the_printed_numbers_are_reproduced_with_all_percentages():
-    found = judged(printed_file(lambda time: time < np.inf))
+    file = printed_file(lambda time: time < np.inf)
+    found = judged(file)
     families = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
     numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
     assert len(numbers) == 40
     assert set(numbers.values()) == {"reproduced"}
     assert {found[name].decision.verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
     assert found["C2"].evidence["window"] == "whole"
+    for factor in (0.9, 1.1):
+        runs = {name: measured_trace(trace, e=factor * trace["e"]) for name, trace in file.runs.items()}
+        assert verdict(replace(file, runs=runs), "table2.controller_1.mae.joint_2") == "not_reproduced"
 
 
 def decoupled(trace=DECOUPLED, **variables):
