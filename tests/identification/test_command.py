@@ -129,6 +129,15 @@ def test_no_plausible_plant_is_an_answer(tmp_path):
     assert at["winch_viscous"] == "high"
 
 
+def test_a_fit_misses_by_two_per_cent_at_most(tmp_path):
+    """MAE and RMSE of a joint go together in the made-up stepper."""
+    name = "table2.controller_2.mae.joint_2"
+    paper = made_up_paper(**{name: 1.1 * made_up_paper().number(name)})
+    (held,) = identified(tmp_path / "out", paper=paper)["readings"]
+    assert 0.02 < held["misfit_log"] < 0.06
+    assert not held["fits"]
+
+
 def test_dry_run_writes_nothing(tmp_path):
     data = identified(tmp_path / "out", dry_run=True, readings="default", fit="all")
     assert not (tmp_path / "out").exists()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.made_plants import Killed
 
-from tendonrepro.identification.search import Effort, Evaluated, Plants, search
+from tendonrepro.identification.search import Effort, Evaluated, Found, Plants, search
 
 EFFORT = Effort(generations=40, population=24, seeds=3)
 ROWS = 6
@@ -84,3 +84,8 @@ def test_killed_and_resumed_ends_the_same(tmp_path):
     for name in ("closest", "misfit", "points", "misfits"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
     searched(tmp_path / "cut", None)
+
+
+def test_seeds_agree_to_five_per_cent():
+    found = [Found(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most])) for most in (1.04, 1.06)]
+    assert [one.agree for one in found] == [True, False]

@@ -14,7 +14,14 @@ from tendonrepro.configuration.published import (
     rounding,
     table_1,
 )
-from tendonrepro.verdicts.from_print import all_percentages, inverse, printed_inverse, slopes_of_coupling
+from tendonrepro.verdicts import from_print
+from tendonrepro.verdicts.from_print import (
+    FROM_THE_PRINT,
+    all_percentages,
+    inverse,
+    printed_inverse,
+    slopes_of_coupling,
+)
 from tendonrepro.verdicts.numbers import cut
 from tendonrepro.verdicts.rules import meets
 
@@ -93,3 +100,26 @@ class TestMatrices:
         winch, pulley = slopes_of_coupling(table_1(published()))
         assert winch == pytest.approx(np.full(3, 35.0 / 37.0 * (1.0 / 1.01 - 1.0)))
         assert pulley == pytest.approx(np.full(3, 35.0 / 37.0 * 0.01))
+
+    @pytest.mark.parametrize(
+        ("rule", "ratio", "holds"),
+        [
+            ("motor_3_turns_less", 0.80, True),
+            ("motor_3_turns_less", 0.78, False),
+            ("coupling_terms", 0.91, True),
+            ("coupling_terms", 0.89, False),
+        ],
+    )
+    def test_a_tenth_decides_k4_and_k6(self, monkeypatch, rule, ratio, holds):
+        table = table_1(published()).copy()
+        table[1, 2] = ratio
+        monkeypatch.setattr(from_print, "table_1", lambda _: table)
+        assert (FROM_THE_PRINT[rule](published(), rule).decision.verdict == "reproduced") is holds
+
+    @pytest.mark.parametrize(("apart", "holds"), [(2e-12, True), (3e-12, False)])
+    def test_branches_agree_to_1e_12(self, monkeypatch, apart, holds):
+        """At Delta = 0.2 the slope of gamma_2 e^2 is 0.4 gamma_2."""
+        exact = from_print.polynomial
+        monkeypatch.setattr(from_print, "polynomial", lambda *of: (exact(*of)[0], exact(*of)[1] + apart))
+        found = FROM_THE_PRINT["smooth_branch"](published(), "smooth")
+        assert (found.decision.verdict == "reproduced") is holds
