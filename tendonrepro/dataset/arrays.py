@@ -1,4 +1,4 @@
-"""What is read: tables of named columns, and nested arrays of MATLAB and HDF5 files as such."""
+"""Tables of named columns, and nested arrays of MATLAB and HDF5 files."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FEWEST = 8
 
 
 class Unreadable(Exception):
-    """A file that holds no signals, or cannot be read; its text says why."""
+    """A file that holds no signals, or cannot be read."""
 
 
 class Columns(dict[str, NDArray[Any]]):
     """Columns of N rows by name, numbers or words."""
 
     def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
-        """Add a column; of those of one name all but the first are numbered."""
+        """Add a column; a second one of a name is numbered."""
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
         number, free = 1, full
         while free in self:
@@ -98,7 +98,7 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
 
 
 def read_hdf5(path: Path) -> Tree:
-    """Read the datasets of an HDF5 or netCDF-4 file by their groups, with their attribute ``units``."""
+    """Read the datasets of an HDF5 or netCDF-4 file, with their ``units``."""
     import h5py
 
     tree: Tree = {}

@@ -43,21 +43,9 @@ _TRIES = 10
 def run_fetch(
     record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
 ) -> dict[str, Any]:
-    """Bring the files of a record into a folder, or show that they are there.
+    """Bring the files of a record into a folder, or show that they are there; the lock is beside it.
 
-    Parameters
-    ----------
-    record : str
-        Number, DOI or address.
-    out : Path
-        The lock is written beside it.
-    base_url : str or None
-        Another site; else the environment may name one.
-    force : bool
-        Replace altered files, and another record.
-    dry_run : bool
-        Write nothing.
-    talk : Talk
+    `record` is a number, DOI or address; `base_url` another site, which the environment may name, too.
 
     Raises
     ------

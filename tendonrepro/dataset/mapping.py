@@ -63,13 +63,13 @@ class Use:
         return FACTORS.get(kind_of(self.variable) or "", {}).get(self.unit, 1.0)
 
     def __str__(self) -> str:
-        """As the mapping writes it, without factor and offset."""
+        """As the mapping writes it."""
         joint = "" if self.variable == "time" else f" {self.joint}"
         return f"{self.variable}{joint} {self.unit}".rstrip()
 
 
 def kind_of(variable: str) -> str | None:
-    """Kind of quantity of a variable: a key of `FACTORS`, or None where numbers are taken as they are."""
+    """Key of `FACTORS`, or None where numbers are taken as they are."""
     if variable == "time":
         return "time"
     return {"rad": "angle", "rad s-1": "rate", "N m": "torque"}.get(VARIABLES[variable][0])
@@ -97,18 +97,14 @@ Number: TypeAlias = Annotated[float, Field(strict=True)]
 
 
 class Run(Model):
-    """Tables of a run and what to do with them.
+    """Tables of a run and what to do with them; a variable is taken from the first that has it.
 
     Attributes
     ----------
-    sources
-        A variable is taken from the first table that has it.
     columns
         Instead of those that all runs share; ``source:column`` names one of several.
     where
         Column -> value that the rows to take have there.
-    period_s
-        Of the motion.
     from_s, to_s
         Part to keep, in the file's own time.
     step_s
@@ -142,7 +138,7 @@ class _Tree(Model):
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A checked mapping, its unconfirmed guesses, and the place of each run."""
+    """A checked mapping, with its guesses and the place of each run."""
 
     title: str
     runs: Mapping[str, Run]

@@ -1,4 +1,4 @@
-"""The desired motion behind measured runs: where it begins, when it repeats, samples to run it again."""
+"""The desired motion behind measured runs."""
 
 from __future__ import annotations
 
@@ -175,14 +175,14 @@ def rounding_step(angles: Array) -> float:
 
 
 def noise(record: Recorded) -> float:
-    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    """Standard deviation of white noise, rad; 0 where it is rounding."""
     fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
     found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
     return found if found > 0.6 * record.rounding else 0.0
 
 
 def noise_peak(record: Recorded) -> float:
-    """Largest deviation that noise causes among all samples, that of the first added, rad."""
+    """Largest deviation that noise causes among all samples, rad."""
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
 
@@ -204,7 +204,7 @@ def recover(file: TraceFile) -> Reference:
 
 
 def _complete(trace: Trace) -> bool:
-    """Whether a run recorded q_d of both joints of the comparison."""
+    """Whether a run recorded q_d of joints 2 and 3."""
     if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
         return False
     return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
@@ -228,7 +228,7 @@ def onset(record: Recorded) -> float:
 
 
 def _passes(time: Array, q: Array, level: float) -> float:
-    """When an angle first passes a level, between two samples, s."""
+    """When an angle first passes a level, s."""
     after = int(np.argmax(q > level))
     before = max(after - 1, 0)
     share = (level - q[before]) / (q[after] - q[before]) if q[after] > q[before] else 0.0
@@ -236,7 +236,7 @@ def _passes(time: Array, q: Array, level: float) -> float:
 
 
 def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
-    """Start and period of the motion of every run; the period that a run states goes first."""
+    """Start and period of the motion of every run; a period that a run states goes first."""
     found = {}
     for name, trace in file.part("compare").runs.items():
         start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
@@ -247,7 +247,7 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 
 def zero_of(trace: Trace, reference: Reference) -> float:
-    """Time of a run at which a rerun on the recovered reference begins, s."""
+    """Time of a run at which a rerun of the reference begins, s."""
     from scipy.optimize import minimize_scalar
 
     other, first = reference.record, float(trace.time[0])
@@ -308,7 +308,7 @@ def repeat_after(record: Recorded) -> float:
 
 
 def _misfit(x: Array, lag: int, every: int) -> float:
-    """Difference of a motion from itself a lag earlier, over its size; infinite where nothing tells."""
+    """Difference of a motion from itself a lag earlier, over its size; infinite where that tells nothing."""
     late = x[lag::every]
     difference = late - x[: len(x) - lag : every]
     size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
@@ -344,7 +344,7 @@ def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
 
 
 def _tried(record: Recorded) -> list[float]:
-    """Spacings of at least two samples that leave enough knots."""
+    """Spacings that leave enough knots."""
     end = float(record.time[-1])
     tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
     return tried or [2.0 * record.step]

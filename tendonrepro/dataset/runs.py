@@ -1,4 +1,4 @@
-"""From tables and a mapping to runs: SI units, one time base, errors derived."""
+"""From tables and a mapping to runs in SI units on one time base."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _complete(variables: dict[str, Array]) -> None:
 
 
 def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
-    """Worst status of a joint, by the limits of the shipped comparison; gaps are bridged."""
+    """Worst status of a joint, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si
     found: dict[int, tuple[str, float]] = {}
@@ -166,7 +166,7 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
 
 
 def _rows(source: Source, run: Run) -> pd.DataFrame:
-    """Columns of a table in the rows that meet the conditions of a run."""
+    """Rows of a table that meet the conditions of a run."""
     table = pd.DataFrame(source.columns)
     if absent := run.where.keys() - set(table):
         raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
@@ -174,7 +174,7 @@ def _rows(source: Source, run: Run) -> pd.DataFrame:
 
 
 def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
-    """Times of some rows, s, NaN beyond the part to keep; they have to increase."""
+    """Times of some rows, s, NaN beyond the part to keep."""
     column = next((column for column, use in uses.items() if use.variable == "time"), None)
     if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
@@ -200,7 +200,7 @@ def _in_si(values: pd.Series, use: Use) -> Array:
 
 
 def doubts_about(trace: Trace) -> Iterator[str]:
-    """What makes a run implausible: a wrong unit, sign, gear or column."""
+    """What makes a run implausible."""
     step = float(np.median(np.diff(trace.time)))
     if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"

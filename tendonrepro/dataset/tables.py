@@ -104,7 +104,7 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
 
 
 def read_workbook(path: Path) -> dict[str, Columns]:
-    """Read every sheet that holds a table of numbers."""
+    """Read the sheets that hold a table of numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
     found = {str(name): columns for name, sheet in sheets.items() if (columns := _sheet(sheet))}
     # A single sheet under the name that a program gave it has none.
@@ -122,7 +122,7 @@ def _sheet(sheet: pd.DataFrame) -> Columns:
 
 
 def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
-    """Columns of a table under the names that the rows above give them."""
+    """Columns under the names that the rows above give them."""
     names = _names([list(row) for row in head], table.shape[1])
     found = Columns()
     for place, name in enumerate(names):

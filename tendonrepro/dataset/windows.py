@@ -1,4 +1,4 @@
-"""Tables 2 and 3 from measured errors, over every averaging window."""
+"""Tables 2 and 3 from measured errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]:
 
 
 class Timing(NamedTuple):
-    """When a recorded motion starts, s on the run's own time axis, and its period, s; 0 when unknown."""
+    """Start of the motion on the run's own time axis and its period, s; 0 when unknown."""
 
     start: float
     period: float
@@ -87,7 +87,7 @@ class PrintedTables:
 
     @property
     def window(self) -> str | None:
-        """Name of what decides; None where the file holds no run of the tables."""
+        """Name of what decides; None where no run of the tables is there."""
         return self.deciding.name if self.compared else None
 
     def as_dict(self) -> dict[str, Any]:
@@ -110,7 +110,7 @@ class PrintedTables:
         }
 
     def remark(self) -> str:
-        """What was found, and what it is worth after so many tries."""
+        """What was found, and what that is worth."""
         if not self.compared:
             return "The file holds no run of Tables 2 and 3."
         return (
@@ -121,7 +121,7 @@ class PrintedTables:
 
 
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
-    """Compare Tables 2 and 3 with the measured errors that there are, averaged in every way."""
+    """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
     tried = [one for one in (_tried(runs, paper, *way) for way in _ways(runs, timing)) if one.sizes]
     tried = tried or [Tried("whole", False, {}, ())]
@@ -154,7 +154,7 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
 def _ways(
     runs: Mapping[str, Trace], timing: Mapping[str, Timing]
 ) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
-    """Windows that every run reaches, each set of samples once; as they are, then centred."""
+    """Windows that every run reaches, each set of samples once, as they are and centred."""
     parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
     distinct: dict[tuple[tuple[int, int], ...], str] = {}
     for window in next(iter(parts.values()), {}):
@@ -186,7 +186,7 @@ def _tried(
 
 
 def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> float:
-    """Chance of at least so many agreements among independent errors near the print."""
+    """Chance of at least so many agreements among independent errors."""
     counts = np.ones(1)
     for identifier in identifiers:
         low, high = rounding(paper.quantity(identifier))

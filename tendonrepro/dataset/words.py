@@ -115,7 +115,7 @@ def meaning_of(name: str) -> Meaning:
 
 
 def _plain(text: str) -> str:
-    """One form of letters that look alike; an ordinal that stands for a degree would become an o."""
+    """One form of letters that look alike; an ordinal stands for a degree."""
     return unicodedata.normalize("NFKC", text.replace("º", "°"))
 
 
@@ -159,7 +159,7 @@ def _cut(token: str) -> list[str]:
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
-    """Numbers of joints and of controllers, and those that nobody knows."""
+    """Numbers of joints and of controllers, and others."""
     joints, controllers, others = set(), set(), []
     groups = [None if word.isdigit() else _groups().get(word, "unknown") for word in words]
     for place, word in enumerate(words):

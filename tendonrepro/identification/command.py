@@ -133,7 +133,6 @@ def run_identify(
         Its configuration is that of an ensemble, whose box is searched.
     talk : Talk
     fit : {'controller_2', 'all'}
-        Fit Controller 2's four numbers, or all sixteen.
     readings : str
         ``printed``, ``default``, or names joined by commas.
     window : {'whole', 'late'}
@@ -141,11 +140,6 @@ def run_identify(
         Effort of each search; the population is that of one seed.
     jobs : int
         Processors; -1 is all.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
 
     Raises
     ------

@@ -172,7 +172,6 @@ class TestEveryClaimCanFail:
             assert share == pytest.approx(found["chance"], abs=0.01)
         for row in found["beside"]:
             assert row["share"] == pytest.approx(1.0 / 6.0, abs=0.03)
-        assert one(data, paper_of(data), "C2").verdict == "not_met"
 
     def test_the_bounds_are_those_of_the_paper(self, data, paper):
         # Omega = .1 gives .0493 by Eq. (30).
@@ -345,8 +344,6 @@ class TestWhatIsCounted:
         span = np.log10((beyond[1] + (high - low) / 2) / (beyond[0] - (high - low) / 2))
         assert narrow["also_passing"] == pytest.approx(span, rel=1e-6)
         assert narrow["also_passing"] < 0.02 < wide["also_passing"] < 1.0
-        span = np.log10((wide["box"]["high"] + 5e-4) / (wide["box"]["low"] - 5e-4))
-        assert wide["also_passing"] == pytest.approx(span, rel=1e-9)
 
 
 def test_names_are_those_the_ensemble_writes():
