@@ -24,7 +24,7 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
     ConfigError
         When it is not valid.
     """
-    found = find_source(source, None)
+    found = find_source(source, None)  # standard input can be read only once
     # Those of the base are no keys of the ensemble's own file.
     draft = Draft(found, None, [text for text in overrides if not text.startswith("base.")])
     if draft.kind == MANIPULATOR:

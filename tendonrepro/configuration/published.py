@@ -131,26 +131,13 @@ class Published:
     judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
-        """Value of a printed number or ratio, in its printed unit.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Value of a printed number or ratio, in its printed unit."""
         return self.quantity(identifier).value
 
     def quantity(self, identifier: str) -> PrintedNumber | PrintedRatio:
-        """Entry of a printed number or ratio.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Entry of a printed number or ratio."""
         entry = self.entries[identifier]
-        if isinstance(entry, PrintedText | PrintedQuotient | PrintedDose):
-            raise KeyError(f"{identifier} is not printed as a number")
+        assert isinstance(entry, PrintedNumber | PrintedRatio)
         return entry
 
     def digits(self, identifier: str) -> PrintedNumber:
@@ -160,13 +147,7 @@ class Published:
         return entry
 
     def interval(self, identifier: str) -> Interval:
-        """Numbers that a printed number, ratio, quotient or dose of printed numbers may stand for.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Numbers that a printed number, ratio, quotient or dose of printed numbers may stand for."""
         entry = self.entries[identifier]
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))

@@ -367,30 +367,6 @@ def test_experiments_share_a_folder_and_nothing_is_overwritten(tmp_path: Path) -
     assert [path.name for path in other.iterdir()] == ["lumidouce_ii.yaml"]
 
 
-@pytest.mark.parametrize("name", ["compare", "decouple", "compare_cosine", "closest"])
-@pytest.mark.parametrize(("joints", "moving"), [(1, (1,)), (2, (1, 2)), (3, None)])
-def test_copy_for_an_arm_with_fewer_joints(
-    tmp_path: Path, name: str, joints: int, moving: tuple[int, ...] | None
-) -> None:
-    shipped = load_config(name, None)
-    init_config(name, tmp_path, joints)
-    copied = load_config(tmp_path / f"{name}.yaml", None)
-    routing = copied.config.manipulator.routing
-    kept = shipped.config.manipulator.routing.pulley_diameter.si[:joints, :joints]
-    np.testing.assert_array_equal(routing.pulley_diameter.si, kept)
-    assert copied.config.joints == (moving or shipped.config.joints)
-    assert (copied.sha256 == shipped.sha256) == (joints == 3)
-    before, after = ((folder / f"{name}.yaml").read_text() for folder in (shipped_folder(), tmp_path))
-    assert before.count("#") == after.count("#")
-
-
-def test_joints_that_the_shipped_arm_has_not(tmp_path: Path) -> None:
-    for name, joints in (("compare", 4), ("compare", 0), ("ensemble", 2)):
-        with pytest.raises(UsageError):
-            init_config(name, tmp_path, joints)
-    assert not list(tmp_path.iterdir())
-
-
 def test_unknown_names(tmp_path: Path) -> None:
     assert shipped_names() == sorted(SHIPPED_FILES)
     with pytest.raises(UsageError, match="no shipped configuration 'compair', did you mean 'compare'"):

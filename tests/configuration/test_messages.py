@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.fields.strict_yaml import Key, Node, dump, read_text
 from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
-from tendonrepro.configuration.messages import MOST_NAMED
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.errors import ConfigError
 
@@ -140,18 +139,6 @@ def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at
     line = text[: text.index(at)].count("\n") + 1
     first, *_ = files.mistakes("decouple" if name == "decouple" else "compare")
     assert first.startswith(f"{name}.yaml:{line}: {message}")
-
-
-def test_many_mistakes_are_counted_and_the_first_are_named(files: Files) -> None:
-    text = "".join(f"alpha_{k}: 1\n" for k in range(3000))
-    files.replace("compare", "seed:", f"{text}seed:")
-    with pytest.raises(ConfigError) as raised:
-        load_config(files.path("compare"), "compare")
-    count, *lines = str(raised.value).splitlines()
-    assert count == "3000 mistakes in the configuration"
-    assert len(lines) == MOST_NAMED + 1
-    assert lines[-1] == f"... and {3000 - MOST_NAMED} more"
-    assert "unknown key 'alpha_0'" in lines[0]
 
 
 def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:

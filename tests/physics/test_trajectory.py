@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.trajectory_file import MOST_BYTES, read_samples
+from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,
@@ -225,9 +225,3 @@ class TestFile:
         with pytest.raises(ConfigError, match=message) as caught:
             read_samples(path)
         assert caught.value.where.startswith(str(path))
-
-    def test_a_file_beyond_the_longest_run(self, tmp_path):
-        path = tmp_path / "long.csv"
-        path.write_bytes(b"0," * (MOST_BYTES // 2) + b"0")
-        with pytest.raises(ConfigError, match="larger than 32 MiB"):
-            read_samples(path)

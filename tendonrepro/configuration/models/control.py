@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model
 from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
@@ -48,8 +47,7 @@ class LawChoice(Model):
     estimator: Literal["alpha_tde", "tde"]
 
 
-@dataclass(frozen=True)
-class At:
+class At(NamedTuple):
     """Where a reading stands in the paper, and the runs it changes.
 
     All its alternatives change the same `runs`, except those that `only` names.
@@ -57,7 +55,7 @@ class At:
 
     place: str
     runs: tuple[str, ...] = RUNS
-    only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    only: Mapping[str, tuple[str, ...]] = {}
 
 
 class Readings(Model):
@@ -132,11 +130,6 @@ class Control(Model):
     filter_cutoff: (
         Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
-
-    @model_validator(mode="after")
-    def _check_needs(self) -> Self:
-        refuse_all(self._mistakes())
-        return self
 
     def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():
