@@ -1,7 +1,7 @@
 """Configurations: YAML files become validated, immutable models with a hash.
 
-An experiment names a manipulator file or holds the manipulator itself. It may name another as its base, whose
-keys it takes whole where it has none of its own. Nothing else is merged, and no physical value has a default.
+An experiment may name its manipulator, and another experiment as its base, whose keys it takes whole where
+it has none. Nothing else is merged, and no physical value has a default.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Source: TypeAlias = ConfigSource | Path | str | None
 
 
 def find_source(source: Source, kind: str | None) -> ConfigSource:
-    """Read standard input, a file, or a shipped configuration, in this order; a source stays as it is."""
+    """Read standard input, a file, or a shipped configuration, in this order."""
     if isinstance(source, ConfigSource):
         return source
     origin = str(kind if source is None else source)
@@ -114,7 +114,7 @@ class Draft:
         return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """Find the file that a key names, beside the configuration or among the shipped ones."""
+        """File that a key names, beside the configuration or among the shipped ones."""
         places = [self.folder / name, *([shipped_folder() / name] if shipped else [])]
         path = next((place for place in places if place.is_file()), None)
         if path is None:
@@ -142,22 +142,9 @@ class Draft:
 class LoadedConfig:
     """A validated configuration and where it came from.
 
-    Attributes
-    ----------
-    tree, yaml_text : dict, str
-        `config` as plain values and as YAML, with the manipulator inside and overrides applied.
-    sha256 : str
-        Hash of `config` as canonical JSON and of the trajectory files it names.
-    origin : str
-        Path of the file, ``<stdin>``, or a shipped name.
-    overrides : tuple of str
-        What the command line changed, ``key=VALUE``.
-    inputs : tuple of Path
-        Files read.
-    folder : Path
-        Where relative paths start.
-    places : mapping of str to str
-        Dotted key of each reference to where its size is set, ``file:line`` or the option.
+    `tree` and `yaml_text` are `config` as plain values and as YAML, complete and with overrides applied.
+    `sha256` covers the trajectory files too. Relative paths start at `folder`. `places` has ``file:line``, or
+    the option, where the size of each reference is set, by dotted key.
     """
 
     config: Config
@@ -183,8 +170,6 @@ def load_config(
 
     Parameters
     ----------
-    source : Path, str or None
-        See `Source`.
     experiment : {'compare', 'decouple'} or None
         What the configuration must be for; None for either.
     overrides : sequence of str

@@ -32,20 +32,10 @@ def shipped_file(name: str) -> Path:
 
 
 def init_config(name: str, folder: Path) -> list[Path]:
-    """Copy a shipped configuration, what it names and the JSON schema, to be edited.
+    """Copy a shipped configuration, what it names and the JSON schema; the files written.
 
-    A companion file that is already there with the same content is left alone, so that both experiments
-    can share a folder.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    UsageError
-        When the name is unknown, or a file would be overwritten.
+    A companion that is there with the same content is left alone, so that experiments can share a folder.
+    Anything else that is there is refused.
     """
     source = shipped_file(name)
     new = {}

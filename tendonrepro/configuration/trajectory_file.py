@@ -23,12 +23,6 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
         s.
     angles : dict of array (N,)
         Joint angles by the paper's joint number, rad.
-
-    Raises
-    ------
-    ConfigError
-        If the file is missing, has other columns, too few rows, cells that are not finite numbers, or a time
-        that does not increase.
     """
     try:
         header, *rest = path.read_text(encoding="utf-8-sig").splitlines() or [""]

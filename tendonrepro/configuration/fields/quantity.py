@@ -64,7 +64,7 @@ class Quantity(Model):
 
 
 def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
-    """Every single number of a model with its place."""
+    """Every number of a model with its place."""
     if isinstance(held, float):
         yield path, held
     elif isinstance(held, tuple | Model):
@@ -150,8 +150,8 @@ _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
 class Physical:
     """What a field with a unit means and allows, as metadata in ``Annotated``.
 
-    ``unit`` is the SI unit, of the limits too; a file may use every unit that converts to it. The limits are
-    ``at_least`` and ``at_most``, or ``above`` and ``below``, which exclude the limit itself.
+    ``unit`` is the SI unit, of the limits too. The limits are ``at_least`` and ``at_most``, or ``above`` and
+    ``below``, which exclude the limit itself.
     """
 
     def __init__(self, unit: str, about: str, *, whole: bool = False, **limits: float) -> None:

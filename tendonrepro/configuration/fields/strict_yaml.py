@@ -1,8 +1,4 @@
-"""YAML without surprises: numbers are numbers, keys are unique, every entry knows its line.
-
-Mappings, lists and scalars of YAML 1.2 are read; what only YAML 1.1 takes for something else stays text,
-such as ``on`` or ``1:30``. Tags mean nothing.
-"""
+"""YAML 1.2 without surprises: ``on`` and ``1:30`` are text, keys are unique, every entry knows its line."""
 
 from __future__ import annotations
 
@@ -70,13 +66,7 @@ def read_text(path: Path | None, hint: str | None = None) -> str:
 
 
 def load(text: str, name: str) -> Document:
-    """Read one YAML document; messages call it `name`.
-
-    Raises
-    ------
-    ConfigError
-        With ``name:line``, for a syntax error, an empty text, and a key that is given twice.
-    """
+    """Read one YAML document, which messages call `name`; a key that is given twice is refused."""
     try:
         root = yaml.compose(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair

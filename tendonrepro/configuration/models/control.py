@@ -48,10 +48,7 @@ class LawChoice(Model):
 
 
 class At(NamedTuple):
-    """Where a reading stands in the paper, and the runs it changes.
-
-    All its alternatives change the same `runs`, except those that `only` names.
-    """
+    """Place of a reading in the paper, and runs it changes; `only` is for alternatives that change others."""
 
     place: str
     runs: tuple[str, ...] = RUNS
@@ -61,8 +58,7 @@ class At(NamedTuple):
 class Readings(Model):
     """How the paper's text is read where it can be read in more than one way; the first value is printed.
 
-    This is the one list of them. The order is that of settings in a reading's name. A reading that files do
-    not know yet takes the printed value as its default, and they stay the same.
+    The order is that of settings in a reading's name. A new reading has the printed value as its default.
     """
 
     phi_negative: Annotated[Literal["odd", "even"], At("Eq. (12)", TERMINAL)]

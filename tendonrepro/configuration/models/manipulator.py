@@ -7,15 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tendonrepro.configuration.fields.model import Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.fields.quantity import (
-    Joints,
-    Matrix,
-    Physical,
-    Scalar,
-    nonneg,
-    positive,
-    whole,
-)
+from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 
 
@@ -24,7 +16,10 @@ class Routing(Model):
 
     winch_diameter: Annotated[Joints, positive("m", "winch diameter D_n")]
     pulley_diameter: Annotated[Matrix, nonneg("m", "pulley diameter D_pq, joint p (row), tendon q (column)")]
-    sign: Annotated[Matrix, whole("side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0)]
+    sign: Annotated[
+        Matrix,
+        Physical("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
+    ]
 
     def _mistakes(self) -> Mistakes:
         below = "must be 0, as the tendon of this column does not pass the joint of this row"
@@ -127,7 +122,7 @@ class ActuatorConfig(Model):
     torque_limit: Annotated[Joints, positive("N m", "saturation at the winch")]
     torque_resolution: Annotated[Scalar, nonneg("N m", "step of the torque command at the winch; 0 is off")]
     torque_noise: Annotated[Scalar, nonneg("N m", "RMS torque noise at the winch; 0 is off")]
-    output_delay: Annotated[Scalar, whole("delay of the command in samples", at_least=0.0, at_most=100.0)]
+    output_delay: Annotated[Scalar, nonneg("1", "delay of the command in samples", at_most=100.0, whole=True)]
 
 
 class Manipulator(Model):

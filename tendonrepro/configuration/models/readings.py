@@ -1,7 +1,4 @@
-"""Readings of the paper's ambiguous places, one named axis each, and what-ifs that are addressed like them.
-
-A reading changes a configuration that stands as printed; a drawn plant stays the same under all of them.
-"""
+"""Readings of the paper's ambiguous places, one named axis each, and what-ifs addressed like them."""
 
 from __future__ import annotations
 
@@ -33,11 +30,7 @@ _M = TypeVar("_M", bound=Model)
 
 
 class ReadingAxis(NamedTuple):
-    """One place that can be read in more than one way.
-
-    `printed` is the value that stands in the paper, or is assumed where it is silent; `at` is the place, and
-    which runs an alternative changes; `about` one sentence.
-    """
+    """One place that can be read in more than one way; `printed` is assumed where the paper is silent."""
 
     name: str
     printed: str
@@ -100,13 +93,7 @@ _EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **{axis.name: axis for axis in
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
-    """Make a reading of values by axis; values as printed are left out.
-
-    Raises
-    ------
-    UsageError
-        For an unknown axis or value.
-    """
+    """Make a reading of values by axis; a UsageError for an unknown axis or value."""
     for name, value in settings.items():
         axis = _EVERY_AXIS.get(name)
         if axis is None:
@@ -120,13 +107,7 @@ def reading(settings: Mapping[str, str]) -> Reading:
 
 
 def parse_reading(text: str) -> Reading:
-    """Read the name of a reading: ``printed``, or settings like ``weights=extrapolating`` joined by ``+``.
-
-    Raises
-    ------
-    UsageError
-        When it is no reading.
-    """
+    """Read the name of a reading; a UsageError when it is none."""
     if text == PRINTED:
         return reading({})
     settings = [[part.strip() for part in setting.split("=")] for setting in text.split("+")]
@@ -140,13 +121,7 @@ def parse_reading(text: str) -> Reading:
 
 
 def named_readings(text: str) -> tuple[Reading, ...]:
-    """Read the names of readings, with commas between.
-
-    Raises
-    ------
-    UsageError
-        When one is no reading of the paper.
-    """
+    """Read names with commas between; a UsageError when one is no reading of the paper."""
     found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
     for held in found:
         if any(axis not in AXES for axis, _ in held.settings):
@@ -178,8 +153,7 @@ def case_of(reading_: Reading, run: str) -> Reading:
 def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
     """Apply a reading or a variation to a configuration that stands as printed, without validating it.
 
-    What does not change is shared. `draw` holds the value of every row of the box, SI, for
-    ``hardware=drawn``.
+    `draw` holds the value of every row of the box, SI, for ``hardware=drawn``.
     """
     for name, value in reading_.settings:
         for path, new in _changes(name, value, config, draw).items():

@@ -36,14 +36,14 @@ class Periodic(Model):
 
 
 class InTurns(Periodic):
-    """A periodic motion in which the joints may take turns; a period is then all turns once."""
+    """A motion in which the joints may take turns; a period is then all turns once."""
 
     turns: Annotated[tuple[Turn, ...] | None, Field(min_length=1)] = None
     """joints that move in each turn; absent: all at once"""
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s."""
+        """Of the whole motion, s."""
         return self.cycle * self.periods.si * len(self.turns or ((),))
 
 
@@ -56,7 +56,7 @@ class RaisedCosine(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         return self.period.si
 
 
@@ -70,7 +70,7 @@ class MinimumJerk(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
 
 
@@ -85,7 +85,7 @@ class Trapezoidal(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         longest = float(abs(self.amplitude.si).max())
         _, rise = trapezoid_times(longest, self.velocity.si, self.acceleration.si)
         return 2.0 * (rise + self.hold.si)
@@ -102,7 +102,7 @@ class Sine(Periodic):
 
     @property
     def cycle(self) -> float:
-        """Duration of one period, s."""
+        """Of one period, s."""
         return self.period.si
 
     def _mistakes(self) -> Mistakes:
