@@ -156,18 +156,6 @@ def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
     assert lines == sorted(lines)
 
 
-def test_sections_are_compared_once_each_is_right(files: Files) -> None:
-    files.replace("compare", "joints: [2, 3]", "joints: [3]")
-    files.replace("compare", "law: controller_3", "law: controller_4")
-    files.replace("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n")
-    assert [line.split(": ", 2)[1] for line in files.mistakes()] == [
-        "reference.amplitude.value",
-        *(f"control.gains.{name}.value" for name in CompareConfig.model_fields["control"].annotation
-          .model_fields["gains"].annotation.model_fields),
-        "runs.controller_3.law", "solver.max_step.value",
-    ]  # fmt: skip
-
-
 def test_gains_a_law_needs(files: Files) -> None:
     text = TEXTS["compare"]
     start, end = text.index("    K_d:"), text.index("  laws:")
