@@ -109,6 +109,13 @@ def test_sides_of_the_tensioner() -> None:
         np.testing.assert_allclose(preload, torque * sign, atol=1e-15)
 
 
+def test_variations_change_period_and_inertia() -> None:
+    half = loops_under(parse_reading("sampling_period=0.5ms"))["controller_2"]
+    assert half.L == half.solver.max_step == half.controller.law.L == 5e-4  # type: ignore[attr-defined]
+    law = loops_under(parse_reading("M_bar=halved"))["controller_2"].controller.law  # type: ignore[attr-defined]
+    np.testing.assert_allclose(law.M_bar, 0.005)
+
+
 def test_under_shares_what_does_not_change_and_stays_valid() -> None:
     config, draw = drawing()
     changed = under(parse_reading("weights=extrapolating"), config, draw)
