@@ -321,7 +321,7 @@ def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None
 
 
 @command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
-def config_init(terminal: Terminal, name: str, *, out: Path = Path(), joints: int | None = None) -> None:
+def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
     """Copy a shipped configuration and what it names, to be edited.
 
     Parameters
@@ -330,12 +330,10 @@ def config_init(terminal: Terminal, name: str, *, out: Path = Path(), joints: in
         A shipped configuration.
     out
         Folder for the copy.
-    joints
-        Keep only the first joints of the arm.
     """
     from tendonrepro.configuration.shipped import init_config
 
-    terminal.list_files(init_config(name, out, joints))
+    terminal.list_files(init_config(name, out))
 
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")

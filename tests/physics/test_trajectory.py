@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.trajectory_file import MOST_BYTES, read_samples
+from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,
@@ -206,9 +206,3 @@ class TestFile:
         with pytest.raises(ConfigError) as caught:
             read_samples(path)
         assert caught.value.where.startswith(f"{path}{line}")
-
-    def test_a_file_beyond_the_longest_run(self, tmp_path):
-        path = tmp_path / "long.csv"
-        path.write_bytes(b"0," * (MOST_BYTES // 2) + b"0")
-        with pytest.raises(ConfigError):
-            read_samples(path)
