@@ -55,7 +55,7 @@ OWNERS = {
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/cluster.py"],
     "SALib": ["verdicts/sensitivity.py"],
-    "cma": ["identification/search.py", "tuning/search.py"],
+    "cma": ["monte_carlo/evolution.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/page.py"],
     "markdown_it": ["reporting/page.py"],

@@ -17,9 +17,8 @@ from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
-from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step
+from tendonrepro.tuning.laws import BY_NAME, STEPS, Gains, Step
 
-BY_NAME = {law.name: law for law in LAWS}
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
 LINEAR = {"M_bar": M_BAR, "K_d": [50.0], "K_p": [600.0]}
@@ -44,7 +43,7 @@ def nominal() -> Plants:
     box = make_box(loaded.config)
     plants = plants_of(loaded, box, box.nominal)
     ideal = Encoder(0.0, 0.0)
-    return replace(plants, loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
+    return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 
 
 def errors(law: str, gains: Gains, knows: str = "none", *, filtered: bool = False) -> Array:
@@ -120,7 +119,7 @@ def test_what_is_known_need_not_be_estimated(law: str) -> None:
     plants = nominal()
     smooth = tuple(replace(loop, plant=frictionless(loop.plant)) for loop in plants.loops)
     motions = smooth[0].reference, smooth[-1].reference
-    plants = replace(plants, loops=smooth, known=known_along(smooth[0].plant, motions))
+    plants = plants._replace(loops=smooth, known=known_along(smooth[0].plant, motions))
     found = measure(plants, [Candidate(BY_NAME[law], knows, False, GOOD[law]) for knows in CLASSES])
     none, _, full = found.mae[:, 0].mean(axis=1)
     assert full < 0.15 * none
