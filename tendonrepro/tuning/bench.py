@@ -26,7 +26,7 @@ from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, 
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.loop import DesiredMotion, Loop
-from tendonrepro.tuning.laws import BY_NAME, Gains, TunedLaw
+from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
 # What is known beforehand along the desired motion: nothing, the weight, or all but dry friction.
 CLASSES = ("none", "gravity", "full")
@@ -78,10 +78,9 @@ class Candidate(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What C candidates give in R runs: mean absolute error (C, R, n), rad, roughness, N m, and stability.
+    """Of C candidates in R runs: mean absolute error (C, R, n), rad, roughness (C,), N m, stability (C, R).
 
-    Roughness (C,) is the root mean square of the applied torque's change from sample to sample, over the
-    joints together, in the rougher of the first two runs.
+    Roughness is the RMS change of the applied torque in a sample, in the rougher of the first two runs.
     """
 
     mae: Array
@@ -96,12 +95,10 @@ def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
     own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
     bare, carrying, other = (build_plant(config, mass) for mass in (0.0, PAYLOAD, HELD_OUT_PAYLOAD))
     weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))
+    loops = [replace(own, plant=plant) for plant in (bare, carrying, weak)]
     filtering = under(parse_reading("error_rate=low_pass"), config, {})
     return Plants(
-        loops=(
-            *(replace(own, plant=plant) for plant in (bare, carrying, weak)),
-            replace(own, plant=other, reference=motions[1]),
-        ),
+        loops=(*loops, replace(own, plant=other, reference=motions[1])),
         law=build_law(config, "controller_2"),
         alpha=config.control.gains.alpha.si,
         newest=build_law(filtering, "controller_2").rate_filter,
@@ -185,12 +182,10 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
 
 def published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
     """Controllers 1 to 3 with their published gains."""
-    laws = {f"controller_{k}": BY_NAME[name] for k, name in enumerate(("alpha_published", "ntsm", "tsm"), 1)}
-    own = plants.law._asdict()
-    return {
-        name: Candidate(law, knows, filtered, {gain: own[gain] for gain in law.gains})
-        for name, law in laws.items()
-    }
+    laws = [LAWS[name] for name in ("alpha_published", "ntsm", "tsm")]
+    gains = [{gain: getattr(plants.law, gain) for gain in law.gains} for law in laws]
+    parts = enumerate(zip(laws, gains, strict=True), start=1)
+    return {f"controller_{k}": Candidate(law, knows, filtered, own) for k, (law, own) in parts}
 
 
 def usable(plants: Plants) -> bool:

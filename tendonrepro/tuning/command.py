@@ -7,8 +7,11 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
@@ -25,7 +28,7 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
-from tendonrepro.tuning.study import Task
+from tendonrepro.tuning.search import Task
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
@@ -49,22 +52,14 @@ def run_tune(
     ----------
     request : Request
         Its configuration is that of an ensemble, from whose box plants are drawn.
-    talk : Talk
-    plants, searches, generations, population : int
-        Draws; searches of each law under each condition; generations of each, and members of a generation.
+    searches, generations, population : int
+        Of each law under each condition; of each search; of each generation.
     laws : sequence of str
-        Further laws, ``FILE:NAME``.
-    given : mapping, optional
-        Further laws by name.
+        A user's, ``FILE:NAME``; more by name in `given`.
     any_plant : bool
-        Take every draw, not only those on which Controllers 1 to 3 as published are stable.
+        Take draws on which Controllers 1 to 3 as published are unstable, too.
     jobs : int
         Processes; -1 is one for each processor.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
 
     Raises
     ------
@@ -80,7 +75,7 @@ def run_tune(
     loaded = load_ensemble(request.config, overrides=request.overrides)
     users = laws_of(laws, given)
     own = [user_law(user) for user in users]
-    task = Task(loaded, {law.name: law for law in (*LAWS, *own)}, effort, request.seed or 0)
+    task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
@@ -90,12 +85,11 @@ def run_tune(
     states = f"plants-{identity[:16]}"
 
     def study() -> Outcome:
-        numbers = _usable(task, plants, talk, every=any_plant)
+        numbers = _usable(task, plants, every=any_plant)
         drawn = _tuned(task, numbers, unfinished(request.folder("tune")) / states, jobs, talk)
-        told = outcome(task, drawn)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": task.seed, "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(told, manifest=head)
+        return replace(outcome(task, drawn), manifest=head)
 
     return run_study("tune", replace(base, sha256=identity), request, study, talk, keep=states)
 
@@ -103,27 +97,24 @@ def run_tune(
 def _try(task: Task, law: TunedLaw) -> None:
     """Refuse a user's law that does not become code on lanes, before hours of work."""
     plants = task.draw(0)
-    start = law.values(law.start(plants.alpha.size), plants.alpha.size)
+    n = plants.alpha.size
+    middle = law.values(np.full(sum(law.sizes(n)), 0.5), n)
     try:
-        measure(plants, [Candidate(law, "none", False, start)])
+        measure(plants, [Candidate(law, "none", False, middle)])
     except Exception as error:
         message = f"the law {law.name} cannot run on many plants together: {type(error).__name__}: {error}"
         hint = "return tau, H_hat, s and de, and choose by tendonrepro.arrays.choose instead of if"
         raise UsageError(message, where="--law", hint=hint) from error
 
 
-def _usable(task: Task, wanted: int, talk: Talk, *, every: bool) -> list[int]:
+def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     """Numbers of the first draws on which Controllers 1 to 3 as published are stable, or of every draw."""
-    found: list[int] = []
-    with talk.bar("looking for plants", wanted) as progress:
-        for number in range(MOST_DRAWS_PER_PLANT * wanted):
-            if every or usable(task.draw(number)):
-                found.append(number)
-                progress(1)
-            if len(found) == wanted:
-                return found
-    message = f"with the published gains only {len(found)} of {number + 1} draws are stable"
-    raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
+    numbers = range(MOST_DRAWS_PER_PLANT * wanted)
+    found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
+    if len(found) < wanted:
+        message = f"with the published gains only {len(found)} of {len(numbers)} draws are stable"
+        raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
+    return found
 
 
 def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[dict[str, Any]]:

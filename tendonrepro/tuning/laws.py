@@ -69,8 +69,7 @@ def super_twisting(
 ) -> tuple[Array, Array, Array, Array]:
     """Super-twisting law with equivalent control; its integral is kept where others keep their estimate.
 
-    ``K_d`` holds ``k_1`` and ``K_p`` holds ``k_2``; the signature is that of
-    `tendonrepro.physics.control.command`.
+    ``K_d`` holds ``k_1`` and ``K_p`` holds ``k_2``.
     """
     de = error_rate(memory, q, q_d, dq_d, law)
     s, tau, integral = np.empty_like(q), np.empty_like(q), np.empty_like(q)
@@ -90,16 +89,10 @@ class TunedLaw:
 
     Attributes
     ----------
-    name, title : str
-    gains : mapping of str to Range
-    surface : int
-        A `Surface`.
     alpha : float
         How many times the published one the older estimate weighs, where `gains` do not tune it.
     newest : int
         0 where the acceleration is the centred difference.
-    command : CommandFunction, optional
-        Another function than the package's own.
     """
 
     name: str
@@ -124,10 +117,6 @@ class TunedLaw:
         places = [held.place(gains[name]) for name, held in self.gains.items()]
         parts = [np.broadcast_to(place, size) for place, size in zip(places, self.sizes(n), strict=True)]
         return np.clip(np.concatenate(parts), 0.0, 1.0)
-
-    def start(self, n: int) -> Array:
-        """Point at which searches start."""
-        return self.unit({name: held.start for name, held in self.gains.items()}, n)
 
     def law(self, base: Law, gains: Gains, published: Array) -> Law:
         """Law with these gains; `published` (n,) is the paper's α."""
@@ -158,7 +147,7 @@ _TWISTING = _of("M_bar", "beta", "k_1", "k_2") | {"M_bar": Range(3e-4, 10.0, 0.2
 
 # The PID is plain TDC with centred differences: its derivative gain is M_bar / L, the proportional one
 # M_bar K_d / L, the integral one M_bar K_p / L. With the model known it is computed torque.
-LAWS: tuple[TunedLaw, ...] = (
+_LAWS = (
     TunedLaw("pid", "PID", _LINEAR, newest=0),
     TunedLaw("tdc", "Plain TDC", _LINEAR),
     TunedLaw("dob", "Disturbance observer and PD", _LINEAR | _of("estimate_filter")),
@@ -169,8 +158,7 @@ LAWS: tuple[TunedLaw, ...] = (
     TunedLaw("alpha_free", "α-TDE and NTSM, free α", _NTSM | _of("alpha"), Surface.NTSM),
     TunedLaw("super_twisting", "Super-twisting", _TWISTING, command=super_twisting),
 )
-BY_NAME = {law.name: law for law in LAWS}
-
+LAWS = {law.name: law for law in _LAWS}
 
 # Other gains of these, and of the published α (n,).
 Change: TypeAlias = Callable[[Gains, Array], Gains]

@@ -12,8 +12,8 @@ import numpy as np
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.study import Outcome
 from tendonrepro.results.tables import Table
-from tendonrepro.tuning.laws import BY_NAME
-from tendonrepro.tuning.study import CAPS, CONDITIONS, Row, Task
+from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.search import CAPS, CONDITIONS, Row, Task
 
 SCHEMA_VERSION = 2
 
@@ -33,7 +33,6 @@ VERDICTS = "smaller error", "no difference", "larger error", "undecided", "too f
 SMALLER, NONE, LARGER, UNDECIDED, TOO_FEW = VERDICTS
 ALIKE = 0.1  # a difference below this, in logs, is none; a wider interval that shows none leaves it undecided
 FEWEST = 8  # draws on which both laws must have gains, for a verdict
-_RESAMPLES, _TAIL = 2000, 0.025
 
 _HEAD = "law", "over", "knows", "filtered", "cap", "draws"
 
@@ -58,8 +57,8 @@ def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> dict[str, Any]:
     logs = np.log([a["error"] / b["error"] for a, b in kept])
     errors = [(a["held_out_error"], b["held_out_error"]) for a, b in kept]
     held = [a / b for a, b in errors if a and b]
-    samples = np.random.default_rng(seed).choice(logs, (_RESAMPLES, logs.size))
-    middle, (low, high) = np.median(logs), np.quantile(np.median(samples, axis=1), [_TAIL, 1.0 - _TAIL])
+    samples = np.random.default_rng(seed).choice(logs, (2000, logs.size))
+    middle, (low, high) = np.median(logs), np.quantile(np.median(samples, axis=1), [0.025, 0.975])
     scatter = max(np.median([_miss(pair[k]["errors"]) for pair in kept]) for k in (0, 1))
     if low >= -ALIKE and high <= ALIKE:
         verdict = NONE
@@ -117,19 +116,19 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     """Numbers, tables and the figure of all draws; a user's laws are compared with NTSM and PID."""
     from tendonrepro.tuning.figure import draw_tuning
 
-    seed, joints = task.seed, task.loaded.compare.joints
+    joints = task.loaded.compare.joints
     titles = {name: law.title for name, law in task.laws.items()}
-    own = product((name for name in titles if name not in BY_NAME), ("ntsm", "pid"))
+    own = product((name for name in titles if name not in LAWS), ("ntsm", "pid"))
     rows, lost = (
         [{"draw": one["draw"], **row} for one in drawn for row in one[part]] for part in ("rows", "lost")
     )
-    found, at_best = [*comparisons(rows, [*QUESTIONS, *own], seed)], [*law_rows(rows, joints)]
+    found, at_best = [*comparisons(rows, [*QUESTIONS, *own], task.seed)], [*law_rows(rows, joints)]
     questions = [*question_rows(found, titles)]
     data = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "tune",
         "effort": dict(task.effort),
-        "seed": seed,
+        "seed": task.seed,
         "physics_sha256": code_digest("physics"),
         "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),

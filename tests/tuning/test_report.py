@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.tuning.report import FEWEST, comparisons
-from tendonrepro.tuning.study import CAPS, CONDITIONS
+from tendonrepro.tuning.search import CAPS, CONDITIONS
 
 DRAWS = 2 * FEWEST
 
