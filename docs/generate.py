@@ -112,7 +112,7 @@ def write_pages() -> None:
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        tuning = draw_tuning(stored("tune")["laws"], {law.name: law.title for law in LAWS})
+        tuning = draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()})
         for drawing in (*(draw(stored("ensemble")) for draw in (draw_orders, draw_map, draw_ranges)), tuning):
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
@@ -175,7 +175,7 @@ def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
     }
     found = [
         [law.title, *(rows.get((law.name, filtered, cap), "") for filtered in (False, True) for cap in caps)]
-        for law in LAWS
+        for law in LAWS.values()
     ]
     found += [
         [f"Controller {k} as published", rows[f"controller_{k}", False, "published"], "", "", "",

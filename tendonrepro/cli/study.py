@@ -135,7 +135,6 @@ def tune(
     law: list[str] | None = None,
     any_plant: bool = False,
     jobs: int = -1,
-    dask: str | None = None,
 ) -> None:
     """Controllers at their best: each one tuned, then compared.
 
@@ -157,8 +156,6 @@ def tune(
         Also plants on which the published gains are unstable.
     jobs
         Processes; -1 is one for each processor.
-    dask : ADDRESS
-        Scheduler to send the work to.
     """
     from tendonrepro.tuning.command import run_tune
 
@@ -172,7 +169,6 @@ def tune(
         laws=law or (),
         any_plant=any_plant,
         jobs=jobs,
-        dask=dask,
     )
     terminal.show(found)
 

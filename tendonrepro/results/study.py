@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -74,7 +75,12 @@ def _is_shown(part: Table | str) -> bool:
 
 
 def run_study(
-    name: str, loaded: LoadedConfig, request: Request, study: Callable[[], Outcome], talk: Talk
+    name: str,
+    loaded: LoadedConfig,
+    request: Request,
+    study: Callable[[], Outcome],
+    talk: Talk,
+    keep: str = "",
 ) -> dict[str, Any]:
     """Carry out a study and put its results into their folder.
 
@@ -89,6 +95,8 @@ def run_study(
     study : callable
         Finds the numbers.
     talk : Talk
+    keep : str
+        Folder in the unfinished result in which the study keeps what an interruption must not lose.
 
     Returns
     -------
@@ -103,9 +111,11 @@ def run_study(
     folder = request.folder(name)
     if request.dry_run:
         return planned(name, loaded, folder, request, talk)
-    with replaced(folder, loaded.sha256, command=name, force=request.force) as result:
+    with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep) as result:
         outcome = study()
         outcome.save(result, name)
+        if keep:
+            shutil.rmtree(result.path / keep)
         result.manifest = make_manifest(loaded, result.seconds, name) | dict(outcome.manifest)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
