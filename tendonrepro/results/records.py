@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -116,14 +116,10 @@ class Trace:
 
     @property
     def told_status(self) -> str:
-        """The status with the joints it is of, where a measured run says."""
-        return of_joints(self.status, self.attributes.get("status_joints", ()))
-
-
-def of_joints(status: str, joints: Iterable[int]) -> str:
-    """A status with the joints it is of: ``ringing on joint 2, 3``."""
-    numbers = ", ".join(map(str, joints))
-    return f"{status} on joint {numbers}" if numbers else status
+        """The status, with the time at which a run diverged, and the joints where a measured run says."""
+        time = f" at {self.attributes['status_time']:.2f} s" if self.status == "diverged" else ""
+        joints = ", ".join(map(str, self.attributes.get("status_joints", ())))
+        return f"{self.status}{time}" + (f" on joint {joints}" if joints else "")
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,8 +101,8 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     time, tension = trace.time[kept], found[kept]
     return {
-        "least_tension_N": tension.min(axis=0),
-        "least_tension_at_s": time[tension.argmin(axis=0)],
+        "least_N": tension.min(axis=0),
+        "at_s": time[tension.argmin(axis=0)],
         "slack_s": slack_time(time, tension.T),
     }
 
@@ -121,14 +121,14 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     torque = trace["tau_m"]
     sizes = {
-        "torque_rms_Nm": rmse(torque),
-        "torque_peak_Nm": max_abs(torque),
-        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
+        "rms_Nm": rmse(torque),
+        "peak_Nm": max_abs(torque),
+        "step_rms_Nm": rmse(np.diff(torque, axis=0)),
     }
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
-        sizes["torque_at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
+        sizes["at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
     return sizes
 
 

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import max_abs, mean, rmse, window_mean
+from tendonrepro.physics.metrics import max_abs, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
-from tendonrepro.results.paper import identifier_of, plausible_beside, printed_beside
+from tendonrepro.results.paper_tables import error_columns
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, is_user_law, run_title, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, LOADS, is_user_law, run_title
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -35,8 +34,6 @@ ZOOM = 0.1
 _OF_THE_PAPER = {*CONTROLLERS, *LOADS.values()}
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
-# Smallest travel of a joint that moves, as a share of that of the joint that moves most.
-_HELD = 0.05
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
 
@@ -87,7 +84,8 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
         "tau_m": r"Torque $\tau_m$ (N m)",
     }
     near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
-    joints, runs = _joints(traces), _controller_runs(traces)
+    runs = _controller_runs(traces)
+    joints = _joints(runs)
     raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
@@ -138,12 +136,11 @@ class _DrawnRun:
 
     @property
     def label(self) -> str:
-        match self.trace.status:
-            case "diverged":
-                return f"{self.name} (diverged at {self.trace.attributes['status_time']:.2f} s)"
-            case "ringing":
-                return f"{self.name} (ringing)"
-        return self.name
+        return self.name if self.trace.status == "ok" else f"{self.name} ({self.trace.told_status})"
+
+    @property
+    def diverged(self) -> bool:
+        return self.trace.status == "diverged"
 
     def holds(self, variable: str, joint: int) -> bool:
         return variable in self.trace and joint in self.trace.joint
@@ -170,22 +167,12 @@ def _holding(
     return holding
 
 
-def _joints(traces: list[Trace]) -> list[int]:
-    return sorted({joint for trace in traces for joint in trace.joint})
-
-
-def _moving(traces: list[Trace]) -> list[int]:
-    """Joints that are meant to move; one that is held shows nothing but encoder counts."""
-    travel = dict.fromkeys(_joints(traces), 0.0)
-    for trace in traces:
-        angle = trace["q_d" if "q_d" in trace else "q_encoder" if "q_encoder" in trace else "e"]
-        for joint, size in zip(trace.joint, max_abs(angle - mean(angle)), strict=True):
-            travel[joint] = max(travel[joint], float(size))
-    return [joint for joint, size in travel.items() if size >= _HELD * max(travel.values())]
+def _joints(runs: list[_DrawnRun]) -> list[int]:
+    return sorted({joint for run in runs for joint in run.trace.joint})
 
 
 def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
-    joints = _moving([run.trace for run in runs])
+    joints = _joints(runs)
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
     averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
@@ -208,32 +195,30 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
 
 def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
     """Whether much of an error is from sample to sample; raw, one run's counts would cover the others."""
-    if not run.holds("e", joint):
+    if run.diverged or not run.holds("e", joint):
         return False
-    time, error = _known(run.trace.time, run.values("e", joint))
-    if run.trace.status == "diverged" or len(time) < 2:
-        return False
-    fast = error - window_mean(error, _samples(time, MEAN_WINDOW))
-    return bool(rmse(fast) > _FUZZY * rmse(error))
+    error = run.values("e", joint)
+    _, _, ripple = averaged_curve(run.trace.time, error)
+    return bool(rmse(ripple) > _FUZZY * rmse(error))
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
     """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
+    ours = "ours" if file.source == "simulated" else "measured"
     names: list[str] = []
-    rows: dict[str, list[str]] = {"ours" if file.source == "simulated" else "measured": []}
-    rows |= {"paper": [], "plausible": []}
+    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
     for run in runs:
-        trace = run.trace
-        told = trace.name in _OF_THE_PAPER or is_user_law(trace)
+        told = run.trace.name in _OF_THE_PAPER or is_user_law(run.trace)
         if told and run.holds("e", joint):
-            column, identifier = trace.joint.index(joint), f"{identifier_of(trace)}.mae"
             names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            ours = tracking_errors(trace)["whole"]["mae"][column]
-            printed = printed_beside(file, trace, identifier)[column]
-            low, high = plausible_beside(file, trace, identifier)[column]
-            texts = rounded(float(ours), "z.3f"), rounded(float(printed), "z.3f"), f"{low:.2g}–{high:.2g}"
-            for cells, cell in zip(rows.values(), texts, strict=True):
-                cells.append(cell.replace("nan–nan", NOTHING))
+            place, columns = run.trace.joint.index(joint), error_columns(file, run.trace)
+            size, printed, low, high = (
+                float(columns[f"mae{end}_deg"][place]) if f"mae{end}_deg" in columns else np.nan
+                for end in ("", "_printed", "_low", "_high")
+            )
+            rows[ours].append(rounded(size, "z.3f"))
+            rows["paper"].append(rounded(printed, "z.3f"))
+            rows["plausible"].append(NOTHING if np.isnan(low) else f"{low:.2g}–{high:.2g}")
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
     return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
@@ -259,12 +244,11 @@ def _curves(
     """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
     for run in _holding(canvas, letter, runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
-        diverged = run.trace.status == "diverged"
-        if averaged and bands and not diverged:
-            canvas.band(letter, run.name, *ripple_band(time, values), run.stroke)
         if averaged:
-            time, values = mean_curve(time, values)
-        canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=diverged)
+            time, values, ripple = averaged_curve(time, values)
+            if bands and not run.diverged:
+                canvas.band(letter, run.name, time, (values - ripple, values + ripple), run.stroke)
+        canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
 
 
 def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
@@ -289,46 +273,32 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
-        diverged = run.trace.status == "diverged" and time[-1] <= end
+        diverged = run.diverged and time[-1] <= end
         canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
 
 
-def mean_curve(time: Array, values: Array) -> tuple[Array, Array]:
-    """Mean over `MEAN_WINDOW` of the samples (T,) that are there, once a window and at the end.
+def averaged_curve(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Mean over `MEAN_WINDOW` of the samples (T,) that are there, and their RMS about it.
 
-    More often would draw the beat of encoder counts.
+    The RMS is over `RIPPLE_WINDOW`. Both are taken once a mean's window and at the end: more often would
+    draw the beat of encoder counts.
+
+    Returns
+    -------
+    tuple of array
+        Times, means and RMS.
     """
-    time, values = _known(time, values)
-    if len(time) < 2:
-        return time, values
-    samples = _samples(time, MEAN_WINDOW)
-    places = _places(len(time), samples)
-    return time[places], window_mean(values, samples)[places]
-
-
-def ripple_band(time: Array, values: Array) -> tuple[Array, tuple[Array, Array]]:
-    """Band of one RMS of the samples (T,) about their mean, to both sides of `mean_curve`."""
-    time, values = _known(time, values)
-    if len(time) < 2:
-        return time, (values, values)
-    middle = window_mean(values, _samples(time, MEAN_WINDOW))
-    power = window_mean((values - middle) ** 2, _samples(time, RIPPLE_WINDOW))
-    # A sum of many squares less another may come out a rounding below zero.
-    rms = np.sqrt(np.maximum(power, 0.0))
-    # Smooth over the window, so a few points in each show all there is.
-    places = _places(len(time), 2 * _samples(time, MEAN_WINDOW))
-    return time[places], ((middle - rms)[places], (middle + rms)[places])
-
-
-def _known(time: Array, values: Array) -> tuple[Array, Array]:
     known = np.isfinite(values)
-    return time[known], values[known]
-
-
-def _samples(time: Array, width: float) -> int:
-    return max(round(width / (float(time[-1] - time[0]) / (len(time) - 1))), 1)
-
-
-def _places(count: int, samples: int) -> NDArray[np.int64]:
-    """Every window's sample, and the last."""
-    return np.append(np.arange(0, count - 1, samples), count - 1)
+    time, values = time[known], values[known]
+    if len(time) < 2:
+        return time, values, np.zeros_like(values)
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    narrow, wide = (max(round(width / step), 1) for width in (MEAN_WINDOW, RIPPLE_WINDOW))
+    middle = window_mean(values, narrow)
+    # The end of a diverged run may be too large to square.
+    with np.errstate(over="ignore", invalid="ignore"):
+        power = window_mean((values - middle) ** 2, wide)
+    # A sum of many squares less another may come out a rounding below zero.
+    ripple = np.sqrt(np.maximum(power, 0.0))
+    places = np.append(np.arange(0, len(time) - 1, narrow), len(time) - 1)
+    return time[places], middle[places], ripple[places]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -46,15 +46,6 @@ class FigureArtists(Drawing):
     bands: dict[tuple[str, str], Polygon]
 
 
-@dataclass
-class _Frame:
-    """Values that set the y range of a panel, those that may leave it, and ends of diverged runs."""
-
-    framing: list[Array] = field(default_factory=list)
-    loose: list[Array] = field(default_factory=list)
-    ends: list[tuple[float, float, str]] = field(default_factory=list)
-
-
 class Canvas:
     """A figure under construction, width and height in mm printed.
 
@@ -79,7 +70,8 @@ class Canvas:
         grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
         self.axes = letter_panels(grid.flat, [title for title, _ in texts])
-        self._frames = {letter: _Frame() for letter in self.axes}
+        self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
+        self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
         x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
         for (letter, axes), ((row, column), _), (title, y_label) in zip(
@@ -112,10 +104,10 @@ class Canvas:
         x, y = thin(time, values)
         (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
         self._keep(letter, name, line, label)
-        frame = self._frames[letter]
-        (frame.loose if diverged else frame.framing).append(y)
-        if diverged and len(y):
-            frame.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
+        if not diverged:
+            self._framing[letter].append(y)
+        elif len(y):
+            self._diverged[letter].append(line)
 
     def chain(self, letter: str, name: str, corners: Array, stroke: Stroke, label: str) -> None:
         """Draw links as sticks through corners (K, 2), m, to scale."""
@@ -147,7 +139,7 @@ class Canvas:
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
-        self._frames[letter].framing.extend(edges)
+        self._framing[letter].extend(edges)
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
@@ -172,7 +164,7 @@ class Canvas:
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
         for letter, axes in self.axes.items():
-            _frame_values(axes, self._frames[letter])
+            _frame_values(axes, self._framing[letter], self._diverged[letter])
         if len(self._legend) > 1:
             self._draw_legend()
         imprint(self.figure, origin)
@@ -191,17 +183,19 @@ class Canvas:
             legend.remove()
 
 
-def _frame_values(axes: Axes, frame: _Frame) -> None:
-    """Fit the y axis to the framing values, else to the loose ones, and mark where diverged runs end."""
-    framing = np.concatenate([np.zeros(0), *(frame.framing or frame.loose)])
-    if framing.size:
-        low, high = float(framing.min()), float(framing.max())
+def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> None:
+    """Fit the y axis to values, else to the diverged runs, and mark where these end."""
+    courses = [np.array(line.get_data()) for line in diverged]
+    shown = np.concatenate([np.zeros(0), *(framing or [values for _, values in courses])])
+    if shown.size:
+        low, high = float(shown.min()), float(shown.max())
         # A constant curve needs some room, too.
         margin = _MARGIN * (high - low) or 0.05 * abs(low) or 0.05
         axes.set_ylim(low - margin, high + margin)
-    for time, value, colour in frame.ends:
-        shown = np.clip(value, *axes.get_ylim())
-        axes.plot([time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False)
+    for line, (time, values) in zip(diverged, courses, strict=True):
+        end = np.clip(values[-1], *axes.get_ylim())
+        (mark,) = axes.plot(time[-1], end, "x", color=line.get_color(), clip_on=False)
+        mark.set(markersize=4.0, markeredgewidth=1.0)
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
