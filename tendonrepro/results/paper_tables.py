@@ -48,7 +48,6 @@ def _metric_columns(metric: str) -> TableColumns:
 
 
 COLUMNS: TableColumns = {
-    "window": ("Window", ""),
     "run": ("Run", ""),
     "load": ("Load", ""),
     "joint": ("Joint", ""),
@@ -167,20 +166,18 @@ def _beside(file: TraceFile, trace: Trace) -> Sizes:
     return found
 
 
-def error_columns(file: TraceFile, trace: Trace, window: str = "whole") -> Sizes:
-    """Tracking errors of a run in a window, and what stands beside them, (n,) each.
+def error_columns(file: TraceFile, trace: Trace) -> Sizes:
+    """Tracking errors of a run, and what stands beside them, (n,) each.
 
     Returns
     -------
     dict
         ``max_deg``; for ``mae`` and ``rmse`` ``<metric>_deg`` and, where the print has the run,
-        ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed; over the whole run also
-        ``<metric>_low_deg`` and ``<metric>_high_deg``, the plausible range where it is known.
+        ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed; where it is known, the plausible
+        range, ``<metric>_low_deg`` and ``<metric>_high_deg``.
     """
-    columns = _in_degrees(trace, window)
-    for name, values in _beside(file, trace).items():
-        if np.isfinite(values).any() and (window == "whole" or "printed" in name):
-            columns[name] = values
+    beside = _beside(file, trace)
+    columns = _in_degrees(trace) | {name: held for name, held in beside.items() if np.isfinite(held).any()}
     for metric in METRICS:
         if f"{metric}_printed_deg" in columns:
             columns[f"{metric}_ratio"] = columns[f"{metric}_deg"] / columns[f"{metric}_printed_deg"]
@@ -191,26 +188,23 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``quantity``, ``printed_as``, ``printed``, ``ours``, ``difference`` of Table 1, `S_inv` and `S`.
 
     The print gives magnitudes, so the difference is one of magnitudes; beside another arm there is none.
-    There are no rows unless the plant record holds both diameters and both matrices.
+    There are no rows unless the plant record holds the winches' diameters and both matrices.
     """
     record = file.plant.values
-    if not {"winch_diameter", "pulley_diameter", "S", "S_inv"} <= record.keys():
+    if not {"winch_diameter", "S", "S_inv"} <= record.keys():
         return
-    winch, pulley = record["winch_diameter"].value, record["pulley_diameter"].value
-    ours = {
-        f"D_{p + 1}{q + 1}/D_{q + 1}": (f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}", pulley[p, q] / winch[q])
-        for q in range(len(winch))
-        for p in range(q + 1)
-    }
+    ratios, elements = {}, {}
     for matrix in ("S_inv", "S"):
         value = record[matrix].value
         # A record of the moving joints alone holds the trailing block.
-        first = len(winch) - len(value) + 1
+        first = len(record["winch_diameter"].value) - len(value) + 1
         for i, j in zip(*np.tril_indices(len(value)), strict=True):
-            place = f"{first + i}{first + j}"
-            ours[f"{matrix}_{place}"] = f"{matrix}.{place}", value[i, j]
+            q, p = first + i, first + j
+            elements[f"{matrix}_{q}{p}"] = f"{matrix}.{q}{p}", value[i, j]
+            if matrix == "S_inv":
+                ratios[f"D_{p}{q}/D_{q}"] = f"table1.D_{p}{q}_over_D_{q}", abs(value[i, j])
     entries = published().entries if of_paper(file) else {}
-    for quantity, (identifier, size) in ours.items():
+    for quantity, (identifier, size) in (ratios | elements).items():
         row = {"quantity": quantity, "ours": size}
         entry = entries.get(identifier)
         if isinstance(entry, PrintedNumber | PrintedRatio):
@@ -226,14 +220,11 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
         yield from _by_joint(trace, {f"{name}_deg": size for name, size in decoupling_errors(trace).items()})
 
 
-def _error_rows(
-    file: TraceFile, key: str, runs: Mapping[str, Trace], window: str = "whole"
-) -> Iterator[TableRow]:
-    """A row of `error_columns` per run that reaches a window, and joint; the run's name under a key."""
+def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
+    """A row of `error_columns` per run and joint; the run's name under a key."""
     for name, trace in runs.items():
-        if window in tracking_errors(trace):
-            for row in _by_joint(trace, error_columns(file, trace, window)):
-                yield {key: name} | row
+        for row in _by_joint(trace, error_columns(file, trace)):
+            yield {key: name} | row
 
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -244,14 +235,6 @@ def controller_rows(file: TraceFile) -> Iterator[TableRow]:
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per ``load`` and joint."""
     return _error_rows(file, "load", loaded_runs(file))
-
-
-def window_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield both tables over every other ``window``: the paper does not say what it averages over."""
-    reached = (window for trace in file.runs.values() for window in tracking_errors(trace))
-    for window in dict.fromkeys(window for window in reached if window != "whole"):
-        for row in _error_rows(file, "run", file.runs, window):
-            yield {"window": window} | row
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -283,22 +266,14 @@ def _as_printed(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow
 
 
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``errors``, ``order``, ``as_published`` of each joint and metric.
-
-    A run that diverged comes last; where two of them did there is no order to speak of.
-    """
+    """Yield ``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
     for joint, metrics in ranking(file).items():
         for metric, found in metrics.items():
-            row = {
+            yield {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
                 "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
+                "as_published": found["agrees"],
             }
-            lost = [run for run in found["order"] if file.runs[run].status == "diverged"]
-            if len(lost) > 1:
-                row["as_published"] = f"{len(lost)} diverged"
-            elif found["agrees"] is not None:
-                row["as_published"] = "holds" if found["agrees"] else "does not hold"
-            yield row
 
 
 def motor_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -330,7 +305,6 @@ _TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]
     "decoupling_torque": ("decouple", motor_rows, _MOTORS),
     "table2": ("compare", controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
     "table2_paper": ("compare", paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
-    "table2_windows": ("compare", window_rows, "Tables 2 and 3 over other windows"),
     "table3": ("compare", load_rows, f"Table 3, {_LOADS}{_PLAUSIBLE}"),
     "table3_paper": ("compare", paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
     "ranking": ("compare", ranking_rows, "Controllers by size of error"),

@@ -62,11 +62,6 @@ class Trace:
         Texts, numbers and lists of numbers: ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s),
         ``reference_period`` (s, 0 when there is none), ``status_joints`` of a measured run that is not ok;
         and the mappings ``gains`` (name -> list) and ``readings`` (name -> str), empty when there are none.
-
-    Raises
-    ------
-    ValueError
-        When a variable is unknown or its shape is not (T, n), or there is no sample.
     """
 
     name: str
@@ -74,16 +69,6 @@ class Trace:
     joint: tuple[int, ...]
     variables: Mapping[str, Array]
     attributes: Mapping[str, Any]
-
-    def __post_init__(self) -> None:
-        shape = (len(self.time), len(self.joint))
-        if 0 in shape:
-            message = f"run {self.name!r} has no samples or no joints: shape {shape}"
-            raise ValueError(message)
-        for name, value in self.variables.items():
-            if name not in VARIABLES or value.shape != shape:
-                message = f"run {self.name!r}: variable {name!r} of shape {value.shape}, expected {shape}"
-                raise ValueError(message)
 
     def __getitem__(self, name: str) -> Array:
         """Return a variable, shape (T, n).
@@ -154,15 +139,12 @@ class PlantRecord:
 
         Raises
         ------
-        DataMissingError
-            When the record does not hold the matrix, or not for these joints.
+        KeyError, IndexError
+            When the record does not hold it for these joints.
         """
-        block = self.values[name].value if name in self.values else np.zeros((0, 0))
+        block = self.values[name].value
         if len(block) == len(joint):
             return block
-        if max(joint) > len(block):
-            message = f"the plant record holds {name!r} for {len(block)} joints, not for joint {max(joint)}"
-            raise DataMissingError(message)
         index = np.array(joint) - 1
         return np.asarray(block[np.ix_(index, index)])
 

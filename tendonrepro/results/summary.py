@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import max_abs, rmse, windows
+from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, saturated
+from tendonrepro.results.statistics import error_sizes, saturated, statistics
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -119,12 +119,8 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
     """
     if "tau_m" not in trace:
         return {}
-    torque = trace["tau_m"]
-    sizes = {
-        "rms_Nm": rmse(torque),
-        "peak_Nm": max_abs(torque),
-        "step_rms_Nm": rmse(np.diff(torque, axis=0)),
-    }
+    found = statistics(trace)
+    sizes = {f"{name}_Nm": found[f"torque_{name}"] for name in ("rms", "peak", "step_rms")}
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)

@@ -24,13 +24,11 @@ NOTHING = "--"
 SUFFIXES = ("csv", "md", "tex")
 
 _ROUNDED = ".4g"
-_TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-}
+_TEX = str.maketrans(
+    {character: f"\\{character}" for character in "&%$#_{}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}"}
+)
 
 
 @dataclass(frozen=True)
@@ -109,17 +107,20 @@ class Table:
         heads, cells, numeric = self._shown()
         body = [
             # A hyphen is not a minus sign.
-            [cell.replace("-", "$-$") if number and cell != NOTHING else _tex(cell) for cell, number in pairs]
+            [
+                cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
+                for cell, number in pairs
+            ]
             for pairs in (zip(line, numeric, strict=True) for line in cells)
         ]
         lines = [
             r"\begin{table}",
             r"\centering",
-            rf"\caption{{{_tex(self.caption)}}}",
+            rf"\caption{{{self.caption.translate(_TEX)}}}",
             rf"\label{{tab:{self.name}}}",
             rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numeric)}}}",
             r"\toprule",
-            rf"{' & '.join(map(_tex, heads))} \\",
+            rf"{' & '.join(head.translate(_TEX) for head in heads)} \\",
             r"\midrule",
             *(rf"{' & '.join(line)} \\" for line in body),
             r"\bottomrule",
@@ -163,7 +164,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return "; ".join(map(str, value))
     return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value
-
-
-def _tex(text: str) -> str:
-    return "".join(_TEX.get(character, character) for character in text)

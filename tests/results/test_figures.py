@@ -30,9 +30,8 @@ decouple_file = cache(make_decouple_file)
 
 THREE = ["Controller 1", "Controller 2", "Controller 3"]
 UNITS = {
-    "fig06": ["deg", "deg", "m"],
     "fig09": ["deg"],
-    **dict.fromkeys(("fig10", "fig11", "fig12", "fig13"), ["deg"] * 2),
+    **dict.fromkeys(("fig06", "fig10", "fig11", "fig12", "fig13"), ["deg"] * 2),
     **dict.fromkeys(("fig14", "fig16"), ["deg"] * 4),
     "fig15": ["rad/s", "rad/s", "N m", "N m", "N m", "N m", "rad/s", "rad/s", "N m", "N m"],
 }
@@ -249,27 +248,6 @@ def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
     assert "phi_branch" not in outcome_of(file, {}).text()
 
 
-def test_postures_are_links_to_scale_from_the_encoders() -> None:
-    lines, plant = drawn("fig06").lines, decouple_file().plant.values
-    q = decouple_file().runs["pull_tendon_1"]["q_encoder"]
-    for name, place in (("Start", 0), ("Turned", np.abs(q[:, 0]).argmax())):
-        x, y = lines["c", name].get_data()
-        steps = np.column_stack([np.diff(x), np.diff(y)])
-        assert np.hypot(*steps.T) == pytest.approx(plant["length"].value)
-        # From hanging, clockwise as drawn: the arm works on the left.
-        angle = np.arctan2(-steps[:, 0], -steps[:, 1])
-        assert angle == pytest.approx(np.cumsum(plant["posture"].value + q[place]))
-    carried, start, turned = (
-        np.column_stack(lines["c", name].get_data()) for name in ("Carried", "Start", "Turned")
-    )
-    assert carried[0] == pytest.approx(turned[1])
-    assert carried[1] - carried[0] == pytest.approx(start[2] - start[1])
-    axes = drawn("fig06").axes["c"]
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    box = axes.get_window_extent()
-    assert (right - left) / (high - low) == pytest.approx(box.width / box.height)
-
-
 def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
     note = drawn("fig06").axes["b"].get_title(loc="right")
     slope, coupling = map(float, re.findall(r"= (\d\.\d+)", note))
@@ -406,9 +384,8 @@ def test_figure_15_has_the_bound_of_section_4_3() -> None:
     lam = np.asarray(run.attributes["gains"]["lam"])
     bounds = np.abs(run["epsilon"][:-1]).max(axis=0) / lam
     for letter, bound in zip("ab", bounds, strict=True):
-        axes = drawn("fig15").axes[letter]
-        across = sorted(float(line.get_ydata()[0]) for line in axes.lines if line.get_linestyle() == ":")
-        assert across == pytest.approx([-bound, bound])
+        note = drawn("fig15").axes[letter].get_title(loc="right")
+        assert f"{bound:.2g}$ rad/s" in note
 
 
 def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:

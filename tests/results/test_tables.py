@@ -24,9 +24,7 @@ from tendonrepro.results.paper_tables import (
     decoupling_rows,
     load_rows,
     made_tables,
-    ranking_rows,
     table_data,
-    window_rows,
 )
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 from tendonrepro.results.summary import ranking, tracking_errors
@@ -101,14 +99,6 @@ def test_the_print_stands_beside_the_paper_s_experiment_alone(what: str, tmp_pat
     assert all(np.isnan(table_data(file)["printed"]["table2"]["controller_1"]["mae_deg"]))
 
 
-@pytest.mark.parametrize("lost", [(3,), (2, 3)])
-def test_between_two_that_diverged_there_is_no_order(lost: tuple[int, ...]) -> None:
-    file = make_compare_file(diverged=dict.fromkeys((f"controller_{k}" for k in lost), 5.0))
-    row = next(ranking_rows(file))
-    assert row["order"] == "1, 2, 3"
-    assert ("diverged" in str(row["as_published"])) == (len(lost) > 1)
-
-
 def test_table_2_has_ours_printed_and_their_ratio() -> None:
     file = make_compare_file()
     frame = frame_of(controller_rows, file).set_index(["run", "joint"])
@@ -123,18 +113,16 @@ def test_table_2_has_ours_printed_and_their_ratio() -> None:
     assert set(frame["status"]) == {"ok"}
 
 
-def test_table_2_over_windows() -> None:
+def test_errors_over_windows() -> None:
     file = make_compare_file(diverged={"controller_2": 10.0})
-    frame = frame_of(window_rows, file).set_index(["window", "run", "joint"])
-    assert list(dict.fromkeys(frame.index.get_level_values("window"))) == [
-        *("after_first_period", "period_1", "period_2")
-    ]
+    windows = table_data(file)["windows"]
+    assert list(windows) == ["after_first_period", "period_1", "period_2"]
     e = np.rad2deg(file.runs["controller_1"]["e"][900:, 0])
-    assert frame.loc[("period_2", "controller_1", 2), "mae_deg"] == pytest.approx(np.abs(e).mean())
-    assert ("period_1", "controller_2", 2) in frame.index
-    assert ("period_2", "controller_2", 2) not in frame.index
-    assert ("after_first_period", "controller_2", 2) in frame.index
-    assert np.isnan(frame.loc[("after_first_period", "controller_2", 2), "mae_deg"])
+    assert windows["period_2"]["controller_1"]["mae_deg"][0] == pytest.approx(np.abs(e).mean())
+    reached = [window for window in windows if "controller_2" in windows[window]]
+    assert reached == ["after_first_period", "period_1"]
+    assert np.isnan(windows["after_first_period"]["controller_2"]["mae_deg"]).all()
+    assert np.isfinite(windows["period_1"]["controller_2"]["mae_deg"]).all()
 
 
 def test_table_3_prints_both_loads() -> None:
@@ -290,5 +278,5 @@ def test_the_terminal_shows_what_the_files_hold() -> None:
     text = outcome.text()
     for name in ("table2_paper", "table3_paper", "ranking"):
         for row in outcome.tables[name].rows:
-            assert all(str(value) in text for value in row.values())
+            assert all(rounded(value) in text for value in row.values())
     assert "controller_1 at 4.5 Hz" in text

@@ -11,7 +11,6 @@ from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.command import load_study, run_study
 from tendonrepro.monte_carlo.shards import FOLDER, shard_files
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.store import unfinished
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -100,7 +99,8 @@ def read_shard(path):
 
 def shards_in(folder):
     """Shards of a result, and of one that is not finished."""
-    return [path for above in (folder, unfinished(folder)) for path in shard_files(above / FOLDER)]
+    unfinished = folder.with_name(f".{folder.name}.partial")
+    return [path for above in (folder, unfinished) for path in shard_files(above / FOLDER)]
 
 
 def contents(folder):

@@ -58,7 +58,7 @@ def animate(
     speed : float
         Seconds of the run in one second of the film.
     out : Path, optional
-        File to write, else beside the traces, with the name of the run.
+        File to write, ending in .gif, else beside the traces, with the name of the run.
     force : bool
         Overwrite a file that is there.
 
@@ -77,10 +77,7 @@ def animate(
     file = stored_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
-    target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
-    if target.suffix != ".gif":
-        message = f"a film ends in .gif, found {target.name!r}"
-        raise UsageError(message, where="--out")
+    target = (out or (source if source.is_dir() else source.parent) / name).with_suffix(".gif")
     refuse_existing(target, force=force)
     places = _places(scene.trace.time, speed)
     film = []

@@ -9,16 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.figures.compare import (
-    MEAN_WINDOW,
-    RIPPLE_WINDOW,
-    ZOOM,
-    draw_law,
-    draw_motors,
-    draw_payload,
-    draw_tracking,
-)
-from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
+from tendonrepro.results.figures import compare, decouple
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
@@ -127,20 +118,23 @@ def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        draw_pull,
+        partial(decouple.draw_angles, variables=("q_motor_encoder", "q_encoder")),
         "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
-        "3.1 the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
+        "3.1 the opposite way.",
         ("q_motor_encoder", "q_encoder"),
         ("pull_tendon_1",),
         plant=("S",),
         joints=(1, 2),
     ),
     "fig09": FigureSpec(
-        draw_motor_angles, "Angles of the three motors.", ("q_motor_encoder",), ("decouple",)
+        partial(decouple.draw_angles, variables=("q_motor_encoder",)),
+        "Angles of the three motors.",
+        ("q_motor_encoder",),
+        ("decouple",),
     ),
     **{
         f"fig{9 + joint:02d}": FigureSpec(
-            partial(draw_joint, joint=joint),
+            partial(decouple.draw_joint, joint=joint),
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
             ("q_calculated", "q_encoder"),
             ("decouple",),
@@ -149,7 +143,7 @@ FIGURES: dict[str, FigureSpec] = {
         for joint in (1, 2, 3)
     },
     "fig13": FigureSpec(
-        draw_motors,
+        compare.draw_motors,
         "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
         "The paper does not say with which controller: here Controller 1.",
         ("q_encoder", "q_d"),
@@ -157,21 +151,21 @@ FIGURES: dict[str, FigureSpec] = {
         plant=("S_inv",),
     ),
     "fig14": FigureSpec(
-        draw_tracking,
+        compare.draw_tracking,
         f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
         ("q_encoder", "e"),
         some=True,
     ),
     "fig15": FigureSpec(
-        draw_law,
+        compare.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"centred {MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
-        f"{RIPPLE_WINDOW:g} s; below raw samples of {ZOOM * 1e3:g} ms, at the grey line.",
+        f"centred {compare.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
+        f"{compare.RIPPLE_WINDOW:g} s; below raw samples of {compare.ZOOM * 1e3:g} ms, at the grey line.",
         ("s", "H_hat", "tau_m"),
         some=True,
     ),
     "fig16": FigureSpec(
-        draw_payload,
+        compare.draw_payload,
         "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
         f"{_MAE}. {_ERRORS}",
         ("q_encoder", "e"),

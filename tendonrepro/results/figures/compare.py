@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import max_abs, rmse, window_mean
@@ -16,7 +13,7 @@ from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper_tables import error_columns
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, is_user_law, run_title
+from tendonrepro.results.summary import CONTROLLERS, run_title
 from tendonrepro.results.tables import NOTHING, rounded
 
 MEAN_WINDOW = 0.05
@@ -31,7 +28,6 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
-_OF_THE_PAPER = {*CONTROLLERS, *LOADS.values()}
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
@@ -73,11 +69,8 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
     return _tracking(file, runs)
 
 
-def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Canvas:
-    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m from near.
-
-    Without `bands` the means stand alone.
-    """
+def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m from near."""
     rows = {
         "s": r"$s$ (rad/s)",
         "H_hat": r"Estimate $\hat{H}$ (N m)",
@@ -94,36 +87,29 @@ def draw_law(_file: TraceFile, traces: list[Trace], *, bands: bool = True) -> Ca
     for variable, joint in product(rows, joints):
         letter = next(letters)
         canvas.zero_line(letter)
-        _curves(canvas, letter, runs, variable, joint, averaged=True, bands=bands)
+        _curves(canvas, letter, runs, variable, joint, averaged=True)
         if variable == "s":
-            _bound_of_s(canvas.axes[letter], runs, joint)
+            canvas.note(letter, _bound_of_s(runs, joint))
         if variable in near:
             canvas.axes[letter].axvspan(*_near(runs, joint), color="#B0B0B0", linewidth=0.0, zorder=0.7)
     for variable, joint in product(near, joints):
         _raw_samples(canvas, next(letters), runs, variable, joint)
-    if bands:
-        lines = f"Lines: {MEAN_WINDOW * 1e3:g} ms mean"
-        canvas.explain_bands(f"{lines}; bands: ± RMS of the samples about it, over {RIPPLE_WINDOW:g} s")
+    lines = f"Lines: {MEAN_WINDOW * 1e3:g} ms mean"
+    canvas.explain_bands(f"{lines}; bands: ± RMS of the samples about it, over {RIPPLE_WINDOW:g} s")
     return canvas
 
 
-def _bound_of_s(axes: Axes, runs: Sequence[_DrawnRun], joint: int) -> None:
-    """Bound of section 4.3 on s of Controller 1, max |epsilon| over lambda: lines where they are in sight."""
+def _bound_of_s(runs: list[_DrawnRun], joint: int) -> str:
+    """Bound of section 4.3 on s of Controller 1: max |epsilon| over lambda."""
     for run in runs:
         # Of a measured run the gains are not known.
         gains = run.trace.attributes["gains"]
-        known = run.holds("s", joint) and run.holds("epsilon", joint) and "lam" in gains
-        if run.trace.name != "controller_1" or not known:
-            continue
-        place = run.trace.joint.index(joint)
-        # The estimation error of the last sample is not known.
-        bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
-        for line in (-bound, bound):
-            axes.axhline(line, color="#777777", linewidth=0.7, linestyle=":")
-        text = rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
-        ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
-        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 6, "color": "#555555"}
-        axes.text(0.98, 0.96, text, transform=axes.transAxes, bbox=ground, **look)
+        if run.trace.name == "controller_1" and run.holds("epsilon", joint) and "lam" in gains:
+            place = run.trace.joint.index(joint)
+            # The estimation error of the last sample is not known.
+            bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
+            return rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -157,14 +143,8 @@ def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
     return [_DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
 
 
-def _holding(
-    canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int
-) -> list[_DrawnRun]:
-    """Runs that a panel can show; where there is none it says so."""
-    holding = [run for run in runs if run.holds(variable, joint)]
-    if not holding:
-        canvas.not_recorded(letter)
-    return holding
+def _holding(runs: list[_DrawnRun], variable: str, joint: int) -> list[_DrawnRun]:
+    return [run for run in runs if run.holds(variable, joint)]
 
 
 def _joints(runs: list[_DrawnRun]) -> list[int]:
@@ -203,50 +183,40 @@ def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
-    """MAE of the paper's runs and of users' laws, what the paper prints, and what plausible plants do."""
+    """MAE of the runs, what the paper prints, and what plausible plants do."""
     ours = "ours" if file.source == "simulated" else "measured"
     names: list[str] = []
     rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
-    for run in runs:
-        told = run.trace.name in _OF_THE_PAPER or is_user_law(run.trace)
-        if told and run.holds("e", joint):
-            names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-            place, columns = run.trace.joint.index(joint), error_columns(file, run.trace)
-            size, printed, low, high = (
-                float(columns[f"mae{end}_deg"][place]) if f"mae{end}_deg" in columns else np.nan
-                for end in ("", "_printed", "_low", "_high")
-            )
-            rows[ours].append(rounded(size, "z.3f"))
-            rows["paper"].append(rounded(printed, "z.3f"))
-            rows["plausible"].append(NOTHING if np.isnan(low) else f"{low:.2g}–{high:.2g}")
+    for run in _holding(runs, "e", joint):
+        names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
+        place, columns = run.trace.joint.index(joint), error_columns(file, run.trace)
+        size, printed, low, high = (
+            float(columns[f"mae{end}_deg"][place]) if f"mae{end}_deg" in columns else np.nan
+            for end in ("", "_printed", "_low", "_high")
+        )
+        rows[ours].append(rounded(size, "z.3f"))
+        rows["paper"].append(rounded(printed, "z.3f"))
+        rows["plausible"].append(NOTHING if np.isnan(low) else f"{low:.2g}–{high:.2g}")
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
     return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
 
 
 def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
-    holding = [run for run in runs if run.holds("q_d", joint)]
-    if holding:
+    if holding := _holding(runs, "q_d", joint):
         longest = max(holding, key=lambda run: run.trace.time[-1])
         canvas.curve(letter, "Desired", longest.trace.time, longest.values("q_d", joint), REFERENCE)
 
 
 def _curves(
-    canvas: Canvas,
-    letter: str,
-    runs: list[_DrawnRun],
-    variable: str,
-    joint: int,
-    *,
-    averaged: bool = False,
-    bands: bool = True,
+    canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int, *, averaged: bool
 ) -> None:
     """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
-    for run in _holding(canvas, letter, runs, variable, joint):
+    for run in _holding(runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         if averaged:
             time, values, ripple = averaged_curve(time, values)
-            if bands and not run.diverged:
+            if not run.diverged:
                 canvas.band(letter, run.name, time, (values - ripple, values + ripple), run.stroke)
         canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
 
@@ -266,10 +236,9 @@ def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
 def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int) -> None:
     """Draw every sample of a short span; a torque is held from one to the next."""
     start, end = _near(runs, joint)
-    holding = _holding(canvas, letter, runs, variable, joint)
     canvas.zero_line(letter)
     canvas.axes[letter].set_xlim(start, end)
-    for run in holding:
+    for run in _holding(runs, variable, joint):
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)

@@ -103,27 +103,15 @@ class Canvas:
         """
         x, y = thin(time, values)
         (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
-        self._keep(letter, name, line, label)
-        if not diverged:
-            self._framing[letter].append(y)
-        elif len(y):
-            self._diverged[letter].append(line)
-
-    def chain(self, letter: str, name: str, corners: Array, stroke: Stroke, label: str) -> None:
-        """Draw links as sticks through corners (K, 2), m, to scale."""
-        axes = self.axes[letter]
-        (line,) = axes.plot(*corners.T, **stroke.line, marker="o", markersize=1.5 + stroke.width)
-        line.set_solid_joinstyle("round")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(0.1)
-        self._keep(letter, name, line, label)
-
-    def _keep(self, letter: str, name: str, line: Line2D, label: str | None) -> None:
         self.lines[letter, name] = line
         text = name if label is None else label
         if text:
             line.set_label(text)
             self._legend.setdefault(text, line)
+        if not diverged:
+            self._framing[letter].append(y)
+        elif len(y):
+            self._diverged[letter].append(line)
 
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
         """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
@@ -149,21 +137,18 @@ class Canvas:
         """Write a remark above a panel, at its right end."""
         self.axes[letter].set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
-    def not_recorded(self, letter: str) -> None:
-        """Say in an empty panel that its variable was not recorded."""
-        axes = self.axes[letter]
-        axes.set_yticks([])
-        axes.text(
-            0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color="#666666"
-        )
-
     def explain_bands(self, label: str) -> None:
         """Add a legend entry that stands for the bands of all curves."""
         self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
 
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
+        drawn = {letter for letter, _ in self.lines}
         for letter, axes in self.axes.items():
+            if letter not in drawn:
+                axes.set_yticks([])
+                at = axes.transAxes
+                axes.text(0.5, 0.5, "not recorded", transform=at, ha="center", va="center", color="#666666")
             _frame_values(axes, self._framing[letter], self._diverged[letter])
         if len(self._legend) > 1:
             self._draw_legend()
