@@ -87,8 +87,7 @@ def _mat(file: TraceFile, path: Path) -> None:
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
         for name, trace in file.runs.items()
     }
-    used = {name for trace in file.runs.values() for name in trace.variables}
-    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
+    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
     savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
 
 

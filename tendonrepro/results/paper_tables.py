@@ -8,21 +8,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
+from tendonrepro.results import summary
 from tendonrepro.results.paper import identifier_of, of_paper, plausible_beside, printed_beside
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import (
-    CONTROLLERS,
-    Sizes,
-    compared_runs,
-    decoupling_errors,
-    fitted_under,
-    loaded_runs,
-    ranking,
-    run_title,
-    tension_sizes,
-    torque_sizes,
-    tracking_errors,
-)
+from tendonrepro.results.summary import CONTROLLERS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
 
 TableRow: TypeAlias = dict[str, Any]
@@ -81,7 +70,7 @@ COLUMNS: TableColumns = {
 def made_tables(file: TraceFile) -> list[Table]:
     """Make every table that the runs allow; tables without rows and columns without values are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
-    if under := fitted_under(file):
+    if under := summary.fitted_under(file):
         origin += f", fitted to the print under {under}"
     found = []
     for name, (experiment, make, caption) in _TABLES.items():
@@ -111,7 +100,7 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         ``S_inv`` where the plant record has them; ``errors`` ``joint_<number>`` -> as above. Of both:
         ``status``, ``tension`` and ``torque`` per run.
     """
-    sizes = {"tension": tension_sizes, "torque": torque_sizes}
+    sizes = {"tension": summary.tension_sizes, "torque": summary.torque_sizes}
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
     for key, size in sizes.items():
         both[key] = {name: _lists(found) for name, trace in file.runs.items() if (found := size(file, trace))}
@@ -122,7 +111,7 @@ def table_data(file: TraceFile) -> dict[str, Any]:
             f"joint_{row['joint']}": {name: row[name] for name in ERRORS} for row in decoupling_rows(file)
         }
         return {**matrices, "errors": errors, **both}
-    tables = {"table2": compared_runs(file), "table3": loaded_runs(file)}
+    tables = {"table2": summary.compared_runs(file), "table3": summary.loaded_runs(file)}
     printed = {f"{metric}_printed_deg": f"{metric}_deg" for metric in METRICS}
     ends = [f"{metric}_{end}_deg" for metric in METRICS for end in ("low", "high")]
 
@@ -134,7 +123,7 @@ def table_data(file: TraceFile) -> dict[str, Any]:
 
     windows: dict[str, dict[str, Any]] = {}
     for name, trace in file.runs.items():
-        for window in tracking_errors(trace):
+        for window in summary.tracking_errors(trace):
             windows.setdefault(window, {})[name] = _lists(_in_degrees(trace, window))
     return {
         **both,
@@ -142,8 +131,8 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         "windows": {window: runs for window, runs in windows.items() if window != "whole"},
         "printed": of_rows(lambda trace: {key: _beside(file, trace)[name] for name, key in printed.items()}),
         "plausible": of_rows(lambda trace: {name: _beside(file, trace)[name] for name in ends}),
-        "ranking": ranking(file),
-        "fitted_under": fitted_under(file),
+        "ranking": summary.ranking(file),
+        "fitted_under": summary.fitted_under(file),
     }
 
 
@@ -153,7 +142,7 @@ def _lists(sizes: Sizes) -> dict[str, list[float]]:
 
 def _in_degrees(trace: Trace, window: str = "whole") -> Sizes:
     """Tracking errors of a run by column."""
-    return {f"{name}_deg": values for name, values in tracking_errors(trace)[window].items()}
+    return {f"{name}_deg": values for name, values in summary.tracking_errors(trace)[window].items()}
 
 
 def _beside(file: TraceFile, trace: Trace) -> Sizes:
@@ -217,7 +206,9 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``joint``, `ERRORS` and ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
     if trace is not None and "q_calculated" in trace and "q_encoder" in trace:
-        yield from _by_joint(trace, {f"{name}_deg": size for name, size in decoupling_errors(trace).items()})
+        yield from _by_joint(
+            trace, {f"{name}_deg": size for name, size in summary.decoupling_errors(trace).items()}
+        )
 
 
 def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
@@ -229,24 +220,26 @@ def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterato
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 2 per ``run`` and joint, runs with a payload left out."""
-    return _error_rows(file, "run", compared_runs(file))
+    return _error_rows(file, "run", summary.compared_runs(file))
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield a row of Table 3 per ``load`` and joint."""
-    return _error_rows(file, "load", loaded_runs(file))
+    return _error_rows(file, "load", summary.loaded_runs(file))
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 2 as the paper lays it out; see `_as_printed`."""
     proposed = {CONTROLLERS[0]: "Proposed (Controller 1)"}
-    runs = compared_runs(file)
-    return _as_printed(file, {proposed.get(name, run_title(trace)): trace for name, trace in runs.items()})
+    runs = summary.compared_runs(file)
+    return _as_printed(
+        file, {proposed.get(name, summary.run_title(trace)): trace for name, trace in runs.items()}
+    )
 
 
 def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield Table 3 as the paper lays it out; see `_as_printed`."""
-    runs = loaded_runs(file)
+    runs = summary.loaded_runs(file)
     return _as_printed(file, {load.replace("_", " ").capitalize(): trace for load, trace in runs.items()})
 
 
@@ -267,7 +260,7 @@ def _as_printed(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow
 
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
-    for joint, metrics in ranking(file).items():
+    for joint, metrics in summary.ranking(file).items():
         for metric, found in metrics.items():
             yield {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
@@ -279,7 +272,7 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
 def motor_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``run``, ``joint``, ``status``, `torque_sizes` and `tension_sizes` of runs that have any."""
     for name, trace in file.runs.items():
-        if sizes := torque_sizes(file, trace) | tension_sizes(file, trace):
+        if sizes := summary.torque_sizes(file, trace) | summary.tension_sizes(file, trace):
             for row in _by_joint(trace, sizes):
                 yield {"run": name} | row
 

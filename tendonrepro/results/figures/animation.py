@@ -34,7 +34,6 @@ MOST_PICTURES = 1000
 """Of a film, all of which are held in memory."""
 
 _DPI = 110
-_EDGE = "#777777"
 
 
 def animate(
@@ -119,7 +118,10 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     figure.colorbar(colours, ax=arm, orientation="horizontal", label=label, shrink=0.8, pad=0.02)
     _draw_frame(arm, scene)
     (links,) = arm.plot([], [], color="#D8D8D8", linewidth=7.0, solid_joinstyle="round", zorder=2.0)
-    discs = [_disc(arm, abs(radius)) for path in scene.paths for radius in path.radius]
+    look = {"facecolor": "none", "edgecolor": "#777777", "linewidth": 0.6, "zorder": 3.0}
+    discs = [Circle((0.0, 0.0), abs(radius), **look) for path in scene.paths for radius in path.radius]
+    for disc in discs:
+        arm.add_patch(disc)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
     cursors = [_draw_curves(panels[name], scene, name) for name in ("q_encoder", "e")]
     imprint(figure, origin)
@@ -156,12 +158,6 @@ def _draw_frame(axes: Axes, scene: Scene) -> None:
     axes.set_axis_off()
     axes.plot([left, left + 0.1], [bottom] * 2, color="black", linewidth=1.0)
     axes.text(left + 0.05, bottom + 0.01, "0.1 m", ha="center", va="bottom", fontsize=7)
-
-
-def _disc(axes: Axes, radius: float) -> Circle:
-    disc = Circle((0.0, 0.0), radius, facecolor="none", edgecolor=_EDGE, linewidth=0.6, zorder=3.0)
-    axes.add_patch(disc)
-    return disc
 
 
 def _draw_curves(axes: Axes, scene: Scene, name: str) -> Any:

@@ -224,12 +224,11 @@ def _curves(
 def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
     """Span of time to look at from near: where the desired angle of the longest run rises fastest."""
     longest = max((run.trace for run in runs), key=lambda trace: float(trace.time[-1]))
-    time, middle = longest.time, float(longest.time[len(longest.time) // 2])
+    time, start = longest.time, float(longest.time[0])
     if "q_d" in longest and joint in longest.joint and len(time) > 1:
         speed = np.nan_to_num(np.gradient(longest["q_d"][:, longest.joint.index(joint)], time))
         # The first of equally fast strokes, whatever rounding says.
-        middle = float(time[np.argmax(speed >= 0.999 * speed.max())])
-    start = max(middle - 0.5 * ZOOM, float(time[0]))
+        start = max(float(time[np.argmax(speed >= 0.999 * speed.max())]) - 0.5 * ZOOM, start)
     return start, start + ZOOM
 
 

@@ -12,15 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
-from tendonrepro.results.figures.style import (
-    Drawing,
-    Stroke,
-    imprint,
-    letter_panels,
-    open_figure,
-    paler,
-    settle,
-)
+from tendonrepro.results.figures import style
+from tendonrepro.results.figures.style import Drawing, Stroke
 
 # No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
 _ENVELOPE_COLUMNS = 600
@@ -62,14 +55,14 @@ class Canvas:
         labels: Sequence[Sequence[tuple[str, str]]],
         apart: Sequence[str] = (),
     ) -> None:
-        self.figure = open_figure(width_mm, height_mm)
+        self.figure = style.open_figure(width_mm, height_mm)
         self.places: dict[str, tuple[int, str]] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
         grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
-        self.axes = letter_panels(grid.flat, [title for title, _ in texts])
+        self.axes = style.letter_panels(grid.flat, [title for title, _ in texts])
         self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
         self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
@@ -121,9 +114,11 @@ class Canvas:
         """
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set(zorder=0.5 / (1 + len(self._bands)), facecolor=paler(stroke.colour, _INSIDE), linewidth=0.0)
+        band.set(
+            zorder=0.5 / (1 + len(self._bands)), facecolor=style.paler(stroke.colour, _INSIDE), linewidth=0.0
+        )
         self.axes[letter].add_patch(band)
-        look = replace(stroke, colour=paler(stroke.colour, _EDGE), width=0.5).line
+        look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
@@ -152,9 +147,9 @@ class Canvas:
             _frame_values(axes, self._framing[letter], self._diverged[letter])
         if len(self._legend) > 1:
             self._draw_legend()
-        imprint(self.figure, origin)
+        style.imprint(self.figure, origin)
         self.figure.align_ylabels()
-        settle(self.figure)
+        style.settle(self.figure)
         return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
 
     def _draw_legend(self) -> None:
