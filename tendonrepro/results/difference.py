@@ -25,9 +25,9 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``same``; ``config``, ``versions`` and the status of ``runs`` by key, with ``first`` and ``second``;
-        ``metrics`` per run, joint and name, in degrees; ``traces`` per run and variable, with the largest
-        difference, SI, and the time of the first one, s.
+        ``same``; ``config``, ``versions`` and ``runs`` (their status) by key; ``metrics`` in degrees by run,
+        joint and name; ``traces`` by run and variable, with the largest difference, SI, and when the first
+        is, s.
 
     Raises
     ------

@@ -20,9 +20,9 @@ LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pyda
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
-    """Describe how a result came about, ready for JSON; what cannot be found out is None.
+    """Describe how a result came about, ready for JSON; what is unknown is None.
 
-    `seconds` is the wall time of the simulation; digests of the outputs are added once they exist.
+    `seconds` is the wall time; digests of the outputs are added once they exist.
     """
     config = loaded.config
     return {

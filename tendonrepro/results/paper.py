@@ -33,19 +33,8 @@ OTHER_BASE = (
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    That is: the paper's arm, joints, gains and payload, and a motion that stands for the paper's. An arm is
-    known by its name and its coupling. Masses and readings may differ. Of a measurement more joints may have
-    been recorded, and gains and motion are not known.
-
-    Parameters
-    ----------
-    file : TraceFile
-    trace : Trace, optional
-        A run of it.
-
-    Returns
-    -------
-    bool
+    That is: the paper's arm, by name and coupling, joints, gains, payload, and a motion that stands for the
+    paper's. Masses and readings may differ. Of a measurement the arm alone is known.
     """
     plant = file.plant
     S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
@@ -127,8 +116,8 @@ def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
 def plausible_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
     """Central 90 % of the same over plausible plants, (n, 2), from the stored ensemble; NaN where unknown.
 
-    The plants are those of the shipped box that are stable under all three controllers, with the equations as
-    printed (docs/verdicts.md); nothing stands beside a run under another reading.
+    Those of the shipped box that are stable under all controllers, with the equations as printed
+    (docs/verdicts.md); another reading has none.
     """
     readings = trace.attributes["readings"]
     as_printed = all(readings.get(axis.name, axis.printed) == axis.printed for axis in AXES.values())

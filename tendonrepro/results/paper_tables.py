@@ -93,12 +93,10 @@ def table_data(file: TraceFile) -> dict[str, Any]:
     Returns
     -------
     dict
-        Lists are in the order of a run's joints. Of the comparison: ``table2`` run -> ``mae_deg``,
-        ``rmse_deg``, ``max_deg`` over the whole run; ``table3`` ``no_load``, ``with_load`` likewise;
-        ``windows`` window -> run -> likewise; ``printed`` and ``plausible`` with both tables, NaN where
-        nothing stands beside a run; `ranking`; `fitted_under`. Of the decoupling experiment: ``S`` and
-        ``S_inv`` where the plant record has them; ``errors`` ``joint_<number>`` -> as above. Of both:
-        ``status``, ``tension`` and ``torque`` per run.
+        Lists run over a run's joints. Comparison: ``table2`` by run and ``table3`` by load hold `ERRORS` over
+        the whole run; ``windows`` over others; ``printed``, ``plausible`` what stands beside, else NaN;
+        ``ranking``; ``fitted_under``. Decoupling: ``S``, ``S_inv`` and ``errors`` by joint. Both: ``status``,
+        ``tension``, ``torque`` by run.
     """
     sizes = {"tension": summary.tension_sizes, "torque": summary.torque_sizes}
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
@@ -161,9 +159,8 @@ def error_columns(file: TraceFile, trace: Trace) -> Sizes:
     Returns
     -------
     dict
-        ``max_deg``; for ``mae`` and ``rmse`` ``<metric>_deg`` and, where the print has the run,
-        ``<metric>_printed_deg`` and ``<metric>_ratio``, ours over printed; where it is known, the plausible
-        range, ``<metric>_low_deg`` and ``<metric>_high_deg``.
+        `ERRORS`; for ``mae`` and ``rmse`` where known ``<metric>_printed_deg``, ``<metric>_ratio``, ours over
+        printed, and the plausible range, ``<metric>_low_deg`` and ``<metric>_high_deg``.
     """
     beside = _beside(file, trace)
     columns = _in_degrees(trace) | {name: held for name, held in beside.items() if np.isfinite(held).any()}
@@ -174,10 +171,9 @@ def error_columns(file: TraceFile, trace: Trace) -> Sizes:
 
 
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``quantity``, ``printed_as``, ``printed``, ``ours``, ``difference`` of Table 1, `S_inv` and `S`.
+    """Yield Table 1, `S_inv` and `S`, ours and printed, if the plant record holds them.
 
-    The print gives magnitudes, so the difference is one of magnitudes; beside another arm there is none.
-    There are no rows unless the plant record holds the winches' diameters and both matrices.
+    The print gives magnitudes, so the difference is one of magnitudes.
     """
     record = file.plant.values
     if not {"winch_diameter", "S", "S_inv"} <= record.keys():

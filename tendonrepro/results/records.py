@@ -51,17 +51,16 @@ class Trace:
     Parameters
     ----------
     name : str
-        Name of the run, and of its group in the file: ``controller_1``, ``decouple``, ...
+        Of the run, and of its group in the file.
     time : Array
         Sampling times, s, shape (T,).
     joint : tuple of int
         The paper's numbers of the n joints.
     variables : Mapping
-        Arrays of shape (T, n) by the names of `VARIABLES`; a run holds those its experiment defines.
+        Arrays (T, n) by names of `VARIABLES`.
     attributes : Mapping
-        Texts, numbers and lists of numbers: ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s),
-        ``reference_period`` (s, 0 when there is none), ``status_joints`` of a measured run that is not ok;
-        and the mappings ``gains`` (name -> list) and ``readings`` (name -> str), empty when there are none.
+        ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s), ``reference_period`` (s, 0 without
+        one), ``status_joints`` of a measured run; ``gains`` (name -> list) and ``readings`` (name -> str).
     """
 
     name: str
@@ -124,18 +123,18 @@ class PlantRecord:
     Parameters
     ----------
     values : Mapping
-        Name -> `PlantValue`; vectors and matrices run over all joints or over the moving ones.
+        Name -> `PlantValue`, over all joints or the moving ones.
     attributes : Mapping
-        Name -> text: the angle convention, the friction law.
+        Angle convention, friction law and the like, in words.
     """
 
     values: Mapping[str, PlantValue]
     attributes: Mapping[str, str]
 
     def matrix(self, name: str, joint: tuple[int, ...]) -> Array:
-        """Block (n, n) of a square matrix, such as ``S_inv``, that belongs to n joints.
+        """Block (n, n) of a square matrix, such as ``S_inv``, of n joints.
 
-        It is stored for all joints or only for the moving ones: a matrix of n rows is taken to be theirs.
+        A stored matrix of n rows is taken to be theirs, a larger one to be of all joints.
 
         Raises
         ------
@@ -151,20 +150,17 @@ class PlantRecord:
 
 @dataclass(frozen=True, eq=False)
 class TraceFile:
-    """All runs of one experiment, and what they were made with.
+    """All runs of an experiment, and what they were made with.
 
     Parameters
     ----------
     experiment : str
-        ``compare``, ``decouple``, or ``both`` where a measured file holds runs of both.
+        ``both`` where a measured file holds runs of both.
     source : str
-        ``simulated`` or ``measured``.
     title : str
-        One line for a reader.
     runs : Mapping
         Run name -> `Trace`, in order.
     plant : PlantRecord
-        The model's values.
     config_yaml, config_sha256 : str
         The resolved configuration and its digest.
     manifest_json : str
@@ -172,9 +168,8 @@ class TraceFile:
     created : str
         ISO 8601, UTC.
     tendonrepro_version : str
-        Version that wrote the file.
     schema_version : int
-        Version of the layout.
+        Of the layout.
     """
 
     experiment: Literal["compare", "decouple", "both"]

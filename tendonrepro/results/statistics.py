@@ -1,7 +1,6 @@
-"""Statistics of a recorded run, simulated or measured, under the names that the batch stepper sums up.
+"""Statistics of a recorded run, under the names that the batch stepper sums up.
 
-:mod:`tendonrepro.simulation.streaming` says what each name means. Samples that are missing or not finite are
-left out one by one, so a diverged run is described up to its end.
+:mod:`tendonrepro.simulation.streaming` says what each means. Missing samples are left out one by one.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
     ----------
     trace : Trace
     rates : tuple of array (T, n), optional
-        Desired velocity and acceleration, if they are not those of the run. Without any there are no phases.
+        Desired velocity and acceleration, else those of the run; without any there are no phases.
 
     Returns
     -------
     dict
-        By those names of `streaming.STATISTICS` for which the run has the signals.
+        By names of `streaming.STATISTICS`.
     """
     if rates is None and "dq_d" in trace and "ddq_d" in trace:
         rates = trace["dq_d"], trace["ddq_d"]
@@ -80,7 +79,7 @@ def error_sizes(e: Array) -> dict[str, Array]:
     Returns
     -------
     dict
-        ``mae``, ``rmse`` and ``max``, (n,) each; NaN where no sample is left.
+        ``mae``, ``rmse`` and ``max``, (n,) each.
     """
     return {"mae": mae(e), "rmse": rmse(e), "max": max_abs(e)}
 

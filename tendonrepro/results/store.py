@@ -1,8 +1,8 @@
 """Results folders: written beside their place, and put there whole.
 
-A result is made in ``.<name>.partial`` beside its folder. When it is complete, the old folder is renamed to
-``.<name>.old``, the new one takes its place, and the old one is removed. A command that is killed leaves the
-old result or the new one; what else it leaves, the next command into that folder removes.
+A result is made in ``.<name>.partial``. Then the old folder becomes ``.<name>.old``, the new one takes its
+place, and the old one goes. A killed command leaves the old result or the new one; the next command into that
+folder removes the rest.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class NewResult:
     Attributes
     ----------
     path : Path
-        Where to write its files; they are part of the result because they are there.
+        Where to write its files; all that are there belong to the result.
     manifest : dict
-        What made it. Has to be set; the digests of the files are added.
+        What made it, to be set; digests of the files are added.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,21 +60,18 @@ class NewResult:
 def replaced(
     folder: Path, digest: str, *, command: str, force: bool = False, keep: str = "", update: bool = False
 ) -> Iterator[NewResult]:
-    """Make a result in a fresh folder, and put it in the place of an earlier one when the block ends well.
+    """Make a result in a fresh folder, which takes its place when the block ends well.
 
     Parameters
     ----------
     folder : Path
-        Where the result shall be; made if it is missing.
-    digest : str
-        Of the configuration; see :func:`refuse_others`.
-    command : str
-        That makes the result.
+        Made if it is missing.
+    digest, command : str
+        Whose result it is; see `refuse_others`.
     force : bool
-        Replace results of another configuration, version or command. Files that are somebody's own move over
-        into the new folder, unless the result has a file of that name.
+        Replace any results. A user's own files move over, unless the result has one of that name.
     keep : str
-        Name of a folder in the unfinished result that survives an interruption, to go on from there.
+        A folder in the unfinished result that survives an interruption.
     update : bool
         Begin with a copy of the earlier result.
 
@@ -85,7 +82,7 @@ def replaced(
     Raises
     ------
     UsageError
-        If something would be overwritten that this result does not replace, or another process writes there.
+        If something else would be overwritten, or another process writes there.
     TendonreproError
         If the folder cannot be written.
     """
@@ -187,19 +184,16 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
     Parameters
     ----------
     folder : Path
-        It may be missing.
-    digest : str
-        Of what is to be written.
-    command : str
-        That writes.
+        It may be missing; hidden files in it do not count.
+    digest, command : str
+        Of the configuration, and who writes.
     force : bool
         Refuse nothing.
 
     Raises
     ------
     UsageError
-        If it holds results of another configuration, version or command, files that no manifest lists, or
-        files that were changed since. Hidden files are left out.
+        If it holds other results, files that no manifest lists, or changed files.
     """
     if force or not folder.exists():
         return

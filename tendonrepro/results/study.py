@@ -29,13 +29,13 @@ class Outcome:
     Attributes
     ----------
     data : mapping
-        Plain numbers with the keys of ``--json``; what is not finite becomes null there.
+        Numbers by the keys of ``--json``; there, what is not finite is null.
     parts : sequence of Table or str
-        What the terminal shows, in order. Every table is written to files, too.
+        What the terminal shows; tables are written, too.
     figures : mapping
         Name -> function that draws it.
     manifest : mapping
-        What the manifest says besides what it says of any study.
+        What only the manifest of this study says.
     """
 
     data: Mapping[str, Any]
@@ -83,17 +83,15 @@ def run_study(
     name : str
         Of the command.
     loaded : LoadedConfig
-        Its digest tells results of one study from those of another.
     request : Request
-        A dry run says what would be done.
     study : callable
-        Finds the numbers.
+        Finds the numbers; not called in a dry run.
     talk : Talk
 
     Returns
     -------
     dict
-        What ``--json`` prints: the numbers, ``text``, ``out`` and ``manifest``.
+        What ``--json`` prints.
 
     Raises
     ------

@@ -33,22 +33,21 @@ _TEX = str.maketrans(
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers of a study, from which its files and what the terminal shows follow.
+    """Numbers of a study, from which its files and the terminal follow.
 
     Attributes
     ----------
     name : str
         Of its files; its LaTeX label too.
     caption : str
-        What it shows, and of what.
     rows : sequence of mapping
         Numbers, texts, booleans, None, and lists of these, by column name.
     columns : mapping, optional
-        Columns in order; every key of any row under its own name if not given.
+        In order; every key of any row under its own name if not given.
     terminal : sequence of str, optional
-        Columns that the terminal shows: all if not given, nothing of the table if empty.
+        Columns shown there: all if not given, no table if empty.
     suffixes : sequence of str
-        Files to write: ``csv``, ``md`` and ``tex``.
+        Files to write.
     """
 
     name: str

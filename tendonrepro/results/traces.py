@@ -94,7 +94,7 @@ def read_traces(path: Path) -> TraceFile:
     Raises
     ------
     DataMissingError
-        When the file is absent, damaged, not a trace file, or of another schema version.
+        When it is absent, damaged, or of another layout.
     """
     import xarray as xr
 

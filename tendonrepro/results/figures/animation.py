@@ -50,16 +50,16 @@ def animate(
     Parameters
     ----------
     source : Path
-        Trace file, or a results folder that holds one.
+        Trace file, or a results folder.
     talk : Talk
     run : str, optional
-        Name of a run; the first one if not given.
+        The first one if not given.
     speed : float
         Seconds of the run in one second of the film.
     out : Path, optional
-        File to write, ending in .gif, else beside the traces, with the name of the run.
+        File to write, ending in .gif, else beside the traces by the run's name.
     force : bool
-        Overwrite a file that is there.
+        Overwrite a file.
 
     Returns
     -------

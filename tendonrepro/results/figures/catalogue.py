@@ -24,9 +24,8 @@ _ERRORS = "Where errors are of the size of encoder steps, their mean in a band o
 class FigureSpec:
     """What a figure shows and needs.
 
-    `runs` are its runs by name; none stands for all of the comparison that carry no payload. Those are drawn
-    that hold all `joints` and all of the variables it `needs`, or `some`; the plant record must hold the
-    values of `plant`.
+    `runs` are its runs by name; none stands for all of the comparison without payload. Of them those are
+    drawn that hold all `joints` and all variables it `needs`, or `some`; the plant record must hold `plant`.
     """
 
     draw: Callable[[TraceFile, list[Trace]], Canvas]

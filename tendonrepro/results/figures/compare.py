@@ -246,10 +246,9 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
 
 
 def averaged_curve(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Mean over `MEAN_WINDOW` of the samples (T,) that are there, and their RMS about it.
+    """Mean of the samples (T,) that are there over `MEAN_WINDOW`, and RMS about it over `RIPPLE_WINDOW`.
 
-    The RMS is over `RIPPLE_WINDOW`. Both are taken once a mean's window and at the end: more often would
-    draw the beat of encoder counts.
+    Both once a mean's window and at the end: more often would draw the beat of encoder counts.
 
     Returns
     -------

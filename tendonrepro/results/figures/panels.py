@@ -29,10 +29,8 @@ class FigureArtists(Drawing):
 
     Attributes
     ----------
-    lines : dict
-        Curves by panel letter and name, such as ``("c", "Controller 1")``.
-    bands : dict
-        Bands below the curves that are means, by the same keys.
+    lines, bands : dict
+        By panel letter and name, such as ``("c", "Controller 1")``.
     """
 
     lines: dict[tuple[str, str], Line2D]
@@ -42,10 +40,9 @@ class FigureArtists(Drawing):
 class Canvas:
     """A figure under construction, width and height in mm printed.
 
-    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
-    letter; a single panel needs none. The last rows of panels may have an x axis of their own, shared within
-    a column: `apart` are their labels, empty where the axis stands below the next row. `places` are row and
-    title, up to a comma, of every panel by letter: what it shows.
+    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Panels get letters.
+    The last rows may have an x axis of their own, shared within a column: `apart` are their labels. `places`
+    are row and title, up to a comma, of every panel.
     """
 
     def __init__(
@@ -91,8 +88,8 @@ class Canvas:
     ) -> None:
         """Draw a curve (T,), in the panel's units, under the key `name`; `held` samples as steps.
 
-        The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
-        diverged run the last sample is marked, and the range of the y axis is left to the other curves.
+        The legend lists equal labels once, an empty one not at all. A diverged run ends in a mark and does
+        not set the range of the y axis.
         """
         x, y = thin(time, values)
         (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
@@ -107,10 +104,9 @@ class Canvas:
             self._diverged[letter].append(line)
 
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
-        """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
+        """Draw the band between a lower and an upper edge (T,), below all curves.
 
-        Time and edges (T,), in the panel's units. Bands are opaque and the first lies on top: where they
-        overlap their colours do not mix, and their edges, above all of them, tell them apart.
+        Bands are opaque, the first on top, so colours do not mix; edges lie above all of them.
         """
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
@@ -181,8 +177,8 @@ def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> N
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
     """Reduce a curve to what can be seen, keeping every spike.
 
-    Samples are taken in as many equal groups as a panel has columns; of each group the smallest and the
-    largest stay, at their own times, and of the whole curve both ends. Non-finite samples are dropped first.
+    Of each of equal groups of samples the extremes stay, at their own times, and both ends of the curve.
+    Non-finite samples are dropped.
     """
     finite = np.isfinite(values)
     time, values = time[finite], values[finite]
