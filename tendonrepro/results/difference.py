@@ -15,9 +15,6 @@ from tendonrepro.results.store import stored_traces
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 
-SHOWN = 20
-"""Differences of one kind that the words name; ``--json`` has all."""
-
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
     """Compare two trace files, or the results folders that hold them.
@@ -106,7 +103,7 @@ def difference_text(found: Mapping[str, Any]) -> str:
     if found["same"]:
         return "The two results have the same configuration, versions, metrics and traces."
     parts = [
-        Table(kind, f"{kind}: {len(rows)}, at most {SHOWN} are shown; --json has all", rows[:SHOWN]).text()
+        Table(kind, f"{kind}: {len(rows)}", rows).text()
         for kind, rows in found.items()
         if isinstance(rows, list) and rows
     ]

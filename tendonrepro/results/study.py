@@ -50,8 +50,8 @@ class Outcome:
 
     def text(self) -> str:
         """What the terminal shows."""
-        shown = (part if isinstance(part, str) else part.text() for part in self.parts if _is_shown(part))
-        return "\n\n".join(shown)
+        shown = [part for part in self.parts if isinstance(part, str) or part.terminal != ()]
+        return "\n\n".join(part if isinstance(part, str) else part.text() for part in shown)
 
     def write_tables(self, folder: Path) -> None:
         """Write the tables below a results folder."""
@@ -67,10 +67,6 @@ class Outcome:
 
             for draw in self.figures.values():
                 save_drawing(draw(), result.path / "figures")
-
-
-def _is_shown(part: Table | str) -> bool:
-    return isinstance(part, str) or part.terminal is None or len(part.terminal) > 0
 
 
 def run_study(

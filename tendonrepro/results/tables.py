@@ -65,10 +65,9 @@ class Table:
         TendonreproError
             When a file cannot be written.
         """
-        write = {"csv": self.csv, "md": self.md, "tex": self.tex}
         paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
         for suffix, path in zip(self.suffixes, paths, strict=True):
-            write_atomically(path, write[suffix]())
+            write_atomically(path, getattr(self, suffix)())
         return paths
 
     def text(self) -> str:

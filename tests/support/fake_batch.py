@@ -91,12 +91,6 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
     return run_study(study or small_study(), draws, folder, **arguments)
 
 
-def read_shard(path):
-    """Everything of a shard as bytes by name."""
-    with np.load(path) as stored:
-        return {name: values.tobytes() for name, values in stored.items()}
-
-
 def shards_in(folder):
     """Shards of a result, and of one that is not finished."""
     unfinished = folder.with_name(f".{folder.name}.partial")
@@ -104,8 +98,12 @@ def shards_in(folder):
 
 
 def contents(folder):
-    """What every shard holds, by its name."""
-    return {path.name: read_shard(path) for path in shards_in(folder)}
+    """What every shard holds as bytes, by its name."""
+    found = {}
+    for path in shards_in(folder):
+        with np.load(path) as stored:
+            found[path.name] = {name: values.tobytes() for name, values in stored.items()}
+    return found
 
 
 def results(folder):
