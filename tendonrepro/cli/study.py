@@ -264,5 +264,5 @@ def report(
     """
     from tendonrepro.reporting.command import report_text, run_report
 
-    found = run_report(results, out, terminal.talk, force=force)
+    found = run_report(results, out, force=force)
     terminal.show(found, report_text(found))

@@ -16,6 +16,8 @@ from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.page import page
 from tendonrepro.reporting.stored import Stored, stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.rules import VERDICTS
 
 PARTS = [
     "answer",
@@ -49,11 +51,11 @@ def test_the_parts_stand_in_order(made: Element, results: Path) -> None:
 def test_the_ten_claims(made: Element, ledger: dict[str, Any]) -> None:
     head, *rows = made.one(id="answer").one("table").cells()
     assert len(head) == 3
-    assert len(rows) == len(claims.MAIN) == 10
-    for row, name in zip(rows, claims.MAIN, strict=True):
-        said = [f"{claims.MAIN[name]} {ledger[name]['where']}", claims.ours(ledger[name])]
+    assert len(rows) == len(MAIN) == 10
+    for row, name in zip(rows, MAIN, strict=True):
+        said = [f"{in_words(name)} {ledger[name]['where']}", claims.ours(ledger[name])]
         assert [plain(cell) for cell in row[:2]] == said
-        assert row[2].startswith(claims.VERDICTS[ledger[name]["verdict"]])
+        assert row[2].startswith(VERDICTS[ledger[name]["verdict"]])
 
 
 def plain(text: str) -> str:
@@ -69,7 +71,7 @@ def test_every_verdict_stands_once_with_its_evidence(made: Element, ledger: dict
 
 
 def test_every_verdict_has_words(ledger: dict[str, Any]) -> None:
-    assert {one.verdict for one in judge_all(Sources())} <= claims.VERDICTS.keys()
+    assert {one.verdict for one in judge_all(Sources())} <= VERDICTS.keys()
     assert (
         claims.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
     )
