@@ -41,7 +41,6 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
     if name == "fig15":
         # Bands of raw samples of all runs, twice, would hide the means.
         draw, caption = partial(draw_law, bands=False), _LAW_CAPTION
-    drawn: list[Trace] = []
     with journal_style():
         sheet = draw(measured, traces)
         for line in sheet.lines.values():
@@ -49,20 +48,12 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
         for above, trace in enumerate(traces, 1 - len(traces)):
             if trace.name in models:
-                model = models[trace.name].of_joints(joints)
-                file = replace(measured, runs={trace.name: model})
+                file = replace(measured, runs={trace.name: models[trace.name].of_joints(joints)})
                 for one in spec.traces(file):
                     _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
-                    drawn.append(one)
-        laid_over = "Measured wide and pale; the model on it thin and dashed."
-        told = [laid_over if drawn else "Measured; no simulation."]
-        told += [
-            f"Simulated, {one.name} diverged at {one.attributes['status_time']:.2f} s."
-            for one in drawn
-            if one.status == "diverged"
-        ]
+        drawn = any(name.endswith(" simulated") for _, name in sheet.lines)
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
-        return sheet.finish(name, " ".join([f"{title_of(name)}. {caption}", *told]), origin)
+        return sheet.finish(name, f"{title_of(name)}. {caption} {origin}.", origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:

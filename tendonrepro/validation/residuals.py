@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -12,15 +12,12 @@ from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.records import PlantRecord, Trace
 from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 
-Row: TypeAlias = dict[str, Any]
-"""A table row by column name; angles in degrees, None where a number cannot be told."""
-
 _METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
 _SMOOTH = 0.05
 """Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
 
-def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
+def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
     """Put a measured run beside its simulation on the measured axes, joint by joint.
 
     The simulation is interpolated on the measured times. Nothing is shifted to fit: the lag is an estimate of
@@ -67,10 +64,10 @@ def at(trace: Trace, name: str, time: Array) -> Array:
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _row(columns: Mapping[str, Array], place: int) -> Row:
-    return {
-        name: values[place].item() if np.isfinite(values[place]) else None for name, values in columns.items()
-    }
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
+    """Numbers of one joint, None where one cannot be told."""
+    values = {name: column[place] for name, column in columns.items()}
+    return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _differences(prefix: str, apart: Array) -> Sizes:
@@ -100,7 +97,7 @@ def _lag(behind: Array, rate: Array) -> Array:
     return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
-def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
     """Compare measured joint and motor angles of the decoupling run through the plant's ``S`` and ``S_inv``.
 
     Rows hold ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, deg, as they

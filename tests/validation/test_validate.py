@@ -141,7 +141,7 @@ class TestValidate:
         for name, digest in manifest["outputs"].items():
             assert sha256_of(out / name) == digest
         assert manifest["inputs"][str(shipped)] == sha256_of(shipped)
-        expected = {"reference.csv", "compare.yaml", "simulated_compare.h5", "validation.json"}
+        expected = {"reference.csv", "compare.yaml", "simulated_compare.h5", "validate.json"}
         expected |= {f"tables/{name}" for name in ("residuals.csv", "windows.csv", "table2.tex", "claims.md")}
         assert expected | {"figures/fig13.pdf", "figures/fig16.png"} <= set(manifest["outputs"])
         told = (out / "tables" / "controllers.csv").read_text().splitlines()
@@ -151,23 +151,22 @@ class TestValidate:
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 
     def test_the_stored_results_are_those_returned(self, found: dict[str, Any]) -> None:
-        stored = json.loads((Path(found["out"]) / "validation.json").read_text())
+        stored = json.loads((Path(found["out"]) / "validate.json").read_text())
         assert stored == json.loads(json.dumps({key: found[key] for key in stored}))
-        assert found.keys() - stored.keys() == {"text", "manifest"}
+        assert found.keys() - stored.keys() == {"text", "out", "manifest"}
         assert stored["schema_version"] == 1
         assert stored["sources"] == [INPUT]
 
     def test_other_results_are_not_overwritten(self, found: dict[str, Any], shipped: Path) -> None:
-        before = sha256_of(Path(found["out"]) / "validation.json")
+        before = sha256_of(Path(found["out"]) / "validate.json")
         with pytest.raises(UsageError, match="another configuration"):
             validate(shipped, Path(found["out"]), "manipulator.gravity=9.8")
         assert validate(shipped, Path(found["out"]), "manipulator.gravity=9.8", dry_run=True)["dry_run"]
-        assert sha256_of(Path(found["out"]) / "validation.json") == before
+        assert sha256_of(Path(found["out"]) / "validate.json") == before
 
     def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
-        assert str(shipped) in plan["text"]
         assert not (tmp_path / "out").exists()
 
 
@@ -222,10 +221,8 @@ def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides() 
     larger[first.time >= PERIOD, 0] *= 1.02
     runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
     measured = measured_of(replace(file, runs=runs), published())
-    closest = closest_window(measured)
+    closest = closest_window(measured.tables)
     assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
     agree = table_data(closest, published())["table2"]
     assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
     assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
-    names = {table.name for table in measured_tables(measured, published(), "SYNTHETIC.h5")}
-    assert {"table2", "table3", "best_table2", "best_table3", "windows"} <= names
