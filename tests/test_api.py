@@ -8,7 +8,9 @@ import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,10 @@ from support import ROOT
 import tendonrepro as tr
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
+from tendonrepro.identification.command import run_identify
+from tendonrepro.monte_carlo.command import run_ensemble
 from tendonrepro.results.store import read_manifest
+from tendonrepro.tuning.command import run_tune
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "control.gains.lam": 6}
@@ -131,6 +136,18 @@ def test_every_command_of_the_command_line_is_a_function() -> None:
         for key, parameter in own.items():
             if key in options and isinstance(parameter.default, int | float):
                 assert parameter.default == options[key], (name, key)
+
+
+@pytest.mark.parametrize(
+    ("name", "run"), [("ensemble", run_ensemble), ("identify", run_identify), ("tune", run_tune)]
+)
+def test_a_command_takes_what_its_functions_are_given(name: str, run: Callable[..., Any]) -> None:
+    """They hand on their arguments by name."""
+    shared = {"config", "set", "seed", "out", "force"}
+    assert (
+        inspect.signature(getattr(tr, name)).parameters.keys() - shared
+        <= inspect.signature(run).parameters.keys()
+    )
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:
