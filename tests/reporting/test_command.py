@@ -34,9 +34,6 @@ def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path)
         run_report(folder, None, force=False)
     assert path.read_text(encoding="utf-8") == "mine"
     assert run_report(folder, None, force=True) == first
-
-
-def test_a_missing_folder(tmp_path: Path) -> None:
     with pytest.raises(DataMissingError):
         run_report(tmp_path / "none", None, force=False)
 
@@ -66,8 +63,8 @@ def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
     assert kept.keys() | {"physics_sha256"} == stored.keys()
     one, other = (held["populations"]["box"]["readings"][0] for held in (kept, stored))
     assert one.keys() == other.keys()
-    assert one["in_order"].keys() == other["in_order"].keys()
-    assert one["c1_c2"].keys() == other["c1_c2"].keys()
+    for key in ("in_order", "c1_c2"):
+        assert one[key].keys() == other[key].keys()
 
 
 @pytest.mark.parametrize(
@@ -87,6 +84,5 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(json.dumps(content), encoding="utf-8")
     found = stored_under(tmp_path)
-    assert found.origins["claims"] == "run"
-    assert found.origins["ensemble"] == origin
+    assert (found.origins["claims"], found.origins["ensemble"]) == ("run", origin)
     assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")
