@@ -18,6 +18,7 @@ import typer
 from support import ROOT
 
 import tendonrepro as tr
+from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.identification.command import run_identify
@@ -144,6 +145,20 @@ def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> 
     function = getattr(tr, run.__name__.removeprefix("run_"))
     own = inspect.signature(function).parameters.keys() - {"config", "set", "seed", "out", "force"}
     assert own <= inspect.signature(run).parameters.keys()
+
+
+def test_what_all_commands_share_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def run(request: Request, talk: Any, **given: Any) -> None:
+        del talk
+        asked.extend([request, given["plants"]])
+        raise StopIteration
+
+    monkeypatch.setattr("tendonrepro.tuning.command.run_tune", run)
+    with pytest.raises(StopIteration):
+        tr.tune(3, config="mine", set={"a.b": [1, 2]}, seed=2, out="x", force=True)
+    assert asked == [Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True), 3]
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

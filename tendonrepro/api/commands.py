@@ -88,14 +88,9 @@ def decouple(
 
 
 def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
-    """Run both experiments and the fitted plant, write every figure and table, and return them by name.
+    """Run both experiments and the fitted plant, write everything below `out`, and return them by name.
 
-    Parameters
-    ----------
-    out : str or Path
-        Folder above the results.
-    force : bool
-        Overwrite results of another configuration, and files changed since.
+    With `force` results of another configuration and files changed since are overwritten.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
 
@@ -136,8 +131,7 @@ def sweep(
     Parameters
     ----------
     over : mapping
-        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``; the other parameters are those of
-        `compare`.
+        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``. The others are those of `compare`.
     """
     request, started = _request({**locals()}), time.perf_counter()
     from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
@@ -150,17 +144,10 @@ def sweep(
 
 
 def recover(log: str | Path) -> Result:
-    """Tell which controller made a log, or why the log cannot tell.
-
-    Parameters
-    ----------
-    log : str or Path
-        Trace file, or a results folder with one.
+    """Tell which controller made a log, a trace file or a results folder with one.
 
     Raises
     ------
-    DataMissingError
-        When the log cannot be read.
     UsageError
         When no run of it has torque, desired and measured angles.
     """
@@ -245,14 +232,7 @@ def predict(
 ) -> Result:
     """Predict what experiments on a bench would give under each interpretation of the paper.
 
-    Parameters
-    ----------
-    draws : int
-        Plants.
-    readings : str, optional
-        Names with commas between; nine main ones if not given.
-    config, set, seed, out, force
-        As of `ensemble`.
+    Parameters are those of `ensemble`; `readings` not given are nine main ones.
     """
     given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict

@@ -13,23 +13,9 @@ _MARK = b'<meta name="generator" content="tendonrepro'
 
 
 def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]:
-    """Write the page of a results folder.
+    """Write the page of the folder above the results, and return what ``--json`` prints.
 
-    An earlier page is replaced, any other file is not.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder above the results: ``decouple``, ``compare``, ... where they exist.
-    out : Path or None
-        File to write; None is ``report.html`` in that folder.
-    force : bool
-        Replace whatever is there.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints: ``path``, ``bytes``, and where each of the ``parts`` comes from.
+    An earlier page is replaced, any other file with `force` alone.
 
     Raises
     ------

@@ -120,8 +120,8 @@ _REGIONS = {
 def draw_map(summary: Mapping[str, Any]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel for each joint.
 
-    Under a load that changes slowly no plant enters: the first ratio says how much older Controller 1's
-    estimate is than Controller 2's, the second how much softer Controller 2's surface is than Controller 3's.
+    Under a slow load no plant enters: the first ratio is that of the ages of the estimates, the second that
+    of the softness of the surfaces.
     """
     figure = open_figure(PAGE_MM, 88.0)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)

@@ -47,21 +47,10 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 
 
 def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """Compare a measured trace file with the print and with the model, and write all of it.
+    """Compare a measured trace file with the print and with the model; return what ``--json`` prints.
 
-    Parameters
-    ----------
-    measured : Path
-        Trace file that ingest has written.
-    request : Request
-        Its configuration is the model's, except for the reference; changes of the manipulator hold for both
-        experiments.
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints, and ``text``.
+    The configuration is the model's, except for the reference. Changes of the manipulator hold for both
+    experiments.
 
     Raises
     ------

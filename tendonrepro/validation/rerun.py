@@ -35,26 +35,10 @@ _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calcu
 def reruns(
     measured: Measured, base: LoadedConfig, name: str, folder: Path, talk: Talk
 ) -> tuple[dict[str, Trace], list[str]]:
-    """Run the model on the motions of a measured file, as far as it holds them.
+    """Run the model `base` on the motions of a measured file of that `name`.
 
-    Configurations, motions and traces are written into `folder`.
-
-    Parameters
-    ----------
-    measured : Measured
-    base : LoadedConfig
-        The model.
-    name : str
-        Of the measured file.
-    folder : Path
-    talk : Talk
-
-    Returns
-    -------
-    runs : dict
-        Simulated runs by name, on the measured axes.
-    missing : list of str
-        What could not be rerun, and why.
+    Configurations, motions and traces go into `folder`. Returned are simulated runs by name, on the measured
+    axes, and what could not be rerun, and why.
     """
     runs: dict[str, Trace] = {}
     missing: list[str] = []
@@ -111,9 +95,9 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
 def write_compare(
     base: LoadedConfig, reference: Reference, runs: Mapping[str, Trace], measured: str, folder: Path
 ) -> Path:
-    """Write the recovered reference as a trajectory file and a complete configuration; return its path.
+    """Write the recovered motion and a configuration that runs on it; return its path.
 
-    All of `base` is kept but its reference, and payloads that were measured with other masses.
+    All of `base` is kept except its reference, and payloads measured with other masses.
     """
     tree: dict[str, Any] = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the reference measured in {measured}"
@@ -128,10 +112,7 @@ def write_compare(
 
 
 def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> Path:
-    """Write the measured motion of the decoupling experiment in the same way.
-
-    The motors' angles drive the rerun where they were recorded, else the joints' encoders.
-    """
+    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders."""
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     tree: dict[str, Any] = dict(base.tree)
@@ -158,9 +139,9 @@ def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, s
 
 
 def departure(trace: Trace, reference: Reference) -> float:
-    """Largest difference of a run's desired motion from one recovered of another run, rad.
+    """Largest difference of a run's desired motion from a recovered one, rad.
 
-    It is 0 where rounding, noise and one sample of time explain it, or it was not recorded.
+    It is 0 where rounding, noise and one sample of time explain it, or nothing was recorded.
     """
     record, ours = reference.record, trace.of_joints(reference.record.joint)
     if "q_d" not in ours or ours.joint != record.joint:
@@ -176,10 +157,9 @@ def departure(trace: Trace, reference: Reference) -> float:
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
-    """Put a rerun on the axes of its measured run: its time, and the start angles that were taken off.
+    """Put a rerun on the axes of its measured run: it begins at `zero`, s, and at the measured angles.
 
-    It begins at the measured time `zero`, s. In a comparison all its angles are moved by the start of `q_d`,
-    and its errors stay.
+    In a comparison all angles are moved by the start of `q_d`, and errors stay.
     """
     sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
     moved = {

@@ -18,15 +18,11 @@ _SMOOTH = 0.05
 
 
 def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
-    """Put a measured run beside its simulation on the measured axes, joint by joint.
+    """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
-    The simulation is interpolated on the measured times. Nothing is shifted to fit: the lag is an estimate of
-    its own, positive where the measurement is late.
-
-    Rows hold ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio,
-    ``e_*`` and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``,
-    ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and
-    simulated. What was not recorded is left out.
+    The simulation is interpolated on the measured times, and not shifted to fit. ``e_*`` and ``q_*`` are of
+    measured less simulated. ``lag_s`` is positive where the measurement is late. What was not recorded is
+    left out.
     """
     joints = [joint for joint in measured.joint if joint in simulated.joint]
     ours, model = measured.of_joints(joints), simulated.of_joints(joints)
@@ -91,7 +87,7 @@ def _rate(trace: Trace, time: Array) -> Array:
 
 
 def _lag(behind: Array, rate: Array) -> Array:
-    """Shift of the simulation that, with an offset, explains most of the difference to first order, s."""
+    """Shift that, with an offset, explains most of the difference to first order, s."""
     rate = np.where(np.isfinite(behind), rate, np.nan)
     behind, rate = behind - mean(behind), rate - mean(rate)
     return np.asarray(mean(behind * rate) / mean(rate**2))
@@ -100,8 +96,7 @@ def _lag(behind: Array, rate: Array) -> Array:
 def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
     """Compare measured joint and motor angles of the decoupling run through the plant's ``S`` and ``S_inv``.
 
-    Rows hold ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, deg, as they
-    are and with the difference at the start taken off. There are none unless the motors were recorded too.
+    Differences are in degrees, as they are and with that at the start taken off.
     """
     if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
         return

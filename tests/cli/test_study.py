@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from support.command import SHORT, answer, run
 
+from tendonrepro.cli.options import Terminal
+
 
 def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     words = ["sweep", "--over", "control.gains.alpha=[0,0],[0.1,0.2]", *SHORT]
@@ -19,6 +21,11 @@ def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     assert "--over" in missing["error"]["message"]
     words[2] = "control.gains.b=[0.9,0.9],[1.5,0.9]"
     assert "1.5" in answer(*words, cwd=tmp_path, code=2)["error"]["message"]
+
+
+def test_a_diverged_run_is_exit_code_5() -> None:
+    quiet = Terminal(as_json=False, quiet=True, verbose=False)
+    assert [quiet.show({"diverged": runs}) for runs in ([], ["controller_1"])] == [0, 5]
 
 
 def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(tmp_path: Path) -> None:

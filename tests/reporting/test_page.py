@@ -13,6 +13,7 @@ from reporting.conftest import LIKE_HTML
 from support.html_page import Element
 
 from tendonrepro.reporting import claims, orders
+from tendonrepro.reporting.answer import percent
 from tendonrepro.reporting.page import page
 from tendonrepro.reporting.stored import Stored, stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
@@ -55,6 +56,8 @@ def test_every_verdict_stands_once_with_its_evidence(made: Element, ledger: dict
     verdicts, evidence = made.one(id="claims").all("details")
     _, *rows = verdicts.one("table").cells()
     assert [plain(row[1]) for row in rows] == [claims.ours(entry) for entry in entries]
+    shares = [percent(part["share"]) for part in ledger["C1"]["evidence"]["statements"]]
+    assert [share for _, share in claims.statements(ledger["C1"])][:-1] == shares
     assert len(evidence.all("table")) == sum(bool(claims.statements(entry)) for entry in entries)
 
 
