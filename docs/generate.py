@@ -19,9 +19,7 @@ from typing import Any
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.answer import filled, numbers, percent
-from tendonrepro.reporting.figure_map import draw_map
-from tendonrepro.reporting.figure_orders import draw_orders
-from tendonrepro.reporting.figure_ranges import draw_ranges
+from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
 from tendonrepro.tuning.figure import draw_tuning

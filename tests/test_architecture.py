@@ -76,10 +76,10 @@ BUDGETS = {
     "dataset": 1_708,
     "tuning": 700,
     "verdicts": 1_718,
-    "validation": 454,
-    "reporting": 672,
-    "api": 375,
-    "cli": 526,
+    "validation": 400,
+    "reporting": 500,
+    "api": 340,
+    "cli": 500,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 

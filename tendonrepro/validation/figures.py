@@ -42,8 +42,7 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
         for above, trace in enumerate(traces, 1 - len(traces)):
             if trace.name in models:
-                model = models[trace.name].of_joints(joints)
-                file = replace(measured, runs={trace.name: model})
+                file = replace(measured, runs={trace.name: models[trace.name].of_joints(joints)})
                 for one in spec.traces(file):
                     _lay_over(sheet, spec.draw(file, [one]), one, _WIDE * _WIDER**-above)
                     drawn.append(one)
