@@ -65,7 +65,7 @@ OWNERS = {
 BUDGETS = {
     "ground": 237,
     "physics": 893,
-    "simulation": 1_825,
+    "simulation": 1_708,
     "configuration": 1_706,
     "results": 1_945,
     "experiments": 1_406,
