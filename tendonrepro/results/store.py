@@ -112,6 +112,11 @@ def replaced(
         raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
 
 
+def unfinished(folder: Path) -> Path:
+    """Where a result is made until it is complete."""
+    return _beside(folder.resolve())[0]
+
+
 def _beside(target: Path) -> tuple[Path, Path]:
     """Folders beside a results folder: the unfinished result, and the old one while it is replaced."""
     return target.with_name(f".{target.name}.partial"), target.with_name(f".{target.name}.old")
