@@ -79,7 +79,7 @@ def run_tune(
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
-    made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "tuning")
+    made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
     inputs = loaded.sha256, base.sha256, effort, task.seed, plants, any_plant
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"
