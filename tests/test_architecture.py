@@ -73,7 +73,7 @@ BUDGETS = {
     "evidence": 986,
     "monte_carlo": 1_197,
     "identification": 647,
-    "dataset": 1_678,
+    "dataset": 1_679,
     "tuning": 979,
     "verdicts": 1_650,
     "validation": 460,
