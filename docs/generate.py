@@ -19,9 +19,7 @@ from typing import Any
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
 from tendonrepro.reporting.answer import filled, numbers, percent
-from tendonrepro.reporting.figure_map import draw_map
-from tendonrepro.reporting.figure_orders import draw_orders
-from tendonrepro.reporting.figure_ranges import draw_ranges
+from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
 from tendonrepro.tuning.figure import draw_tuning
@@ -112,7 +110,7 @@ def write_pages() -> None:
     for page in PAGES:
         page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        tuning = draw_tuning(stored("tune")["laws"], {law.name: law.title for law in LAWS})
+        tuning = draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()})
         for drawing in (*(draw(stored("ensemble")) for draw in (draw_orders, draw_map, draw_ranges)), tuning):
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
@@ -175,7 +173,7 @@ def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
     }
     found = [
         [law.title, *(rows.get((law.name, filtered, cap), "") for filtered in (False, True) for cap in caps)]
-        for law in LAWS
+        for law in LAWS.values()
     ]
     found += [
         [f"Controller {k} as published", rows[f"controller_{k}", False, "published"], "", "", "",

@@ -62,7 +62,7 @@ def readings() -> str:
     for axis in AXES.values():
         key = f"`control.readings.{axis.name}`" if axis.name in Readings.model_fields else f"`{axis.name}`"
         rows.append(
-            (key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.place, axis.about)
+            (key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.at.place, axis.about)
         )
     return table("Reading|Default|Alternatives|Changes the runs|Place|About", rows)
 

@@ -8,7 +8,9 @@ import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +18,13 @@ import typer
 from support import ROOT
 
 import tendonrepro as tr
+from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
+from tendonrepro.identification.command import run_identify
+from tendonrepro.monte_carlo.command import run_ensemble
 from tendonrepro.results.store import read_manifest
+from tendonrepro.tuning.command import run_tune
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "control.gains.lam": 6}
@@ -131,6 +137,28 @@ def test_every_command_of_the_command_line_is_a_function() -> None:
         for key, parameter in own.items():
             if key in options and isinstance(parameter.default, int | float):
                 assert parameter.default == options[key], (name, key)
+
+
+@pytest.mark.parametrize("run", [run_ensemble, run_identify, run_tune])
+def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> None:
+    """Arguments are handed on by name."""
+    function = getattr(tr, run.__name__.removeprefix("run_"))
+    own = inspect.signature(function).parameters.keys() - {"config", "set", "seed", "out", "force"}
+    assert own <= inspect.signature(run).parameters.keys()
+
+
+def test_what_all_commands_share_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def run(request: Request, talk: Any, **given: Any) -> None:
+        del talk
+        asked.extend([request, given["plants"]])
+        raise StopIteration
+
+    monkeypatch.setattr("tendonrepro.tuning.command.run_tune", run)
+    with pytest.raises(StopIteration):
+        tr.tune(3, config="mine", set={"a.b": [1, 2]}, seed=2, out="x", force=True)
+    assert asked == [Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True), 3]
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

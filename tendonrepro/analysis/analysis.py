@@ -44,9 +44,8 @@ PAIRS = ("c1_c2", "c2_c3")
 class RunMargins:
     """Stability of one run, the worst of several postures for every number.
 
-    The slowest mode decays by ``decay``, s⁻¹, negative where the loop grows, at ``decay_hz``; ``ringing_`` is
-    the same of the slowest fast mode, NaN without. ``disk_margin`` is of all joints at once; `joints` are
-    margins of a torque of one joint that the law does not know.
+    ``decay``, s⁻¹, is of the slowest mode, negative where the loop grows; ``ringing_decay`` of the slowest
+    fast one, or NaN. ``disk_margin`` is of all joints at once.
     """
 
     of_run: Mapping[str, Any]
@@ -57,11 +56,9 @@ class RunMargins:
 class Explanation:
     """Everything that :func:`explain` finds.
 
-    Views, margins and curves are by run; a curve is Hz (F,) and the response of every joint's channel,
-    complex (joints, F), at the middle posture. `postures` (P, n), rad, are start, middle and far end of the
-    reference. `ratios` are by pair such as ``c1_c2``, size of the error in degrees, and joint; `what_if` by
-    change such as ``weights=extrapolating``: slowest ``decay`` of each run, s⁻¹, and ``ratio`` of each pair.
-    `origin` marks the configuration in captions.
+    A curve is Hz (F,) and the response of every joint's channel (joints, F) at the middle posture. `postures`
+    (P, n), rad, are start, middle and far end of the reference. `ratios` are by pair such as ``c1_c2``, size
+    of the error, deg, and joint; `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair for each change.
     """
 
     joints: tuple[int, ...]
@@ -77,7 +74,7 @@ class Explanation:
 
 
 def explain(loaded: LoadedConfig) -> Explanation:
-    """Linearise every run of a ``compare`` configuration: how stable it is, what its error must be."""
+    """Linearise every run of a ``compare`` configuration."""
     config = loaded.config
     if not isinstance(config, CompareConfig):
         raise UsageError("only the experiment 'compare' has controllers to explain", where=loaded.origin)
@@ -117,7 +114,7 @@ def view_pairs(views: Mapping[str, View]) -> Iterator[tuple[str, View, View]]:
 
 
 def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
-    """Ratio of two runs' errors under a slow load, (n,), by `tendonrepro.physics.slow_error.error_ratio`."""
+    """Ratio of two runs' errors under a slow load, (n,)."""
     ratio: list[float] = error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay).tolist()
     return ratio
 

@@ -41,17 +41,7 @@ _FILES_ALONE = {"ringing_decay", "gain_margin_hz", "gain_reduction_margin", "cro
 
 
 def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
-    """Explain a configuration and write numbers, table, figures and manifest.
-
-    Parameters
-    ----------
-    request : Request
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints: :func:`explanation_data`, ``text``, ``out`` and ``manifest``.
+    """Explain a configuration; what ``--json`` prints.
 
     Raises
     ------
@@ -76,7 +66,7 @@ def study_explain(loaded: LoadedConfig) -> Outcome:
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
-    """Plain numbers with the keys of ``--json``; what does not exist is NaN, which JSON writes as null."""
+    """Plain numbers with the keys of ``--json``; NaN where there is none."""
     runs = {run: _run_data(held, found.views[run]) for run, held in found.margins.items()}
 
     def of_torque(name: str) -> dict[str, Any]:

@@ -67,9 +67,8 @@ def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Arr
 def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:
     """Signed distance (Y, X) from the border of stability, positive inside, in the logarithm of `along`.
 
-    The decay itself is no good for drawing the border: it is flat where a slow mode sets it and steep where
-    the ringing does. The border is found by halving on every line, so that the distance is right on the grid;
-    it is at most the length of the range.
+    The decay itself draws no border: it is flat where a slow mode sets it and steep where the ringing does.
+    The border is found by halving on every line; the distance is at most the length of the range.
     """
     height = np.log(along)
     grid = np.meshgrid(across, along)

@@ -1,8 +1,7 @@
 """How far the sampled loop is from its limit of stability.
 
 The loop is cut between controller and plant: the plant feels another torque than the law believes to have
-applied, which is what a wrong torque constant, a slow current loop or an unmodelled gear does. With the other
-joints' loops closed, what is left is one channel ``G``, and the loop is on its limit where
+applied. With the other joints' loops closed, one channel ``G`` is left. The loop is on its limit where
 ``factor · G(z) = 1`` on the unit circle, the factor real for a gain and ``exp(-j phase)`` for a lag.
 """
 
@@ -31,12 +30,11 @@ _BEYOND = 1e-4
 
 
 class ChannelMargins(NamedTuple):
-    """Margins of one joint's torque with the other loops closed.
+    """Margins of one joint's torque with the other loops closed; NaN where there is none.
 
-    NaN where there is none, or the loop grows already. The gain margins are the smallest factor above 1 and
-    the largest below 1 that make the loop grow, `_hz` the frequency of the mode that then grows; the phase
-    margin is the smallest lag or lead, in degrees, that does, where the gain is 1, at `crossover_hz`; the
-    delay margin the shortest extra delay, s, unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
+    The gain margins are the smallest factor above 1 and the largest below 1 that make the loop grow, at
+    `_hz`; the phase margin is the smallest lag or lead that does, the delay margin the shortest extra delay
+    unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
     """
 
     stable: bool = False
@@ -70,8 +68,7 @@ def response(cut: Cut, angles: Array) -> Complex:
 def angle_grid(*matrices: Array) -> Array:
     """Angles, rising up to π, that leave no resonance of the matrices between two points.
 
-    Logarithmic towards zero and towards Nyquist's frequency, where a delayed loop has its least damped mode,
-    and around every mode as closely as its decay asks for.
+    Logarithmic towards zero, towards Nyquist's frequency, where a delayed loop rings, and around every mode.
     """
     towards_zero = np.geomspace(_LOWEST_ANGLE, np.pi, 400)
     parts = [towards_zero, np.pi - np.geomspace(1e-7, 1.0, 120)]
@@ -158,10 +155,9 @@ def _first_loss(single: Cut, factors: Array, places: Array, *, above: bool) -> t
 def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
     """Symmetric disk margin of all joints at once, 0 to 2 or NaN of a loop that grows, and where, Hz.
 
-    Every torque may be multiplied by a complex factor ``(2 + d) / (2 - d)`` of its own; the loop stays stable
-    while every ``|d|`` is below the margin. It is ``2 / max mu(S - T)`` over the frequencies, ``mu`` the
-    structured singular value of diagonal complex perturbations by scaling: exact for one and two joints,
-    cautious for more.
+    Every torque may be multiplied by a complex factor ``(2 + d) / (2 - d)`` of its own while every ``|d|`` is
+    below the margin, ``2 / max mu(S - T)`` over the frequencies. ``mu`` is by scaling: exact for one and two
+    joints, cautious for more.
     """
     A, B, C = cut
     if spectral_radius(A + B @ C) >= 1.0:
@@ -186,8 +182,7 @@ def scaled_norm(M: Complex) -> Array:
     """Upper bound of the structured singular value of M (N, n, n) for diagonal complex perturbations.
 
     The largest singular value of ``D M D⁻¹`` with the diagonal ``D`` that makes its Frobenius norm smallest.
-    For two rows the product of the singular values does not depend on ``D``, so the same ``D`` makes the
-    larger one smallest: the bound is the best there is, and for two perturbations it is the value itself.
+    For two rows the product of the singular values does not depend on ``D``, so the bound is the value.
     """
     M = M.copy()
     n = M.shape[-1]

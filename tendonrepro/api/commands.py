@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tendonrepro.api.result import Result
-from tendonrepro.configuration.load import Config, ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import Config, LoadedConfig, load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
@@ -29,26 +29,22 @@ def _overrides(changes: Changes | None) -> list[str]:
     return [f"{key}={json.dumps(_plain(value))}" for key, value in (changes or {}).items()]
 
 
-def _request(
-    source: str | Path | None,
-    changes: Changes | None,
-    seed: int | None,
-    controllers: Sequence[int] | None,
-    out: str | Path | None = None,
-    force: bool = False,
-) -> Request:
+def _request(given: dict[str, Any]) -> Request:
+    """Take what many functions have in common out of the arguments of one, its `locals`."""
+    source, out = given.pop("config", None), given.pop("out", None)
     return Request(
         None if source is None else str(source),
         None if out is None else Path(out),
-        _overrides(changes),
-        seed,
-        controllers,
-        force=force,
+        _overrides(given.pop("set", None)),
+        given.pop("seed", None),
+        given.pop("controllers", None),
+        force=given.pop("force", False),
     )
 
 
-def _written(command: str, found: dict[str, Any]) -> Result:
-    """Result of a command that has written its folder."""
+def _written(command: str, run: Callable[..., dict[str, Any]], given: dict[str, Any]) -> Result:
+    """Result of a command that writes its folder, carried out with the arguments of its function."""
+    found = run(request=_request(given), talk=Talk(), **given)
     text = found.pop("text")
     folder = Path(found["out"])
     return Result(command, Outcome(found, [text]), read_manifest(folder), folder=folder)
@@ -81,29 +77,24 @@ def compare(
     TendonreproError
         As on the command line.
     """
-    return _experiment(_loaded("compare", config, set, seed, controllers), laws)
+    return _experiment(_request({**locals()}).load("compare"), laws)
 
 
 def decouple(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
     """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are those of `compare`."""
-    return _experiment(_loaded("decouple", config, set, seed))
+    return _experiment(_request({**locals()}).load("decouple"))
 
 
 def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
-    """Run both experiments and the fitted plant, write every figure and table, and return them by name.
+    """Run both experiments and the fitted plant, write everything below `out`, and return them by name.
 
-    Parameters
-    ----------
-    out : str or Path
-        Folder above the results.
-    force : bool
-        Overwrite results of another configuration, and files changed since.
+    With `force` results of another configuration and files changed since are overwritten.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
 
-    found = run_experiments(paper_orders(None, _request(None, None, None, None, out, force)), Talk())
+    found = run_experiments(paper_orders(None, Request(out=Path(out), force=force)), Talk())
     return {name: open(one["out"]) for name, one in found.items()}
 
 
@@ -111,9 +102,9 @@ def statics(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
     """Survey the tension of every tendon over the working half-plane. Parameters are those of `compare`."""
+    loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
     from tendonrepro.experiments.statics.command import study_statics
 
-    loaded, started = _loaded("decouple", config, set, seed), time.perf_counter()
     return _studied("statics", loaded, study_statics(loaded), started)
 
 
@@ -121,9 +112,9 @@ def explain(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
     """Give stability margins and error ratios of the sampled loop. Parameters are those of `compare`."""
+    loaded, started = _request({**locals()}).load("compare"), time.perf_counter()
     from tendonrepro.analysis.command import study_explain
 
-    loaded, started = _loaded("compare", config, set, seed), time.perf_counter()
     return _studied("explain", loaded, study_explain(loaded), started)
 
 
@@ -140,31 +131,23 @@ def sweep(
     Parameters
     ----------
     over : mapping
-        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``; the other parameters are those of
-        `compare`.
+        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``. The others are those of `compare`.
     """
+    request, started = _request({**locals()}), time.perf_counter()
     from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
 
     keys = [
         f"{key}={','.join(json.dumps(_plain(value)) for value in values)}" for key, values in over.items()
     ]
-    ready = load_sweep(_request(config, set, seed, controllers), keys)
-    started = time.perf_counter()
+    ready = load_sweep(request, keys)
     return _studied("sweep", ready.base, study_sweep(ready, keys, Talk()), started)
 
 
 def recover(log: str | Path) -> Result:
-    """Tell which controller made a log, or why the log cannot tell.
-
-    Parameters
-    ----------
-    log : str or Path
-        Trace file, or a results folder with one.
+    """Tell which controller made a log, a trace file or a results folder with one.
 
     Raises
     ------
-    DataMissingError
-        When the log cannot be read.
     UsageError
         When no run of it has torque, desired and measured angles.
     """
@@ -202,10 +185,10 @@ def ensemble(
     force : bool
         Replace results of another configuration or version.
     """
+    given = {**locals()}
     from tendonrepro.monte_carlo.command import run_ensemble
 
-    request = _request(config, set, seed, None, out, force)
-    return _written("ensemble", run_ensemble(request, Talk(), draws=draws, jobs=jobs, readings=readings))
+    return _written("ensemble", run_ensemble, given)
 
 
 def identify(
@@ -231,21 +214,10 @@ def identify(
     config, readings, jobs, out, force
         As of `ensemble`.
     """
+    given = {**locals()}
     from tendonrepro.identification.command import run_identify
 
-    request = _request(config, None, None, None, out, force)
-    found = run_identify(
-        request,
-        Talk(),
-        fit=fit,
-        readings=readings,
-        window="whole",
-        generations=generations,
-        population=population,
-        seeds=seeds,
-        jobs=jobs,
-    )
-    return _written("identify", found)
+    return _written("identify", run_identify, given)
 
 
 def predict(
@@ -260,19 +232,12 @@ def predict(
 ) -> Result:
     """Predict what experiments on a bench would give under each interpretation of the paper.
 
-    Parameters
-    ----------
-    draws : int
-        Plants.
-    readings : str, optional
-        Names with commas between; nine main ones if not given.
-    config, set, seed, out, force
-        As of `ensemble`.
+    Parameters are those of `ensemble`; `readings` not given are nine main ones.
     """
+    given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict
 
-    request = _request(config, set, seed, None, out, force)
-    return _written("predict", run_predict(request, Talk(), draws=draws, readings=readings or READINGS))
+    return _written("predict", run_predict, given | {"readings": readings or READINGS})
 
 
 def tune(
@@ -305,20 +270,10 @@ def tune(
     config, set, seed, jobs, out, force
         As of `ensemble`; the seed is that of the searches.
     """
+    given = {**locals()}
     from tendonrepro.tuning.command import run_tune
 
-    found = run_tune(
-        _request(config, set, seed, None, out, force),
-        Talk(),
-        plants=plants,
-        searches=searches,
-        generations=generations,
-        population=population,
-        given=laws,
-        any_plant=any_plant,
-        jobs=jobs,
-    )
-    return _written("tune", found)
+    return _written("tune", run_tune, given | {"laws": (), "given": laws})
 
 
 def validate(
@@ -330,11 +285,10 @@ def validate(
     force: bool = False,
 ) -> Result:
     """Compare measured data with the paper and with the model. Results are written to `out`."""
+    given = {**locals()}
     from tendonrepro.validation.command import run_validate
 
-    return _written(
-        "validate", run_validate(Path(measured), _request(config, set, None, None, out, force), Talk())
-    )
+    return _written("validate", run_validate, given | {"measured": Path(measured)})
 
 
 def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:
@@ -374,16 +328,6 @@ def open(folder: str | Path) -> Result:
         raise DataMissingError("was measured, and no command made it", where=str(folder))
     growing = manifest.get("growing_hz", {})
     return Result(file.experiment, outcome_of(file, growing), manifest, file)
-
-
-def _loaded(
-    experiment: ExperimentName,
-    source: str | Path | None,
-    changes: Changes | None,
-    seed: int | None,
-    controllers: Sequence[int] | None = None,
-) -> LoadedConfig:
-    return load_config(source, experiment, overrides=_overrides(changes), seed=seed, controllers=controllers)
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:

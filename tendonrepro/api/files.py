@@ -93,5 +93,5 @@ def report(results: str | Path = "reports", out: str | Path | None = None, *, fo
     """Write one HTML file of all that was run, and return it."""
     from tendonrepro.reporting.command import run_report
 
-    found = run_report(Path(results), None if out is None else Path(out), Talk(), force=force)
+    found = run_report(Path(results), None if out is None else Path(out), force=force)
     return Path(found["path"])

@@ -65,10 +65,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(
-    help="Configurations: list, show, copy, check, schema.",
-    invoke_without_command=True,
-)
+config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
 app.add_typer(config_app, name="config", rich_help_panel=study_app.rich_help_panel)
 app.add_typer(study_app)
 app.add_typer(data_app)
@@ -161,12 +158,9 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
     from tendonrepro.experiments.command import diverged, run_experiments, summary_of
 
     found = run_experiments(orders, terminal.talk)
-    alone = next(iter(found.values()))
-    together: dict[str, Any] = {"schema_version": 1} | found
-    terminal.show(
-        alone if len(found) == 1 else together,
-        "\n\n".join(filter(None, (*(one["text"] for one in found.values()), summary_of(found)))),
-    )
+    data: dict[str, Any] = {"schema_version": 1} | found if len(found) > 1 else next(iter(found.values()))
+    texts = [*(one["text"] for one in found.values()), summary_of(found)]
+    terminal.show(data, "\n\n".join(filter(None, texts)))
     return 5 if any(map(diverged, found.values())) else 0
 
 
@@ -321,7 +315,7 @@ def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None
 
 
 @command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
-def config_init(terminal: Terminal, name: str, *, out: Path = Path(), joints: int | None = None) -> None:
+def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
     """Copy a shipped configuration and what it names, to be edited.
 
     Parameters
@@ -330,12 +324,10 @@ def config_init(terminal: Terminal, name: str, *, out: Path = Path(), joints: in
         A shipped configuration.
     out
         Folder for the copy.
-    joints
-        Keep only the first joints of the arm.
     """
     from tendonrepro.configuration.shipped import init_config
 
-    terminal.list_files(init_config(name, out, joints))
+    terminal.list_files(init_config(name, out))
 
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")

@@ -118,6 +118,4 @@ def validate(request: Request, terminal: Terminal, measured: Path = Path("data/m
     """
     from tendonrepro.validation.command import run_validate
 
-    found = run_validate(measured, request, terminal.talk)
-    terminal.show(found)
-    return 5 if found.get("diverged") else 0
+    return terminal.show(run_validate(measured, request, terminal.talk))

@@ -16,19 +16,19 @@ def examine() -> dict[str, Any]:
     from tendonrepro.configuration.published import published
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
-    checks = {"configurations": "ok", "published numbers": "ok", "compiled code": "ok"}
-    if NOTHING_COMPILED:
-        checks["compiled code"] = "will be compiled at the first run, a few seconds"
     loads: dict[str, Callable[[], Any]] = {
         "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
         "published numbers": published,
     }
-    well = True
+    checks = dict.fromkeys(loads, "ok")
     for name, load in loads.items():
         try:
             load()
         except Exception as error:
-            checks[name], well = f"wrong: {type(error).__name__}: {error}", False
+            checks[name] = f"wrong: {type(error).__name__}: {error}"
+    well = {*checks.values()} == {"ok"}
+    later = "will be compiled at the first run, a few seconds"
+    checks["compiled code"] = later if NOTHING_COMPILED else "ok"
     head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
     return head | {"checks": checks, "well": well}
 

@@ -51,20 +51,26 @@ class Terminal:
         """Notes and progress."""
         return Talk(quiet=self.quiet, verbose=self.verbose)
 
-    def show(self, data: Any, text: str | None = None) -> None:
-        """Print a result as words, its own if not given, or as JSON even where words are not wanted."""
+    def show(self, data: dict[str, Any], text: str | None = None) -> int:
+        """Print a result as words, its own if not given, or as JSON, and return the exit code."""
         if self.as_json:
             from tendonrepro.files import to_json
 
             typer.echo(to_json(data), nl=False)
         elif not self.quiet:
             typer.echo(data["text"] if text is None else text)
+        return 5 if data.get("diverged") else 0
 
     def list_files(self, paths: list[Path]) -> None:
         """Print the files a command wrote."""
         names = [str(path) for path in paths]
         self.talk.detail(f"{len(names)} files")
         self.show({"schema_version": 1, "files": names}, "\n".join(names))
+
+
+def options_of(given: dict[str, Any], *others: str) -> dict[str, Any]:
+    """A command's own arguments, from its `locals`: without the two that all share, and some others."""
+    return {key: value for key, value in given.items() if key not in {"request", "terminal", *others}}
 
 
 def command(

@@ -7,7 +7,7 @@ from typing import Literal
 
 import typer
 
-from tendonrepro.cli.options import Terminal, command
+from tendonrepro.cli.options import Terminal, command, options_of
 from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
@@ -24,9 +24,7 @@ def sweep(request: Request, terminal: Terminal, *, over: list[str]) -> int:
     """
     from tendonrepro.experiments.sweep.command import run_sweep
 
-    found = run_sweep(request, over, terminal.talk)
-    terminal.show(found)
-    return 5 if found.get("diverged") else 0
+    return terminal.show(run_sweep(request, over, terminal.talk))
 
 
 @command(study_app, "tendonrepro ensemble --draws 1024 --jobs 4")
@@ -91,20 +89,10 @@ def identify(
     jobs
         Processors; -1 is all.
     """
+    options = options_of(locals())
     from tendonrepro.identification.command import run_identify
 
-    found = run_identify(
-        request,
-        terminal.talk,
-        fit=fit,
-        readings=readings,
-        window=window,
-        generations=generations,
-        population=population,
-        seeds=seeds,
-        jobs=jobs,
-    )
-    terminal.show(found)
+    terminal.show(run_identify(request, terminal.talk, **options))
 
 
 @command(study_app, "tendonrepro predict --readings printed,Delta_unit=deg")
@@ -135,7 +123,6 @@ def tune(
     law: list[str] | None = None,
     any_plant: bool = False,
     jobs: int = -1,
-    dask: str | None = None,
 ) -> None:
     """Controllers at their best: each one tuned, then compared.
 
@@ -157,24 +144,11 @@ def tune(
         Also plants on which the published gains are unstable.
     jobs
         Processes; -1 is one for each processor.
-    dask : ADDRESS
-        Scheduler to send the work to.
     """
+    options = options_of(locals(), "law")
     from tendonrepro.tuning.command import run_tune
 
-    found = run_tune(
-        request,
-        terminal.talk,
-        plants=plants,
-        searches=searches,
-        generations=generations,
-        population=population,
-        laws=law or (),
-        any_plant=any_plant,
-        jobs=jobs,
-        dask=dask,
-    )
-    terminal.show(found)
+    terminal.show(run_tune(request, terminal.talk, laws=law or (), **options))
 
 
 @command(study_app, "tendonrepro explain --set manipulator.actuator.output_delay=1", without=())
@@ -264,5 +238,5 @@ def report(
     """
     from tendonrepro.reporting.command import report_text, run_report
 
-    found = run_report(results, out, terminal.talk, force=force)
+    found = run_report(results, out, force=force)
     terminal.show(found, report_text(found))

@@ -8,16 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion
 from tendonrepro.configuration.fields.quantity import Scalar, positive, whole
 from tendonrepro.configuration.fields.strict_yaml import Key, dump
-from tendonrepro.configuration.load import BASE, ConfigSource, Draft, LoadedConfig, config_digest, load_config
-from tendonrepro.configuration.models.box import MOTIONS, BoxConfig, Confidence
+from tendonrepro.configuration.load import Draft, LoadedConfig, Source, config_digest, load_config, with_seed
+from tendonrepro.configuration.models.box import WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
@@ -53,11 +52,6 @@ class EnsembleConfig(Model):
     variations: tuple[str, ...]
     box: BoxConfig
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        refuse_all(self._mistakes())
-        return self
-
     def _mistakes(self) -> Mistakes:
         powers: dict[Key, Scalar] = {("block",): self.block}
         powers |= {("populations", name, "share"): held.share for name, held in self.populations.items()}
@@ -76,7 +70,7 @@ class EnsembleConfig(Model):
         # Strokes last longest at low speed and large amplitude.
         box = self.box
         _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
-        cycles = dict.fromkeys(MOTIONS, box.period.highest) | {
+        cycles = dict.fromkeys(WORDS["motion"], box.period.highest) | {
             "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
             "trapezoidal": 2.0 * (stroke + box.hold.highest),
             "fast_sine": FAST_PERIOD,
@@ -92,17 +86,8 @@ class EnsembleConfig(Model):
 class LoadedEnsemble:
     """A validated ensemble and where it came from.
 
-    Attributes
-    ----------
-    config : EnsembleConfig
-    base : LoadedConfig
-        The comparison that every draw starts from, with the overrides and files of both.
-    yaml_text : str
-        The ensemble as used, with overrides applied, as YAML.
-    sha256 : str
-        Hash of all that determines results, the base included.
-    origin : str
-        Path of the file, ``<stdin>``, or the name of the shipped configuration.
+    `base` is the comparison that every draw starts from, with the overrides and files of both; `sha256`
+    covers it. `yaml_text` is the ensemble with overrides applied.
     """
 
     config: EnsembleConfig
@@ -119,39 +104,25 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: ConfigSource | Path | str | None, *, overrides: Sequence[str] = (), seed: int | None = None
+    source: Source, *, overrides: Sequence[str] = (), seed: int | None = None
 ) -> LoadedEnsemble:
-    """Read, complete and validate an ensemble's configuration.
+    """Read, complete and validate an ensemble's configuration, as `load_config` does.
 
-    Parameters
-    ----------
-    source : Path, str or None
-        A file, ``-`` for standard input, or None for the shipped one.
-    overrides : sequence of str
-        ``dotted.key=VALUE``; keys below ``base`` change the comparison that draws start from.
-    seed : int, optional
-        Replaces the seed.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake on a line of its own, as ``file:line: path: what``.
-    UsageError
-        When an override is malformed.
+    Overrides below ``base`` change the comparison that draws start from.
     """
-    recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
-    of_base = [text for text in recorded if text.strip().startswith(f"{BASE}.")]
+    recorded = with_seed(overrides, seed)
+    of_base = [text for text in recorded if text.strip().startswith("base.")]
     draft = Draft(source, "ensemble", [text for text in recorded if text not in of_base])
     config = draft.validate(EnsembleConfig)
-    changes = [text.strip().removeprefix(f"{BASE}.") for text in of_base]
-    base = load_config(draft.named_file(config.base, BASE), "compare", overrides=changes)
+    changes = [text.strip().removeprefix("base.") for text in of_base]
+    base = load_config(draft.named_file(config.base, "base"), "compare", overrides=changes)
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
-        draft.refuse((BASE,), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
+        draft.refuse(("base",), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
     return LoadedEnsemble(
         config=config,
         base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
-        origin=draft.source.origin,
+        origin=draft.origin,
     )

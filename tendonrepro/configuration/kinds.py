@@ -17,14 +17,8 @@ Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 
 
 def checked(source: str, overrides: Sequence[str]) -> Held:
-    """Read and validate whatever a file, standard input (``-``) or a shipped configuration holds.
-
-    Raises
-    ------
-    ConfigError
-        When it is not valid.
-    """
-    found = find_source(source, None)
+    """Read and validate whatever a source holds."""
+    found = find_source(source, None)  # standard input can be read only once
     # Those of the base are no keys of the ensemble's own file.
     draft = Draft(found, None, [text for text in overrides if not text.startswith("base.")])
     if draft.kind == MANIPULATOR:
@@ -35,20 +29,14 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
 
 
 def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
-    """Plain values and YAML text of a configuration as it is used, valid or refused as by `checked`."""
+    """Plain values and YAML text of a valid configuration as it is used."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
     return load(text, source).tree, text
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
-    """JSON schema of a configuration file of a kind, of any kind when None.
-
-    Raises
-    ------
-    UsageError
-        When there is no such kind.
-    """
+    """JSON schema of a configuration file of a kind, of any kind when None."""
     models: dict[Any, Any] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
     if kind is not None and kind not in models:
         raise UsageError(f"no schema {kind!r}; there are {', '.join(map(str, models))}")

@@ -1,18 +1,17 @@
 """Configurations: YAML files become validated, immutable models with a hash.
 
-An experiment names a manipulator file or holds the manipulator itself. It may name another as its base, whose
-keys it takes whole where it has none of its own. Nothing else is merged and no physical value has a default:
-what no file says is an error.
+An experiment may name its manipulator, and another experiment as its base, whose keys it takes whole where
+it has none. Nothing else is merged, and no physical value has a default.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NoReturn, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
@@ -21,7 +20,7 @@ from tendonrepro.configuration.fields.strict_yaml import STDIN, Document, Key, N
 from tendonrepro.configuration.messages import did_you_mean, explain
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.overrides import Override, apply_overrides, parse_override
+from tendonrepro.configuration.overrides import apply_overrides, parse_override
 from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.files import sha256_of
@@ -30,7 +29,6 @@ __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "Loade
 
 ExperimentName: TypeAlias = Literal["compare", "decouple"]
 
-BASE = "base"
 MANIPULATOR = "manipulator"
 KINDS = ("compare", "decouple", "ensemble", MANIPULATOR)
 """What a configuration can be for; a manipulator is one that is only that."""
@@ -38,58 +36,43 @@ _M = TypeVar("_M", bound=Model)
 MODELS: Mapping[str, type[Config]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
 
 
-@dataclass(frozen=True)
-class ConfigSource:
-    """The text of a configuration and where it stands.
-
-    `name` is what messages call it; `origin` a path, ``<stdin>`` or a shipped name. Relative paths start from
-    `folder`; `files` is what was read, nothing for standard input.
-    """
+class ConfigSource(NamedTuple):
+    """Text of a configuration, what the user called it, and its file; None is standard input."""
 
     text: str
-    name: str
     origin: str
-    folder: Path
-    files: tuple[Path, ...]
+    path: Path | None
 
 
-def find_source(source: ConfigSource | Path | str | None, kind: str | None) -> ConfigSource:
-    """Read standard input, a file, or a shipped configuration, in this order; a source stays as it is."""
+Source: TypeAlias = ConfigSource | Path | str | None
+"""A file, ``-`` for standard input, a shipped name, or None for the shipped one of the kind asked for."""
+
+
+def find_source(source: Source, kind: str | None) -> ConfigSource:
+    """Read standard input, a file, or a shipped configuration, in this order."""
     if isinstance(source, ConfigSource):
         return source
     origin = str(kind if source is None else source)
     if origin == "-":
-        return ConfigSource(read_text(None), STDIN, STDIN, Path.cwd(), ())
+        return ConfigSource(read_text(None), STDIN, None)
     path = Path(origin)
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
-    text = read_text(path, hint=f"Shipped configurations, by name: {', '.join(shipped_names())}")
-    return ConfigSource(text, str(path), origin, path.parent, (path,))
+    hint = f"Shipped configurations, by name: {', '.join(shipped_names())}"
+    return ConfigSource(read_text(path, hint), origin, path)
 
 
 class Draft:
-    """A configuration as plain values, and the place each came from.
+    """A configuration as plain values, complete, and the place each came from.
 
-    Attributes
-    ----------
-    source : ConfigSource
-    kind : str
-        What it is for, one of `KINDS`.
-    tree : dict
-        Complete, with overrides applied.
-    files : list of Path
-        Those read.
+    `kind` is one of `KINDS`, and the one that is `wanted`, unless None.
     """
 
-    def __init__(
-        self,
-        source: ConfigSource | Path | str | None,
-        wanted: str | None,
-        overrides: Iterable[Override | str] = (),
-    ) -> None:
-        self.source = find_source(source, wanted)
-        self.files = list(self.source.files)
-        self._document = load(self.source.text, self.source.name)
+    def __init__(self, source: Source, wanted: str | None, overrides: Sequence[str] = ()) -> None:
+        text, self.origin, path = find_source(source, wanted)
+        self.folder = path.parent if path else Path.cwd()
+        self.files = [path] if path else []
+        self._document = load(text, str(path or STDIN))
         tree = self._document.tree
         if not isinstance(tree, dict):
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
@@ -100,10 +83,10 @@ class Draft:
         if self.kind not in allowed:
             hint = did_you_mean(self.kind, allowed)
             self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(self.kind)}{hint}")
-        if self.kind in MODELS and BASE in tree:
-            self._take_from_base(tree.pop(BASE))
-        changes = [parse_override(text) if isinstance(text, str) else text for text in overrides]
-        naming = [change for change in changes if change.path == (MANIPULATOR,)]
+        if self.kind in MODELS and "base" in tree:
+            self._take_from_base(tree.pop("base"))
+        changes = [parse_override(text) for text in overrides]
+        naming = [change for change in changes if change[0] == (MANIPULATOR,)]
         apply_overrides(self._document, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
             held = self._named_document(name, MANIPULATOR)
@@ -115,10 +98,10 @@ class Draft:
         """Fill in the keys that the file leaves to another of the same experiment."""
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
-            self.refuse((BASE,), f"must be a file beside this one or a shipped one, found {describe(name)}")
-        base = self._named_document(name, BASE)
-        if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.kind or BASE in base.tree:
-            self.refuse((BASE,), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
+            self.refuse(("base",), f"must be a file beside this one or a shipped one, found {describe(name)}")
+        base = self._named_document(name, "base")
+        if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.kind or "base" in base.tree:
+            self.refuse(("base",), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
         left = {key: value for key, value in base.tree.items() if key not in self.tree}
         self._document.places |= {
             key: place for key, place in base.places.items() if key[:1] and key[0] in left
@@ -131,14 +114,8 @@ class Draft:
         return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """Find the file that a key names, beside the configuration or among the shipped ones.
-
-        Raises
-        ------
-        ConfigError
-            When there is none.
-        """
-        places = [self.source.folder / name, *([shipped_folder() / name] if shipped else [])]
+        """File that a key names, beside the configuration or among the shipped ones."""
+        places = [self.folder / name, *([shipped_folder() / name] if shipped else [])]
         path = next((place for place in places if place.is_file()), None)
         if path is None:
             looked = " and ".join(dict.fromkeys(map(str, places)))
@@ -150,13 +127,7 @@ class Draft:
         return str(self._document.place(path))
 
     def validate(self, model: type[_M]) -> _M:
-        """Make the model of the values.
-
-        Raises
-        ------
-        ConfigError
-            With every mistake on a line of its own.
-        """
+        """Make the model of the values, or raise a ConfigError with every mistake on a line of its own."""
         try:
             return model.model_validate(self.tree)
         except ValidationError as error:
@@ -171,26 +142,9 @@ class Draft:
 class LoadedConfig:
     """A validated configuration and where it came from.
 
-    Attributes
-    ----------
-    config : CompareConfig or DecoupleConfig
-        The validated model.
-    tree : dict
-        The same as plain values, with the manipulator inside and overrides applied.
-    yaml_text : str
-        `tree` as YAML, which loads to the same configuration.
-    sha256 : str
-        Hash of the validated model as canonical JSON and of the trajectory files it names.
-    origin : str
-        Path of the file, ``<stdin>``, or the name of a shipped configuration.
-    overrides : tuple of str
-        What the command line changed, ``key=VALUE``.
-    inputs : tuple of Path
-        Files read.
-    folder : Path
-        Folder from which relative paths in the configuration start.
-    places : mapping of str to str
-        Dotted key of each reference to where its size is set, ``file:line`` or the option.
+    `tree` and `yaml_text` are `config` as plain values and as YAML, complete and with overrides applied.
+    `sha256` covers the trajectory files too. Relative paths start at `folder`. `places` has ``file:line``, or
+    the option, where the size of each reference is set, by dotted key.
     """
 
     config: Config
@@ -205,7 +159,7 @@ class LoadedConfig:
 
 
 def load_config(
-    source: ConfigSource | Path | str | None,
+    source: Source,
     experiment: ExperimentName | None,
     *,
     overrides: Sequence[str] = (),
@@ -216,15 +170,10 @@ def load_config(
 
     Parameters
     ----------
-    source : Path, str or None
-        A file, ``-`` for standard input, the name of a shipped configuration, or None for the shipped one
-        of the experiment.
     experiment : {'compare', 'decouple'} or None
         What the configuration must be for; None for either.
     overrides : sequence of str
         ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
-    seed : int, optional
-        Replaces the seed.
     controllers : sequence of int, optional
         Keep only the runs of these controllers, by number.
 
@@ -235,9 +184,8 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    recorded = [*overrides, *([] if seed is None else [f"seed={seed}"])]
-    seeds = [] if seed is None else [Override("seed", seed, "--seed")]
-    draft = Draft(source, experiment, [*overrides, *seeds])
+    recorded = with_seed(overrides, seed)
+    draft = Draft(source, experiment, recorded)
     config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
         config = _only(config, draft.tree, controllers)
@@ -257,12 +205,17 @@ def load_config(
         tree=draft.tree,
         yaml_text=dump(draft.tree),
         sha256=config_digest(content),
-        origin=draft.source.origin,
+        origin=draft.origin,
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
-        folder=draft.source.folder,
+        folder=draft.folder,
         places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
     )
+
+
+def with_seed(overrides: Sequence[str], seed: int | None) -> list[str]:
+    """Overrides of a command line, that of the seed among them."""
+    return [*overrides, *([] if seed is None else [f"seed={seed}"])]
 
 
 def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> CompareConfig:

@@ -15,8 +15,6 @@ from tendonrepro.configuration.fields.quantity import SOURCE_PATTERN
 from tendonrepro.configuration.fields.strict_yaml import Document, Key, holds
 from tendonrepro.errors import ConfigError
 
-MOST_NAMED = 20  # the rest of the mistakes is counted
-
 _MAPPING = "must be a mapping of keys"
 _ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
 _NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
@@ -34,13 +32,9 @@ _WORDS = {
 
 
 def explain(error: ValidationError, document: Document) -> ConfigError:
-    """Turn a validation error of a document's values into one message that lists every mistake.
+    """Turn a validation error of a document's values into one message with a line for each mistake.
 
-    Returns
-    -------
-    ConfigError
-        The first `MOST_NAMED` mistakes, each on a line of its own, ``file:line: path: what``, below a line
-        that counts all of them.
+    The line is ``file:line: path: what``; the first one counts them.
     """
     details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
     missing = {path for detail, path in details if detail["type"] == "missing"}
@@ -58,9 +52,7 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
         found.append((document.place(path), f"{name}: {words}" if name else words))
     found.sort(key=lambda mistake: mistake[0])
     count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
-    lines = [f"{place}: {message}" for place, message in found[:MOST_NAMED]]
-    if len(found) > MOST_NAMED:
-        lines.append(f"... and {len(found) - MOST_NAMED} more")
+    lines = (f"{place}: {message}" for place, message in found)
     return ConfigError("\n".join([f"{count} in the configuration", *lines]))
 
 

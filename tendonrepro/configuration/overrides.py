@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from tendonrepro.configuration.fields.strict_yaml import Document, Key, Node, Place, holds, load
 from tendonrepro.configuration.messages import did_you_mean
@@ -12,41 +11,19 @@ from tendonrepro.errors import ConfigError, UsageError
 
 COMMAND_LINE = "assumed: set on the command line"
 
-
-@dataclass(frozen=True)
-class Override:
-    """One value given on the command line, read as YAML, with the option's spelling for messages.
-
-    The key is a dotted path; a number in it is an index of a list, from 0.
-    """
-
-    key: str
-    value: Node
-    option: str
-
-    @property
-    def path(self) -> Key:
-        """The key in parts."""
-        return tuple(int(part) if part.isdecimal() else part for part in self.key.split("."))
+Override: TypeAlias = tuple[Key, Node]
+"""Where, and which value; a number in the path is an index of a list, from 0."""
 
 
 def parse_override(text: str) -> Override:
-    """Read ``key=VALUE``.
-
-    Raises
-    ------
-    UsageError
-        When there is no ``=`` or no key.
-    ConfigError
-        When VALUE is not YAML.
-    """
+    """Read ``key=VALUE``, VALUE in YAML; a UsageError or ConfigError where it cannot be read."""
     key, equals, value = text.partition("=")
-    key = key.strip()
-    if not equals or not all(key.split(".")):
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
         message = f"{text!r} is not of the form key=VALUE"
         raise UsageError(message, where="--set", hint='For example --set "control.gains.lam=[8, 8]"')
-    option = f"--set {key}"
-    return Override(key, load(value, option).tree, option)
+    path = tuple(int(part) if part.isdecimal() else part for part in parts)
+    return path, load(value, _option(path)).tree
 
 
 def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
@@ -55,35 +32,36 @@ def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
     Only the last part of a key may be new, so that optional keys can be given.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
-    for override in sorted(overrides, key=lambda override: override.path[-1] == "source"):
-        _apply(document, override)
+    for path, value in sorted(overrides, key=lambda override: override[0][-1] == "source"):
+        _apply(document, path, value)
 
 
-def _apply(document: Document, override: Override) -> None:
-    *parents, last = path = override.path
+def _apply(document: Document, path: Key, value: Node) -> None:
+    option = _option(path)
     ending = [place for place in document.places if place[-len(path) :] == path]
     if ending and not holds(document.tree, path[0]):
-        meant = " or ".join(repr(".".join(map(str, place))) for place in ending[:3])
-        message = f"unknown key {override.key!r}, did you mean {meant}?"
-        raise ConfigError(message, where=override.option)
+        meant = " or ".join(repr(_dotted(place)) for place in ending[:3])
+        raise ConfigError(f"unknown key {_dotted(path)!r}, did you mean {meant}?", where=option)
     nodes: list[Any] = [document.tree]
-    for part in parents:
-        nodes.append(_below(nodes[-1], part, override))
-    node, new = nodes[-1], isinstance(nodes[-1], dict) and last not in nodes[-1]
-    current: Any = None if new else _below(node, last, override)
-    if _is_quantity(current) and not isinstance(override.value, dict):
+    for part in path[:-1]:
+        nodes.append(_below(nodes[-1], part, option))
+    node, last = nodes[-1], path[-1]
+    if isinstance(node, dict):
+        node.setdefault(last, None)
+    current = _below(node, last, option)
+    if _is_quantity(current) and not isinstance(value, dict):
         nodes.append(current)
-        current["value"] = _for_all(current["value"], override.value)
+        current["value"] = _for_all(current["value"], value)
     else:
-        node[last] = _for_all(current, override.value)
+        node[last] = _for_all(current, value)
     for held in nodes:
         if _is_quantity(held) and last != "source":
             held["source"] = COMMAND_LINE
     kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
-    document.places = kept | {path: Place(override.option)}
+    document.places = kept | {path: Place(option)}
 
 
-def _below(node: Any, part: str | int, override: Override) -> Any:
+def _below(node: Any, part: str | int, option: str) -> Any:
     """Entry of a node, which must be there."""
     if holds(node, part):
         return node[part]
@@ -93,15 +71,23 @@ def _below(node: Any, part: str | int, override: Override) -> Any:
         message = f"no entry {part} in a list of {len(node)}; they are numbered from 0"
     else:
         message = f"nothing below it can be set: {part!r} is asked of a single value"
-    raise ConfigError(message, where=override.option)
+    raise ConfigError(message, where=option)
 
 
 def _for_all(current: Node, value: Node) -> Node:
     """One number in place of one a joint means all of them."""
-    numbers = isinstance(current, list) and all(isinstance(one, int | float) for one in current)
-    one = isinstance(value, int | float) and not isinstance(value, bool)
-    return [value] * len(current) if numbers and one and isinstance(current, list) else value
+    if isinstance(current, list) and {type(value), *map(type, current)} <= {int, float}:
+        return [value] * len(current)
+    return value
 
 
 def _is_quantity(node: Any) -> bool:
-    return isinstance(node, dict) and "value" in node and set(node) <= {"value", "unit", "source"}
+    return isinstance(node, dict) and "value" in node and node.keys() <= {"value", "unit", "source"}
+
+
+def _option(path: Key) -> str:
+    return f"--set {_dotted(path)}"
+
+
+def _dotted(path: Key) -> str:
+    return ".".join(map(str, path))

@@ -30,7 +30,7 @@ COMPARED = (2, 3)
 
 
 class _Entry(Model):
-    """What all have: an id, the place in the paper, and perhaps a few words for it."""
+    """What all have; `short` is a few words for it."""
 
     id: str
     where: str
@@ -71,7 +71,7 @@ class PrintedRatio(_Entry):
 
 
 class PrintedQuotient(_Entry):
-    """A number that is not printed itself but follows from two that are, by their ids."""
+    """A number that follows from two that are printed, by their ids."""
 
     kind: Literal["quotient"]
     numerator: str
@@ -80,7 +80,7 @@ class PrintedQuotient(_Entry):
 
 
 class PrintedDose(_Entry):
-    """What Controller 1 gains over Controller 2 on joint 3, ``1 - C1/C2``, over what it gains on joint 2."""
+    """What Controller 1 gains over Controller 2, ``1 - C1/C2``, on joint 3 over the same on joint 2."""
 
     kind: Literal["dose"]
     metric: Literal["mae", "rmse"]
@@ -104,10 +104,9 @@ PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | Print
 
 
 class Judgement(Model):
-    """By which rule of docs/verdicts.md entries are judged, and what their verdict hangs on.
+    """By which rule of docs/verdicts.md entries are judged, and what their verdict depends on.
 
-    `ids` is the id of an entry, or a pattern with ``*`` for several; the rule ``input`` is none. What
-    `repeats` something that is judged already is not counted again.
+    `ids` is an id, or a pattern with ``*``. What `repeats` another entry is not counted again.
     """
 
     ids: str
@@ -131,42 +130,23 @@ class Published:
     judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
-        """Value of a printed number or ratio, in its printed unit.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Value of a printed number or ratio, in its printed unit."""
         return self.quantity(identifier).value
 
     def quantity(self, identifier: str) -> PrintedNumber | PrintedRatio:
-        """Entry of a printed number or ratio.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Entry of a printed number or ratio."""
         entry = self.entries[identifier]
-        if isinstance(entry, PrintedText | PrintedQuotient | PrintedDose):
-            raise KeyError(f"{identifier} is not printed as a number")
+        assert isinstance(entry, PrintedNumber | PrintedRatio)
         return entry
 
     def digits(self, identifier: str) -> PrintedNumber:
-        """Entry of a number that is printed with digits, not as a fraction."""
+        """Entry of a number printed with digits."""
         entry = self.entries[identifier]
         assert isinstance(entry, PrintedNumber)
         return entry
 
     def interval(self, identifier: str) -> Interval:
-        """Numbers that a printed number, ratio, quotient or dose of printed numbers may stand for.
-
-        Raises
-        ------
-        KeyError
-            When nothing of that id is printed, or it is a text.
-        """
+        """Numbers that an entry may stand for."""
         entry = self.entries[identifier]
         if isinstance(entry, PrintedQuotient):
             return quotient(self.interval(entry.numerator), self.interval(entry.denominator))
@@ -176,7 +156,7 @@ class Published:
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
-        """Values of ``<identifier>.joint_<number>``, in the order of `joints`; NaN where none is printed."""
+        """Values of ``<identifier>.joint_<number>``; NaN where none is printed."""
         names = (f"{identifier}.joint_{joint}" for joint in joints)
         return [self.number(name) if name in self.entries else float("nan") for name in names]
 
@@ -199,7 +179,7 @@ def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:
 
 
 def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
-    """Numbers that print like this one when rounded; a fraction of two lengths stands for itself."""
+    """Numbers that print like this one; a fraction of two lengths stands for itself."""
     value = exact(entry)
     half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
     return value - half, value + half

@@ -1,7 +1,4 @@
-"""What a user asks of a command that runs something: the same for all of them.
-
-It loads no heavy library, since every command line begins with it.
-"""
+"""What a user asks of a command that runs something; it loads no heavy library."""
 
 from __future__ import annotations
 
@@ -18,20 +15,8 @@ if TYPE_CHECKING:
 class Request:
     """Which configuration, changed how, and where results go.
 
-    Attributes
-    ----------
-    config : str or None
-        File, ``-`` for standard input, or a shipped name; None is the shipped configuration of the command.
-    out : Path or None
-        Results folder; None is the command's own under ``reports``.
-    overrides : sequence of str
-        ``dotted.key=VALUE``.
-    seed : int or None
-        Replaces the configuration's.
-    controllers : sequence of int or None
-        Numbers of the controllers to run; None is all.
-    dry_run, force : bool
-        Check everything but run nothing; overwrite results of another configuration or version.
+    `config` is a file, ``-`` for standard input, or a shipped name. What is None is the command's own.
+    `dry_run` checks everything but runs nothing; `force` overwrites results of another configuration.
     """
 
     config: str | None = None
@@ -47,7 +32,7 @@ class Request:
         return self.out or Path("reports") / name
 
     def load(self, experiment: ExperimentName) -> LoadedConfig:
-        """Read the configuration of an experiment; see :func:`tendonrepro.configuration.load.load_config`."""
+        """Read the configuration of an experiment."""
         from tendonrepro.configuration.load import load_config
 
         return load_config(

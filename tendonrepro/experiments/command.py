@@ -43,14 +43,8 @@ CLOSEST = "closest"
 class Order:
     """One of the paper's experiments as a user wants it.
 
-    Attributes
-    ----------
-    experiment : {'compare', 'decouple'}
-    request : Request
-    laws : sequence of str
-        ``FILE:NAME`` of laws to run beside the controllers, each also with the payload.
-    solver : {'scipy', 'compiled'}
-        Stepper: the reference, or the one of ensembles.
+    `laws` are ``FILE:NAME`` of those to run beside the controllers, each also with the payload. The solver is
+    the reference, or the stepper of ensembles.
     """
 
     experiment: ExperimentName
@@ -73,22 +67,12 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     """Simulate experiments and write traces, figures, tables and manifest of each.
 
     Their runs share the processors, and then their figures do. Everything is checked before the first run.
-
-    Parameters
-    ----------
-    orders : sequence of Order
-        Of different names and folders, with one stepper; all or none a dry run.
-    talk : Talk
+    The orders share one stepper; all or none are a dry run.
 
     Returns
     -------
     dict
         What ``--json`` prints of each order, by its name, and ``text``; of a dry run what would be done.
-
-    Raises
-    ------
-    TendonreproError
-        If a configuration cannot be used or results cannot be written.
     """
     asked = [_load(order) for order in orders]
     for loaded, _ in asked:
@@ -133,14 +117,9 @@ def diverged(found: dict[str, Any]) -> bool:
 def paper_orders(configs: Path | None, request: Request) -> list[Order]:
     """Orders for the two experiments of the paper, and for the comparison fitted to its tables.
 
-    The fitted plant is run as it is shipped, so not with other configurations or changes.
-
-    Parameters
-    ----------
-    configs : Path or None
-        Folder with ``decouple.yaml`` and ``compare.yaml``; None is the shipped ones.
-    request : Request
-        For all; its results folder is the one above theirs.
+    `configs` is a folder with ``decouple.yaml`` and ``compare.yaml``, None for the shipped ones. The fitted
+    plant is run as it is shipped, so not with other configurations or changes. The request's folder is the
+    one above theirs.
     """
     names: tuple[ExperimentName, ...] = ("decouple", "compare")
     above = request.out or Path("reports")
@@ -176,27 +155,7 @@ def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Tal
 
 
 def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Check a configuration as thoroughly as running it would.
-
-    Parameters
-    ----------
-    config : str
-        File, ``-``, or a shipped name.
-    overrides : sequence of str
-        ``dotted.key=VALUE``.
-    talk : Talk
-        Told of a shipped file that stands in for one beside the configuration.
-
-    Returns
-    -------
-    dict
-        Its kind; of an experiment also its digest and runs.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake found.
-    """
+    """Check a configuration as thoroughly as running it would; its kind, digest and runs."""
     held = checked(config, overrides)
     found = {"schema_version": SCHEMA_VERSION, "config": config}
     if isinstance(held, LoadedEnsemble):
@@ -216,7 +175,7 @@ def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
 
 
 def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> list[Path]:
-    """Draw figures from stored traces again.
+    """Draw figures from stored traces again, and return the files written.
 
     Parameters
     ----------
@@ -226,18 +185,6 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
         Names, or the paper's numbers; all that the traces allow if not given.
     force : bool
         Go on where files are somebody's own, which are kept, or were changed, which are made again.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    DataMissingError
-        If no stored traces hold what one of the figures shows.
-    UsageError
-        If there is no such figure, or something would be overwritten.
     """
     from tendonrepro.results.figures.catalogue import available, name_of
 
@@ -257,25 +204,7 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
 
 
 def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
-    """Make the tables from stored traces again.
-
-    Parameters
-    ----------
-    out : Path
-        Results folder, or the folder above several.
-    force : bool
-        Go on where files are somebody's own, which are kept, or were changed, which are made again.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    UsageError
-        If something would be overwritten.
-    """
+    """Make the tables from stored traces again, as `redraw` does figures."""
 
     def make(file: TraceFile, path: Path) -> list[Path]:
         return [one for table in made_tables(file) for one in table.write(path / "tables")]
@@ -296,9 +225,9 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
 def _make_again(
     files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
 ) -> list[Path]:
-    """Make files of results again, in a copy of each result, which then takes its place.
+    """Make files of results again, in a copy that takes the place of each.
 
-    A folder without a manifest holds traces that were put there, as measured ones are: it is written into.
+    A folder without a manifest, as of measured traces, is written into.
     """
     found: list[Path] = []
     for folder, file in files.items():

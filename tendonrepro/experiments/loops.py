@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
 from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled, Single
@@ -16,7 +16,6 @@ from tendonrepro.configuration.published import published
 from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
-from tendonrepro.experiments.rig import Experiment
 from tendonrepro.experiments.user_law import UserLaw, own_loops
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
@@ -47,33 +46,15 @@ def reference_period(reference: ReferenceConfig) -> float:
 
 def build_reference(
     reference: ReferenceConfig,
-    config: Experiment,
+    config: Config,
     folder: Path,
     S: Array | None = None,
     key: str = "reference",
 ) -> DesiredMotion:
     """Desired motion at every sample.
 
-    Parameters
-    ----------
-    reference : DesiredMotion
-        Of a configuration.
-    config : CompareConfig or DecoupleConfig
-    folder : Path
-        Where the path of a trajectory file starts.
-    S : array (n, n), optional
-        Given where the reference moves the motors: it maps their angles to the joints.
-    key : str
-        Of the reference, for messages.
-
-    Returns
-    -------
-    DesiredMotion
-
-    Raises
-    ------
-    ConfigError
-        If a trajectory file cannot be used, or a link would leave the working half-plane.
+    Paths of trajectory files start at `folder`. `S` (n, n) is given where the reference moves the motors:
+    it maps their angles to the joints. A ConfigError names `key` where a link would leave the half-plane.
     """
     L = config.sampling_period.si
     motions = _motions(reference, config.joints, folder)
@@ -136,7 +117,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
     return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
-def _check_workspace(reference: DesiredMotion, config: Experiment, key: str) -> None:
+def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
     """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
     angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
@@ -149,18 +130,7 @@ def _check_workspace(reference: DesiredMotion, config: Experiment, key: str) -> 
 
 
 def build_law(config: CompareConfig, name: str) -> Law:
-    """Gains and readings of one of the configuration's laws.
-
-    Parameters
-    ----------
-    config : CompareConfig
-    name : str
-        A key of ``control.laws``.
-
-    Returns
-    -------
-    Law
-    """
+    """Gains and readings of one of ``control.laws``."""
     gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
     n, L = len(config.joints), config.sampling_period.si
     alpha_tde = choice.estimator == "alpha_tde"
@@ -223,23 +193,11 @@ def torque_map(config: CompareConfig) -> Array:
 
 
 def build_loops(
-    config: Experiment, folder: Path, reference: DesiredMotion | None = None
+    config: Config, folder: Path, reference: DesiredMotion | None = None
 ) -> Iterator[tuple[str, Loop]]:
-    """One closed loop per run of a configuration.
+    """One closed loop per run of a configuration, with the run's name.
 
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-    folder : Path
-        Where the path of a trajectory file starts.
-    reference : DesiredMotion, optional
-        Desired motion of a comparison where it has been built before; it takes most of the time.
-
-    Yields
-    ------
-    name : str
-        Of the run.
-    loop : Loop
+    The `reference` of a comparison may have been built before; that takes most of the time.
     """
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
@@ -278,7 +236,7 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
 
 
 def _loop(
-    config: Experiment, payload_mass: float, controller: Controller, reference: DesiredMotion, *, cold: bool
+    config: Config, payload_mass: float, controller: Controller, reference: DesiredMotion, *, cold: bool
 ) -> Loop:
     solver = config.solver
     return Loop(

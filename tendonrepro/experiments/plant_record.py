@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Scalar, Vector
-from tendonrepro.experiments.rig import Experiment, build_drive
+from tendonrepro.configuration.fields.model import Model
+from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Physical, Scalar, Vector
+from tendonrepro.configuration.load import Config
+from tendonrepro.experiments.rig import build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue
 
@@ -38,7 +39,7 @@ EQUATIONS = (
 )
 
 
-def plant_record(config: Experiment) -> PlantRecord:
+def plant_record(config: Config) -> PlantRecord:
     """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
     values = _derived_matrices(config) | dict(_stated(config.manipulator, ""))
     posture = "start posture; joints before the moving ones are held there"
@@ -58,7 +59,7 @@ def plant_record(config: Experiment) -> PlantRecord:
     return PlantRecord(values, attributes)
 
 
-def _derived_matrices(config: Experiment) -> dict[str, PlantValue]:
+def _derived_matrices(config: Config) -> dict[str, PlantValue]:
     drive = build_drive(config)
     source, routing = "derived: winch and tendon values through S_inv", "derived: routing, Eq. (2)"
     values = {
@@ -75,21 +76,16 @@ def _derived_matrices(config: Experiment) -> dict[str, PlantValue]:
     return values
 
 
-def _stated(section: Any, prefix: str) -> Iterator[tuple[str, PlantValue]]:
+def _stated(section: Model, prefix: str) -> Iterator[tuple[str, PlantValue]]:
     """Every quantity of the manipulator, named by its path in the configuration."""
-    for key in type(section).model_fields:
-        item, name = getattr(section, key), f"{prefix}{key}"
+    for key, item in section:
+        name = f"{prefix}{key}"
         if isinstance(item, Scalar | Vector | Matrix):
-            short = name.removeprefix("links_").removeprefix("routing_")
-            yield short, _plant_value(item, _meaning(section, key))
-        elif hasattr(type(item), "model_fields"):
+            rules = type(section).model_fields[key].metadata
+            (meaning,) = (rule.about for rule in rules if isinstance(rule, Physical))
+            yield name.removeprefix("links_").removeprefix("routing_"), _plant_value(item, meaning)
+        elif isinstance(item, Model):
             yield from _stated(item, f"{name}_")
-
-
-def _meaning(section: Any, key: str) -> str:
-    """What the configuration's schema says of a quantity, less its limits and units."""
-    description = str(section.model_json_schema()["properties"][key]["description"])
-    return description.partition("; one per")[0].partition("; unit")[0]
 
 
 def _plant_value(quantity: Scalar | Vector | Matrix, long_name: str) -> PlantValue:

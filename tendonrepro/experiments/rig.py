@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.fields.quantity import Vector
-from tendonrepro.configuration.load import CompareConfig, DecoupleConfig
+from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
 from tendonrepro.physics import disturbance
 from tendonrepro.physics.arm import Arm, make_arm
@@ -21,13 +21,11 @@ from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.physics.statics import tensioner_side, tensioner_torque
 
-Experiment = CompareConfig | DecoupleConfig
-
 DISTURBANCE_STREAM = 3
 """Random stream of the disturbance; the streams before it belong to the instruments."""
 
 
-def coupling(config: Experiment) -> tuple[Array, Array]:
+def coupling(config: Config) -> tuple[Array, Array]:
     """``S`` and ``S_inv`` of the moving joints, (n, n), Eq. (2), the others held."""
     routing, n = config.manipulator.routing, len(config.joints)
     S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
@@ -35,12 +33,12 @@ def coupling(config: Experiment) -> tuple[Array, Array]:
     return coupling_matrix(S_inv), S_inv
 
 
-def start_angles(config: Experiment) -> Array:
+def start_angles(config: Config) -> Array:
     """Absolute angles of the moving links in the start posture, rad from hanging, (n,)."""
     return np.cumsum(config.posture.si)[-len(config.joints) :]
 
 
-def build_arm(config: Experiment, payload_mass: float) -> Arm:
+def build_arm(config: Config, payload_mass: float) -> Arm:
     """Chain of the moving links, with a payload in kg at the tip."""
     links, n = config.manipulator.links, len(config.joints)
     return make_arm(
@@ -51,7 +49,7 @@ def build_arm(config: Experiment, payload_mass: float) -> Arm:
     )
 
 
-def build_drive(config: Experiment) -> Drive:
+def build_drive(config: Config) -> Drive:
     """Winches and tendons of the moving joints."""
     manipulator, n = config.manipulator, len(config.joints)
     winches, tendons, friction = manipulator.winches, manipulator.tendons, manipulator.friction
@@ -81,14 +79,14 @@ def _friction(dry: DryFriction, viscous: Vector, n: int) -> Friction:
     return Friction(viscous=viscous.si[-n:], **values)
 
 
-def build_preload(config: Experiment) -> Array:
+def build_preload(config: Config) -> Array:
     """Joint torque of tendon 4, N m, positive clockwise, (n,)."""
     tensioner, n = config.manipulator.tensioner, len(config.joints)
     side = tensioner_side(tensioner.side, config.manipulator.joints)
     return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
-def build_disturbance(config: Experiment) -> disturbance.Disturbance:
+def build_disturbance(config: Config) -> disturbance.Disturbance:
     """Disturbance torque of Eq. (4), the same for every run."""
     choice = config.disturbance
     match choice.kind:
@@ -104,20 +102,8 @@ def build_disturbance(config: Experiment) -> disturbance.Disturbance:
             return disturbance.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
 
 
-def build_plant(config: Experiment, payload_mass: float) -> Plant:
-    """Everything that moves.
-
-    Parameters
-    ----------
-    config : CompareConfig or DecoupleConfig
-    payload_mass : float
-        kg at the tip.
-
-    Returns
-    -------
-    Plant
-        Of the n moving joints.
-    """
+def build_plant(config: Config, payload_mass: float) -> Plant:
+    """Everything that moves, with a payload in kg at the tip."""
     link, n = config.manipulator.friction.link, len(config.joints)
     return Plant(
         arm=build_arm(config, payload_mass),
@@ -133,7 +119,7 @@ def build_encoder(encoder: EncoderConfig) -> Encoder:
     return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
 
 
-def build_actuator(config: Experiment) -> Actuator:
+def build_actuator(config: Config) -> Actuator:
     """Motors' limits."""
     actuator = config.manipulator.actuator
     return Actuator(

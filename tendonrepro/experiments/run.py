@@ -53,19 +53,7 @@ def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str]) -> Trace:
 
 
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
-    """Simulate one run.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    laws : sequence of UserLaw
-    name : str
-        Of the run.
-
-    Returns
-    -------
-    Trace
-    """
+    """Simulate the run of a name."""
     loop = all_loops(loaded, laws)[name]
     trace = _trace(loaded, name, loop, simulate(loop), laws)
     if name in loaded.config.runs:
@@ -130,24 +118,11 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
 
 
 def _vectors(section: Any) -> dict[str, list[float]]:
-    present = {name: getattr(section, name) for name in type(section).model_fields}
-    return {name: vector.si.tolist() for name, vector in present.items() if vector is not None}
+    return {name: vector.si.tolist() for name, vector in section if vector is not None}
 
 
 def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
-    """Put runs together with what they were made with.
-
-    Parameters
-    ----------
-    loaded : LoadedConfig
-    traces : sequence of Trace
-    manifest : dict
-        Without outputs.
-
-    Returns
-    -------
-    TraceFile
-    """
+    """Put runs together with what they were made with; the manifest is without outputs."""
     return TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",

@@ -33,11 +33,7 @@ CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
 
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
-    """The plant of a configuration without payload, as a law may know it; n moving joints, SI units.
-
-    ``joints``, the paper's numbers; ``mass``, ``length``, ``com`` (n,) of the links; ``S``, ``S_inv`` (n, n);
-    ``torque_limit`` (n,) of the winches; ``L``; ``gravity(q)`` (n,) and ``inertia(q)`` (n, n).
-    """
+    """The plant without payload, as a law may know it, SI; see docs/laws.md."""
     links, n, arm = config.manipulator.links, len(config.joints), build_arm(config, 0.0)
     S, S_inv = coupling(config)
     return SimpleNamespace(
@@ -84,7 +80,7 @@ class UserLaw:
 
     @contextmanager
     def explained(self) -> Iterator[None]:
-        """Name the law and the line in its file where an error arose; what a law prints is no result."""
+        """Name the law and the line where an error arose; what a law prints is no result."""
         try:
             with redirect_stdout(sys.stderr):
                 yield
@@ -97,18 +93,15 @@ class UserLaw:
             raise TendonreproError(message, where=where, hint=hint) from error
 
 
-def find_user_law(spec: str) -> UserLaw:
-    """Law named as ``FILE:NAME`` on the command line."""
-    file, _, name = spec.rpartition(":")
-    if not name.isidentifier() or not Path(file).is_file():
-        message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
-        raise UsageError(message, where="--law")
-    return UserLaw(name, Path(file))
-
-
 def laws_of(specs: Sequence[str], given: Mapping[str, Callable[..., Any]] | None = None) -> list[UserLaw]:
     """Laws named as ``FILE:NAME``, and then those given by name."""
-    laws = [find_user_law(spec) for spec in specs]
+    laws = []
+    for spec in specs:
+        file, _, name = spec.rpartition(":")
+        if not name.isidentifier() or not Path(file).is_file():
+            message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
+            raise UsageError(message, where="--law")
+        laws.append(UserLaw(name, Path(file)))
     laws += [UserLaw(name, given=law) for name, law in (given or {}).items()]
     for law in laws:
         if "/" in law.name or law.name.endswith(PAYLOAD):
@@ -138,7 +131,7 @@ def runs_of(law: UserLaw, config: CompareConfig) -> dict[str, str]:
 
 
 def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) -> dict[str, Loop]:
-    """Runs of a law on the plants of configured ones; it is told the gains of the first of these."""
+    """Runs of a law on the plants of configured ones, with the gains of the first."""
     controller = cast("TimeDelayController", next(iter(loops.values())).controller)
     return {
         name: replace(loops[plant], controller=replace(controller, command=checked(law, model_of(config))))
@@ -147,7 +140,7 @@ def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) ->
 
 
 def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
-    """A law that was told of its plant, and whose answers have the shapes that a run needs."""
+    """A law that was told of its plant, its answers in the shapes that a run needs."""
     function, setup = law.load()
     if setup:
         with law.explained():

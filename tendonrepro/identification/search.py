@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.files import atomic_path
 from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.evolution import evolution
 
 
 class Evaluated(NamedTuple):
@@ -175,17 +176,8 @@ def _settled(
     start: Array, rows: Rows, smooth: Rows, look: Plants, effort: Effort, generator: np.random.Generator
 ) -> Array:
     """Best point of CMA-ES until it settles, or few plants are left."""
-    import cma
-
     population, reserve = effort.population // 2, _DESCENTS * 2 * int(smooth.sum())
-    options = {
-        "bounds": [0.0, 1.0],
-        "popsize": max(population, 4),
-        "randn": lambda *shape: generator.standard_normal(shape),
-        "seed": np.nan,  # else it would seed a generator that all of NumPy shares
-        "verbose": -9,
-    }
-    strategy = cma.CMAEvolutionStrategy(start[rows], _WIDTH, options)
+    strategy = evolution(start[rows], _WIDTH, max(population, 4), generator)
     first = look.count
     course: list[float] = []
     while look.left > reserve + population and not strategy.stop() and not _stands(course):

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import EnsembleConfig
-from tendonrepro.configuration.fields.quantity import to_si
+from tendonrepro.configuration.fields.quantity import UNITS, to_si
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.box import Among, BoxRange, BoxRow, Words, rule_of
+from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import as_printed
 from tendonrepro.monte_carlo.draw import drawn_tree
 
@@ -88,19 +88,18 @@ def make_box(config: EnsembleConfig) -> Box:
     config : EnsembleConfig
     """
     items = dict(config.box)
-    rules = [rule_of(name) for name in items]
     numbers = [_si_numbers(name, row) for name, row in items.items()]
     low, nominal, high, choices = zip(*numbers, strict=True)
     return Box(
         names=tuple(items),
-        units=tuple("1" if isinstance(rule, Among) else rule.unit for rule in rules),
+        units=tuple("1" if isinstance(row, Words) else UNITS[row.unit].si for row in items.values()),
         low=np.array(low),
         nominal=np.array(nominal),
         high=np.array(high),
         scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         choices=choices,
-        words=tuple(rule.words if isinstance(rule, Among) else () for rule in rules),
+        words=tuple(WORDS.get(name, ()) for name in items),
         free=np.ones(len(items), dtype=np.bool_),
         shortest_run=config.shortest_run.si,
     )
@@ -112,9 +111,7 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
         low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
         return low, nominal, high, np.zeros(0)
     if isinstance(row, Words):
-        rule = rule_of(name)
-        assert isinstance(rule, Among)
-        nominal, *choices = (float(rule.words.index(word)) for word in (row.nominal, *row.choices))
+        nominal, *choices = (float(WORDS[name].index(word)) for word in (row.nominal, *row.choices))
     else:
         nominal, *choices = (to_si(value, row.unit) for value in (row.nominal, *row.choices))
     return min(choices), nominal, max(choices), np.array(choices)

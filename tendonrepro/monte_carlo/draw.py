@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.configuration.ensemble import FAST_PERIOD
 from tendonrepro.configuration.fields.quantity import to_si
-from tendonrepro.configuration.models.box import CLEARANCES, DISTURBANCES, FRICTION_SIDES, MOTIONS
+from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -96,7 +96,7 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
     damping = draw["tendon_damping_2"] / two**2, draw["tendon_damping_3"] / three**2
     tendons["axial_stiffness"] = _per_joint(*stiffness, "N m-1", "tendon_stiffness over the radius squared")
     tendons["axial_damping"] = _per_joint(*damping, "N s m-1", "tendon_damping over the radius squared")
-    at = CLEARANCES[int(draw["clearance_at"])]
+    at = WORDS["clearance_at"][int(draw["clearance_at"])]
     slack = draw["clearance"] * (at == "both"), draw["clearance"] * (at != "none")
     tendons["clearance"] = _per_joint(*slack, "m", "clearance and clearance_at")
     tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
@@ -107,7 +107,7 @@ def _switched(draw: Mapping[str, float], row: str) -> float:
 
 
 def _put_friction(friction: dict[str, Any], draw: Mapping[str, float]) -> None:
-    sides = FRICTION_SIDES[int(draw["friction_sides"])]
+    sides = WORDS["friction_sides"][int(draw["friction_sides"])]
     for side in ("link", "winch"):
         part, acts = friction[side], float(sides in (side, "both"))
         stribeck = draw[f"{side}_stribeck_velocity"]
@@ -134,7 +134,7 @@ def _put_options(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
 
 
 def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
-    kind = DISTURBANCES[int(draw["disturbance"])]
+    kind = WORDS["disturbance"][int(draw["disturbance"])]
     torque = _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")
     if kind == "sine":
         frequency = _drawn(draw["disturbance_frequency"], "Hz", "disturbance_frequency")
@@ -148,7 +148,7 @@ def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
 
 def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
     """Motion of both joints: equal angles but for ``unequal``, in which joint 2 moves two thirds as far."""
-    kind = MOTIONS[int(draw["motion"])]
+    kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
     share = UNEQUAL if kind == "unequal" else 1.0
     size = 0.5 if shape["kind"] == "sine" else 1.0  # a sine swings about the middle of the same range

@@ -14,28 +14,31 @@ FINE_STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.0032"
 TEMPLATES = Path(__file__).with_name("templates")
 
 
+def by_name(summary: Mapping[str, Any], population: str = "box") -> dict[str, Mapping[str, Any]]:
+    """Readings of an ensemble by their names."""
+    return {reading["name"]: reading for reading in summary["populations"][population]["readings"]}
+
+
 def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, str]:
     """Numbers of the answer as text, by slot; from a stored ensemble and the verdicts on it."""
-    box = summary["populations"]["box"]
-    readings = {reading["name"]: reading for reading in box["readings"]}
+    readings, printed = by_name(summary), by_name(summary)["printed"]
     claims = {entry["id"]: entry for entry in ledger["claims"]}
-    printed = readings["printed"]
     ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
-    main = {"printed": printed, "both": readings[BOTH], "steps": readings[STEPS]}
-    return {
-        **{f"order_{name}": percent(held["in_order"]["share"]) for name, held in main.items()},
-        **{f"first_{name}": percent(held["first_best"]["share"]) for name, held in main.items()},
-        **{f"smooth_{name}": percent(held["smoother"]["share"]) for name, held in main.items()},
+    slots = {
         "first_fine": percent(readings[FINE_STEPS]["first_best"]["share"]),
         "worst": percent(printed["first_worst"]["share"]),
         "tie": percent(printed["last_two_tie"]["share"]),
-        "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
-        "plants": f"{box['plants']:,}",
-        "stable": f"{printed['in_order']['plants']:,}",
         "behind": percent(1.0 - ahead),
+        "plants": f"{summary['populations']['box']['plants']:,}",
+        "stable": f"{printed['in_order']['plants']:,}",
         "ratio": f"{printed['c1_c2']['joint_2']['median']:.2f}",
         "ratio_surfaces": f"{printed['c2_c3']['joint_2']['median']:.2f}",
+        "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
     }
+    for row, name in {"printed": "printed", "both": BOTH, "steps": STEPS}.items():
+        for column, key in {"order": "in_order", "first": "first_best", "smooth": "smoother"}.items():
+            slots[f"{column}_{row}"] = percent(readings[name][key]["share"])
+    return slots
 
 
 def filled(name: str, values: Mapping[str, str]) -> str:

@@ -13,17 +13,17 @@ VALUES = ("Key", "Value", "Unit", "Origin", "Why")
 """Heads of the tables."""
 
 
-def box() -> list[tuple[str, ...]]:
-    """Ranges that plants are drawn from."""
-    rows: list[tuple[str, ...]] = []
+def box() -> Iterator[tuple[str, ...]]:
+    """Yield the ranges that plants are drawn from, in the columns of `BOX`."""
     for name, row in load_ensemble(None).config.box:
-        held = row.model_dump()
-        choices = [item if isinstance(item, str) else f"{item:g}" for item in held.get("choices", ())]
-        extent = ", ".join(choices) or f"{held['low']:g} to {held['high']:g}"
-        nominal = held["nominal"] if isinstance(held["nominal"], str) else f"{held['nominal']:g}"
-        unit, scale = held.get("unit", "–"), held.get("scale", "choice")
-        rows.append((f"`{name}`", extent, nominal, unit, scale, held["confidence"], held["source"]))
-    return rows
+        held = {"unit": "–", "scale": "choice"} | row.model_dump()
+        extent = ", ".join(map(_short, held.get("choices", ()))) or f"{held['low']:g} to {held['high']:g}"
+        texts = [held[key] for key in ("unit", "scale", "confidence", "source")]
+        yield f"`{name}`", extent, _short(held["nominal"]), *texts
+
+
+def _short(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -37,10 +37,11 @@ def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Map
 
 def values(trees: Sequence[Any]) -> list[tuple[str, ...]]:
     """Quantities of some configurations, in the columns of `VALUES`; of each key the first."""
-    held = {key: quantity for tree in reversed(trees) for key, quantity in quantities(tree)}
-    order = dict.fromkeys(key for tree in trees for key, _ in quantities(tree))
+    held: dict[str, Mapping[str, Any]] = {}
+    for key, quantity in (pair for tree in trees for pair in quantities(tree)):
+        held.setdefault(key, quantity)
     rows: list[tuple[str, ...]] = []
-    for key in order:
-        origin, _, why = held[key]["source"].partition(": ")
-        rows.append((f"`{key}`", json.dumps(held[key]["value"]), held[key]["unit"], origin, why))
+    for key, quantity in held.items():
+        origin, _, why = quantity["source"].partition(": ")
+        rows.append((f"`{key}`", json.dumps(quantity["value"]), quantity["unit"], origin, why))
     return rows

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from tendonrepro.reporting.answer import percent
+from tendonrepro.reporting.answer import by_name, percent
 
 AS_PUBLISHED = {
     "printed": "As published",
@@ -28,71 +27,26 @@ CHANGED = {
 }
 """Readings of the ensemble that the picture and the table of findings show, and what a reader calls them."""
 
-
-@dataclass(frozen=True)
-class Orders:
-    """Shares of the orders of three controllers under one reading; they add up to 1.
-
-    Attributes
-    ----------
-    reading, label : str
-        Name of the reading in the ensemble, and in words.
-    plants : int
-        Plants on which all three controllers are stable.
-    shares : mapping
-        ``published`` (1, 2, 3), ``first`` (another order with Controller 1 first), ``other`` and ``reverse``
-        (3, 2, 1); an order has to hold in MAE and RMSE on both joints. None of them where no plant is left.
-    ratio : float or None
-        Median of Controller 1's MAE over Controller 2's on joint 2.
-    """
-
-    reading: str
-    label: str
-    plants: int
-    shares: Mapping[str, float]
-    ratio: float | None
-
-
-def orders(summary: Mapping[str, Any], labels: Mapping[str, str]) -> list[Orders]:
-    """Orders under those readings of a stored ensemble that have a label, in the order of the labels."""
-    stored = {reading["name"]: reading for reading in summary["populations"]["box"]["readings"]}
-    return [_orders(stored[name], label) for name, label in labels.items() if name in stored]
-
-
-def _orders(reading: Mapping[str, Any], label: str) -> Orders:
-    plants = reading["in_order"]["plants"]
-    published, first, reverse = (reading[key]["share"] for key in ("in_order", "first_best", "in_reverse"))
-    shares = {}
-    if plants:
-        between = {"first": first - published, "other": 1.0 - first - reverse}
-        shares = {"published": published, **between, "reverse": reverse}
-    return Orders(reading["name"], label, plants, shares, reading["c1_c2"]["joint_2"]["median"])
-
-
 HEADS = ("interpretation", "plants", "published order", "Controller 1 first", "reverse order", "error 1 / 2")
 """Heads of `robustness`; the last is the median ratio of the MAE of Controllers 1 and 2 on joint 2."""
 
 
+def labelled(summary: Mapping[str, Any], labels: Mapping[str, str]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Labels and readings of a stored ensemble, where it has the reading."""
+    stored = by_name(summary)
+    return [(label, stored[name]) for name, label in labels.items() if name in stored]
+
+
 def robustness(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Rows of the table that says what the answer depends on, as text."""
-    published, *others = orders(summary, AS_PUBLISHED | CHANGED)
-    (last,) = (
-        held for held in summary["populations"]["box"]["readings"] if held["name"] == published.reading
-    )
-    shares = [last["diverged_last"][key] for key in ("in_order", "first_best", "in_reverse")]
-    counted = ("… diverged controllers ranked last", f"{shares[0]['plants']:,}")
-    rows = [_cells(published), (*counted, *(percent(share["share"]) for share in shares), "–")]
+    (label, printed), *others = labelled(summary, AS_PUBLISHED | CHANGED)
+    rows = [(label, printed), ("… diverged controllers ranked last", printed["diverged_last"])]
     if "firm" in summary["populations"]:
-        firm = {"populations": {"box": summary["populations"]["firm"]}}
-        rows += [
-            _cells(found) for found in orders(firm, {"printed": "… better known parameters alone varied"})
-        ]
-    return rows + [_cells(found) for found in others]
+        rows.append(("… better known parameters alone varied", by_name(summary, "firm")["printed"]))
+    return [_cells(*row) for row in rows + others]
 
 
-def _cells(found: Orders) -> tuple[str, ...]:
-    shares = found.shares
-    first = shares["published"] + shares["first"] if shares else None
-    ratio = "–" if found.ratio is None else f"{found.ratio:.2f}"
-    cells = (shares.get("published"), first, shares.get("reverse"))
-    return (found.label, f"{found.plants:,}", *map(percent, cells), ratio)
+def _cells(label: str, reading: Mapping[str, Any]) -> tuple[str, ...]:
+    shares = (percent(reading[key]["share"]) for key in ("in_order", "first_best", "in_reverse"))
+    ratio = reading["c1_c2"]["joint_2"]["median"] if "c1_c2" in reading else None
+    return label, f"{reading['in_order']['plants']:,}", *shares, "–" if ratio is None else f"{ratio:.2f}"

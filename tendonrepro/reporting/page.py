@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Iterator
 from html import unescape
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -16,88 +17,79 @@ from tendonrepro import __version__
 from tendonrepro.files import shipped
 from tendonrepro.reporting import assumed, claims, orders
 from tendonrepro.reporting.answer import TEMPLATES, filled, numbers
-from tendonrepro.reporting.figure_orders import orders_svg
-from tendonrepro.reporting.stored import SHIPPED, Stored
+from tendonrepro.reporting.figures import draw_orders
+from tendonrepro.reporting.stored import PARTS, Stored
+from tendonrepro.results.figures.style import journal_style
+from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.rules import VERDICTS
 
-TABLES = {"decouple": ("table1", "decoupling_errors"), "compare": ("table2_paper", "table3_paper")}
-"""Tables of each experiment that stand on the page."""
-
+_INCONSISTENCY = re.compile(r"^\*\*(\d+\. .*?)\.?\*\*(.*?)\n\n", re.S | re.M)
+"""One of those that docs list: ``**1. Title.** Text``."""
 _COLUMN_PT = 300.0
-
-TITLES = {
-    "decouple": "Decoupling: Figures 6 and 9 to 12, Table 1",
-    "compare": "Controllers: Figures 13 to 16, Tables 2 and 3",
-    "validate": "The authors' data beside the model",
-}
+"""Figures narrower than this stand side by side."""
 
 
 def page(found: Stored) -> str:
     """Make the page; equal contents give equal text."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"md": line}
+    loader, strict = jinja2.FileSystemLoader(TEMPLATES), jinja2.StrictUndefined
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
+    environment.filters |= {"md": line, "text": text}
     slots = numbers(found.summary, found.ledger)
-    answer, _, changes = filled("answer", slots).partition("\n\n")
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
-    trees = [held["config"]["tree"] for name, held in found.manifests.items() if name in TABLES]
+    days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
     return environment.get_template("page.html").render(
         found=found,
-        shipped=SHIPPED,
         version=__version__,
-        date=dated(found),
-        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
-        answer=text(answer),
-        changes=text(changes),
-        why=text(filled("why", slots)),
-        picture=address(orders_svg(found.summary)),
-        main=[entries[name] for name in claims.MAIN if name in entries],
-        others=[
-            entry for entry in entries.values() if entry["repeats"] is None or entry["kind"] == "ensemble"
-        ],
+        date=max(days)[:10],
+        answer=filled("answer", slots),
+        why=filled("why", slots),
+        picture=orders_picture(found),
+        main=[entries[name] for name in MAIN],
+        others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
+        verdicts=VERDICTS,
+        in_words=in_words,
         claims=claims,
         orders=orders,
-        parts=[part(found, name, title) for name, title in TITLES.items()],
-        inconsistencies=list(inconsistencies()),
-        questions=text(section("slips.md", "Questions to the authors")),
-        predictions=text(section("predictions.md", "What the bench finds, and what it means")),
-        assumptions=text((TEMPLATES / "assumed.md").read_text(encoding="utf-8")),
+        parts=[part(found, name) for name in PARTS],
+        inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
+        questions=section("slips.md", "Questions to the authors"),
+        predictions=section("predictions.md", "What the bench finds, and what it means"),
         assumed=assumed,
-        values=assumed.values(trees),
+        values=assumed.values([held["config"]["tree"] for held in found.manifests.values()]),
     )
 
 
-def dated(found: Stored) -> str:
-    """Day of the newest result."""
-    ensemble = found.ledger.get("ensemble") or {}
-    days = [held.get("created") for held in (*found.manifests.values(), ensemble)]
-    return max(filter(None, days), default="")[:10]
-
-
-def part(found: Stored, name: str, title: str) -> dict[str, Any]:
+def part(found: Stored, name: str) -> dict[str, Any]:
     """Figures and tables of an experiment; none where it was not run."""
-    pictures = [plate(path.read_text(encoding="utf-8"), path.stem) for path in found.pictures(name)]
-    tables = [
-        text(path.read_text(encoding="utf-8").replace("| ok |", "| stable |"))
-        for path in found.tables(name, TABLES.get(name, ()))
-    ]
-    return {"name": name, "title": title, "pictures": pictures, "tables": tables}
+    (title, tables), folder = PARTS[name], found.folder / name
+    paths = [folder / "tables" / f"{table}.md" for table in tables]
+    return {
+        "name": name,
+        "title": title,
+        "pictures": [plate(path) for path in sorted(folder.glob("figures/*.svg"))],
+        "tables": [path.read_text(encoding="utf-8") for path in paths if path.exists()],
+    }
 
 
-def plate(svg: str, name: str) -> dict[str, Any]:
+def plate(path: Path) -> dict[str, Any]:
     """A figure with the caption that it holds; narrow ones, of a journal's column, stand side by side."""
+    svg = path.read_text(encoding="utf-8")
     kept = re.search(r"<dc:description>([^<]*)<", svg)
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     return {
         "address": address(svg.encode()),
         # What made a figure stands in the picture too.
-        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else name,
+        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else path.stem,
         "narrow": width is not None and float(width[1]) < _COLUMN_PT,
     }
+
+
+def orders_picture(found: Stored) -> str:
+    """Address of the picture of the answer."""
+    content = BytesIO()
+    with journal_style():
+        draw_orders(found.summary).figure.savefig(content, format="svg", metadata={"Date": None})
+    return address(content.getvalue())
 
 
 def address(svg: bytes) -> str:
@@ -105,18 +97,14 @@ def address(svg: bytes) -> str:
     return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
 
 
-def inconsistencies() -> Iterator[tuple[str, Markup]]:
-    """Yield those of the paper as docs list them, ``**1. Title.** Text``: title and text of each."""
-    paragraphs = (shipped("docs") / "slips.md").read_text(encoding="utf-8").split("\n\n")
-    for paragraph in paragraphs:
-        if entry := re.fullmatch(r"\*\*(\d+\. .*?)\*\*(.*)", paragraph.strip(), re.S):
-            yield entry[1].rstrip("."), text(entry[2])
+def docs(page: str) -> str:
+    """Text of a page of docs."""
+    return (shipped("docs") / page).read_text(encoding="utf-8")
 
 
-def section(name: str, heading: str) -> str:
+def section(page: str, heading: str) -> str:
     """Text of a section of a page of docs."""
-    page = (shipped("docs") / name).read_text(encoding="utf-8")
-    return page.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+    return docs(page).split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
 
 
 def text(markdown: str) -> Markup:

@@ -15,9 +15,6 @@ from tendonrepro.results.store import stored_traces
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 
-SHOWN = 20
-"""Differences of one kind that the words name; ``--json`` has all."""
-
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
     """Compare two trace files, or the results folders that hold them.
@@ -25,9 +22,9 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``same``; ``config``, ``versions`` and the status of ``runs`` by key, with ``first`` and ``second``;
-        ``metrics`` per run, joint and name, in degrees; ``traces`` per run and variable, with the largest
-        difference, SI, and the time of the first one, s.
+        ``same``; ``config``, ``versions`` and ``runs`` (their status) by key; ``metrics`` in degrees by run,
+        joint and name; ``traces`` by run and variable, with the largest difference, SI, and when the first
+        is, s.
 
     Raises
     ------
@@ -35,16 +32,27 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
         If a trace file cannot be read.
     """
     a, b = map(stored_traces, (first, second))
+    facts = [
+        {
+            "config": _leaves(load(file.config_yaml, "config_yaml").tree),
+            "versions": _versions(file),
+            "runs": {name: trace.status for name, trace in file.runs.items()},
+        }
+        for file in (a, b)
+    ]
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
     found = {
-        "config": list(_unequal(*(_leaves(load(file.config_yaml, "config_yaml").tree) for file in (a, b)))),
-        "versions": list(_unequal(_versions(a), _versions(b))),
-        "runs": list(_unequal(_statuses(a), _statuses(b))),
+        **{kind: list(_unequal(held, facts[1][kind])) for kind, held in facts[0].items()},
         "metrics": [row for pair in shared for row in _metrics(*pair)],
         "traces": [row for pair in shared for row in _traces(*pair)],
     }
     same = not any(found.values())
     return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | found
+
+
+def _versions(file: TraceFile) -> dict[str, Any]:
+    environment = json.loads(file.manifest_json or "{}").get("environment", {})
+    return {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:
@@ -57,16 +65,6 @@ def _leaves(node: Node, path: str = "") -> dict[str, Any]:
     return found
 
 
-def _versions(file: TraceFile) -> dict[str, Any]:
-    manifest = json.loads(file.manifest_json or "{}")
-    libraries: dict[str, Any] = manifest.get("environment", {}).get("versions", {})
-    return {"tendonrepro": file.tendonrepro_version} | libraries
-
-
-def _statuses(file: TraceFile) -> dict[str, Any]:
-    return {name: trace.status for name, trace in file.runs.items()}
-
-
 def _unequal(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for key in dict.fromkeys([*first, *second]):
         if first.get(key) != second.get(key):
@@ -74,41 +72,39 @@ def _unequal(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[di
 
 
 def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
-    if not ("e" in first and "e" in second and first.joint == second.joint):
-        return
-    a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
-    for name in a:
-        for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
-            if not np.array_equal(x, y, equal_nan=True):
-                yield {"run": first.name, "joint": joint, "metric": f"{name}_deg", "first": x, "second": y}
+    if "e" in first and "e" in second and first.joint == second.joint:
+        a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
+        for name in a:
+            for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
+                if not np.array_equal(x, y, equal_nan=True):
+                    yield {
+                        "run": first.name,
+                        "joint": joint,
+                        "metric": f"{name}_deg",
+                        "first": x,
+                        "second": y,
+                    }
 
 
 def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
-    samples = min(len(first.time), len(second.time))
-    comparable = first.joint == second.joint and np.array_equal(first.time[:samples], second.time[:samples])
     for name in dict.fromkeys([*first.variables, *second.variables]):
         row = {"run": first.name, "variable": name}
-        if not (name in first and name in second):
-            yield row | {"only_in": "first" if name in first else "second"}
-        elif not comparable:
-            yield row | {"other_times_or_joints": True}
-        else:
-            a, b = first[name][:samples], second[name][:samples]
-            apart = ~((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1)
-            if apart.any():
-                largest = float(np.nanmax(np.abs(a - b)[apart], initial=0.0))
-                yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
-            if len(first.time) != len(second.time):
-                yield row | {"samples_first": len(first.time), "samples_second": len(second.time)}
+        a, b = (trace.variables.get(name, np.zeros(0)) for trace in (first, second))
+        if a.shape != b.shape:
+            yield row | {"shape_first": list(a.shape), "shape_second": list(b.shape)}
+        elif not np.array_equal(a, b, equal_nan=True):
+            apart = ~np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True).all(axis=1)
+            largest = float(np.nanmax(np.abs(a - b), initial=0.0))
+            yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
 
 
 def difference_text(found: Mapping[str, Any]) -> str:
     """Words for a terminal."""
     if found["same"]:
         return "The two results have the same configuration, versions, metrics and traces."
-    parts = []
-    for kind in ("config", "versions", "runs", "metrics", "traces"):
-        if rows := found[kind]:
-            more = f", of which {SHOWN} are shown; --json has all" if len(rows) > SHOWN else ""
-            parts.append(Table(kind, f"{kind}: {len(rows)}{more}", rows[:SHOWN]).text())
+    parts = [
+        Table(kind, f"{kind}: {len(rows)}", rows).text()
+        for kind, rows in found.items()
+        if isinstance(rows, list) and rows
+    ]
     return "\n\n".join(parts)

@@ -26,26 +26,24 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     Parameters
     ----------
     source : Path
-        Trace file, or a results folder that holds ``traces.h5``.
+        Trace file, or a results folder.
     form : str
-        ``csv`` and ``parquet`` have a row per run, sample and joint; ``mat`` a structure per run with arrays
-        (T, n), and their units.
+        ``csv`` and ``parquet`` have a row per run, sample and joint; ``mat`` a structure per run.
     out : Path, optional
-        File to write; else beside the trace file, with the format as its suffix.
+        Else beside the trace file.
     force : bool
-        Overwrite a file that is there.
+        Overwrite a file.
 
     Returns
     -------
     Path
-        The file.
 
     Raises
     ------
     DataMissingError
         If the trace file cannot be read.
     UsageError
-        For an unknown format, a file that is there, a format whose library is not installed.
+        For a format that is unknown or lacks its library, and a file that is there.
     """
     if form not in _WRITERS:
         message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
@@ -87,8 +85,7 @@ def _mat(file: TraceFile, path: Path) -> None:
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
         for name, trace in file.runs.items()
     }
-    used = {name for trace in file.runs.values() for name in trace.variables}
-    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items() if name in used}
+    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
     savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
 
 

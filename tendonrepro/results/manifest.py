@@ -20,9 +20,9 @@ LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pyda
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
-    """Describe how a result came about, ready for JSON; what cannot be found out is None.
+    """Describe how a result came about, ready for JSON; what is unknown is None.
 
-    `seconds` is the wall time of the simulation; digests of the outputs are added once they exist.
+    `seconds` is the wall time; digests of the outputs are added once they exist.
     """
     config = loaded.config
     return {
@@ -54,26 +54,17 @@ def environment() -> dict[str, Any]:
         "platform": platform.platform(),
         "cpu": cpu_name(),
         "cpu_count": os.cpu_count(),
-        "versions": {name: _version(name) for name in LIBRARIES},
+        "versions": {name: metadata.version(name) for name in LIBRARIES},
         "git": git_state(),
     }
 
 
-def _version(library: str) -> str | None:
-    try:
-        return metadata.version(library)
-    except metadata.PackageNotFoundError:
-        return None
-
-
 def cpu_name() -> str | None:
     """Model name of the processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or None
+    listing = Path("/proc/cpuinfo")
+    lines = listing.read_text(encoding="utf-8").splitlines() if listing.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or None
+    return next(iter(names), platform.processor() or None)
 
 
 def git_state() -> dict[str, Any] | None:

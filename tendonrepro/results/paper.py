@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,19 +33,8 @@ OTHER_BASE = (
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    That is: the paper's arm, joints, gains and payload, and a motion that stands for the paper's. An arm is
-    known by its name and its coupling. Masses and readings may differ. Of a measurement more joints may have
-    been recorded, and gains and motion are not known.
-
-    Parameters
-    ----------
-    file : TraceFile
-    trace : Trace, optional
-        A run of it.
-
-    Returns
-    -------
-    bool
+    That is: the paper's arm, by name and coupling, joints, gains, payload, and a motion that stands for the
+    paper's. Masses and readings may differ. Of a measurement the arm alone is known.
     """
     plant = file.plant
     S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
@@ -106,30 +94,12 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
 
 @cache
 def _motion_of_paper(config_yaml: str) -> bool:
-    """Whether the desired motion is a shipped one, or one that was fitted to the print."""
-    motion = _tree(config_yaml).get("reference", {})
-    quantities = [value for value in motion.values() if isinstance(value, dict)]
-    if any(str(quantity["source"]).startswith("identified") for quantity in quantities):
-        return True
-    return _values(motion) in _shipped_motions()
-
-
-@cache
-def _shipped_motions() -> list[dict[str, Any]]:
-    """Values of the motions of all shipped comparisons."""
-    trees = [_tree(path.read_text(encoding="utf-8")) for path in shipped_folder().glob("*.yaml")]
-    return [_values(tree["reference"]) for tree in trees if tree.get("experiment") == "compare"]
-
-
-def _tree(text: str) -> Any:
-    return load(text, "configuration").tree
-
-
-def _values(motion: Mapping[str, Any]) -> dict[str, Any]:
-    """A motion without what its values are taken from."""
-    return {
-        key: (held["value"], held["unit"]) if isinstance(held, dict) else held for key, held in motion.items()
-    }
+    """Whether the desired motion is that of a shipped comparison, or was fitted to the print."""
+    motion = load(config_yaml, "configuration").tree.get("reference", {})
+    shipped_texts = (path.read_text(encoding="utf-8") for path in shipped_folder().glob("*.yaml"))
+    return "'source': 'identified" in str(motion) or motion in [
+        load(text, "configuration").tree.get("reference") for text in shipped_texts
+    ]
 
 
 def identifier_of(trace: Trace) -> str:
@@ -146,8 +116,8 @@ def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
 def plausible_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
     """Central 90 % of the same over plausible plants, (n, 2), from the stored ensemble; NaN where unknown.
 
-    The plants are those of the shipped box that are stable under all three controllers, with the equations as
-    printed (docs/verdicts.md); nothing stands beside a run under another reading.
+    Those of the shipped box that are stable under all controllers, with the equations as printed
+    (docs/verdicts.md); another reading has none.
     """
     readings = trace.attributes["readings"]
     as_printed = all(readings.get(axis.name, axis.printed) == axis.printed for axis in AXES.values())

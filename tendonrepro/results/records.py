@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -51,22 +51,16 @@ class Trace:
     Parameters
     ----------
     name : str
-        Name of the run, and of its group in the file: ``controller_1``, ``decouple``, ...
+        Of the run, and of its group in the file.
     time : Array
         Sampling times, s, shape (T,).
     joint : tuple of int
         The paper's numbers of the n joints.
     variables : Mapping
-        Arrays of shape (T, n) by the names of `VARIABLES`; a run holds those its experiment defines.
+        Arrays (T, n) by names of `VARIABLES`.
     attributes : Mapping
-        Texts, numbers and lists of numbers: ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s),
-        ``reference_period`` (s, 0 when there is none), ``status_joints`` of a measured run that is not ok;
-        and the mappings ``gains`` (name -> list) and ``readings`` (name -> str), empty when there are none.
-
-    Raises
-    ------
-    ValueError
-        When a variable is unknown or its shape is not (T, n), or there is no sample.
+        ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s), ``reference_period`` (s, 0 without
+        one), ``status_joints`` of a measured run; ``gains`` (name -> list) and ``readings`` (name -> str).
     """
 
     name: str
@@ -74,16 +68,6 @@ class Trace:
     joint: tuple[int, ...]
     variables: Mapping[str, Array]
     attributes: Mapping[str, Any]
-
-    def __post_init__(self) -> None:
-        shape = (len(self.time), len(self.joint))
-        if 0 in shape:
-            message = f"run {self.name!r} has no samples or no joints: shape {shape}"
-            raise ValueError(message)
-        for name, value in self.variables.items():
-            if name not in VARIABLES or value.shape != shape:
-                message = f"run {self.name!r}: variable {name!r} of shape {value.shape}, expected {shape}"
-                raise ValueError(message)
 
     def __getitem__(self, name: str) -> Array:
         """Return a variable, shape (T, n).
@@ -116,14 +100,10 @@ class Trace:
 
     @property
     def told_status(self) -> str:
-        """The status with the joints it is of, where a measured run says."""
-        return of_joints(self.status, self.attributes.get("status_joints", ()))
-
-
-def of_joints(status: str, joints: Iterable[int]) -> str:
-    """A status with the joints it is of: ``ringing on joint 2, 3``."""
-    numbers = ", ".join(map(str, joints))
-    return f"{status} on joint {numbers}" if numbers else status
+        """The status, with the time at which a run diverged, and the joints where a measured run says."""
+        time = f" at {self.attributes['status_time']:.2f} s" if self.status == "diverged" else ""
+        joints = ", ".join(map(str, self.attributes.get("status_joints", ())))
+        return f"{self.status}{time}" + (f" on joint {joints}" if joints else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,50 +123,44 @@ class PlantRecord:
     Parameters
     ----------
     values : Mapping
-        Name -> `PlantValue`; vectors and matrices run over all joints or over the moving ones.
+        Name -> `PlantValue`, over all joints or the moving ones.
     attributes : Mapping
-        Name -> text: the angle convention, the friction law.
+        Angle convention, friction law and the like, in words.
     """
 
     values: Mapping[str, PlantValue]
     attributes: Mapping[str, str]
 
     def matrix(self, name: str, joint: tuple[int, ...]) -> Array:
-        """Block (n, n) of a square matrix, such as ``S_inv``, that belongs to n joints.
+        """Block (n, n) of a square matrix, such as ``S_inv``, of n joints.
 
-        It is stored for all joints or only for the moving ones: a matrix of n rows is taken to be theirs.
+        A stored matrix of n rows is taken to be theirs, a larger one to be of all joints.
 
         Raises
         ------
-        DataMissingError
-            When the record does not hold the matrix, or not for these joints.
+        KeyError, IndexError
+            When the record does not hold it for these joints.
         """
-        block = self.values[name].value if name in self.values else np.zeros((0, 0))
+        block = self.values[name].value
         if len(block) == len(joint):
             return block
-        if max(joint) > len(block):
-            message = f"the plant record holds {name!r} for {len(block)} joints, not for joint {max(joint)}"
-            raise DataMissingError(message)
         index = np.array(joint) - 1
         return np.asarray(block[np.ix_(index, index)])
 
 
 @dataclass(frozen=True, eq=False)
 class TraceFile:
-    """All runs of one experiment, and what they were made with.
+    """All runs of an experiment, and what they were made with.
 
     Parameters
     ----------
     experiment : str
-        ``compare``, ``decouple``, or ``both`` where a measured file holds runs of both.
+        ``both`` where a measured file holds runs of both.
     source : str
-        ``simulated`` or ``measured``.
     title : str
-        One line for a reader.
     runs : Mapping
         Run name -> `Trace`, in order.
     plant : PlantRecord
-        The model's values.
     config_yaml, config_sha256 : str
         The resolved configuration and its digest.
     manifest_json : str
@@ -194,9 +168,8 @@ class TraceFile:
     created : str
         ISO 8601, UTC.
     tendonrepro_version : str
-        Version that wrote the file.
     schema_version : int
-        Version of the layout.
+        Of the layout.
     """
 
     experiment: Literal["compare", "decouple", "both"]

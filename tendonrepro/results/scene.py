@@ -27,11 +27,10 @@ class Scene:
     trace : Trace
         Its T samples at which all angles are known.
     joints : array (T, N + 1, 2)
-        Positions of joints and tip, m.
+        Joints and tip, m.
     paths : list of TendonPath
-        Of the tendons.
     tension : array (T, N + 1)
-        N; NaN where it is not known.
+        N; NaN where unknown.
     """
 
     trace: Trace
@@ -48,7 +47,7 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
     UsageError
         If there is no such run.
     DataMissingError
-        If the file does not say where the tendons go, as a measured one does not.
+        If the file does not say where the tendons go.
     """
     name = name or next(iter(file.runs))
     if name not in file.runs:

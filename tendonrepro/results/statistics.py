@@ -1,7 +1,6 @@
-"""Statistics of a recorded run, simulated or measured, under the names that the batch stepper sums up.
+"""Statistics of a recorded run, under the names that the batch stepper sums up.
 
-:mod:`tendonrepro.simulation.streaming` says what each name means. Samples that are missing or not finite are
-left out one by one, so a diverged run is described up to its end.
+:mod:`tendonrepro.simulation.streaming` says what each means. Missing samples are left out one by one.
 """
 
 from __future__ import annotations
@@ -14,15 +13,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, mean, rmse
 from tendonrepro.results.records import Trace
-from tendonrepro.simulation.streaming import (
-    AT_LIMIT,
-    MOVING,
-    PHASES,
-    RESTING,
-    SIGNALS,
-    Thresholds,
-    thresholds,
-)
+from tendonrepro.simulation import streaming
 
 VARIABLES = {"torque": "tau_m", "H_hat": "H_hat"}
 """Recorded variables of the signals whose size is asked for in every way."""
@@ -30,7 +21,7 @@ VARIABLES = {"torque": "tau_m", "H_hat": "H_hat"}
 Rates = tuple[Array, Array]
 """Desired velocity and acceleration, (T, n) each."""
 
-assert VARIABLES.keys() == SIGNALS.keys()
+assert VARIABLES.keys() == streaming.SIGNALS.keys()
 
 
 def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
@@ -40,17 +31,17 @@ def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
     ----------
     trace : Trace
     rates : tuple of array (T, n), optional
-        Desired velocity and acceleration, if they are not those of the run. Without any there are no phases.
+        Desired velocity and acceleration, else those of the run; without any there are no phases.
 
     Returns
     -------
     dict
-        By those names of `streaming.STATISTICS` for which the run has the signals.
+        By names of `streaming.STATISTICS`.
     """
     if rates is None and "dq_d" in trace and "ddq_d" in trace:
         rates = trace["dq_d"], trace["ddq_d"]
     L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
-    phases = thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
+    phases = streaming.thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
     newest = float(phases.newest)
     found: dict[str, Array] = {}
     if "e" in trace:
@@ -79,7 +70,7 @@ def saturated(trace: Trace, S: Array, limit: Array) -> Array:
     limit : array (n,)
         Largest torque of each winch, N m.
     """
-    return np.asarray((np.abs(trace["tau_m"] @ S) >= AT_LIMIT * limit).mean(axis=0))
+    return np.asarray((np.abs(trace["tau_m"] @ S) >= streaming.AT_LIMIT * limit).mean(axis=0))
 
 
 def error_sizes(e: Array) -> dict[str, Array]:
@@ -88,36 +79,38 @@ def error_sizes(e: Array) -> dict[str, Array]:
     Returns
     -------
     dict
-        ``mae``, ``rmse`` and ``max``, (n,) each; NaN where no sample is left.
+        ``mae``, ``rmse`` and ``max``, (n,) each.
     """
     return {"mae": mae(e), "rmse": rmse(e), "max": max_abs(e)}
 
 
-def _of_the_error(e: Array, rates: Rates | None, phases: Thresholds) -> dict[str, Array]:
+def _of_the_error(e: Array, rates: Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
     size = error_sizes(e)
     found = {"mae": size["mae"], "rmse": size["rmse"], "max_error": size["max"]}
     if rates is not None:
         rapid = np.abs(rates[1]) > phases.acceleration
         found |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
-        found["overshoot"] = _overshoot(e, rates[0], phases.speed / MOVING)
+        found["overshoot"] = _overshoot(e, rates[0], phases.speed / streaming.MOVING)
     return found
 
 
 def _overshoot(e: Array, dq_d: Array, fastest: Array) -> Array:
     """Largest error past the target, in the direction of the last stroke, while the reference rests."""
     samples = np.arange(len(e))[:, np.newaxis]
-    last = np.maximum.accumulate(np.where(np.abs(dq_d) > MOVING * fastest, samples, 0), axis=0)
+    last = np.maximum.accumulate(np.where(np.abs(dq_d) > streaming.MOVING * fastest, samples, 0), axis=0)
     direction = np.sign(np.take_along_axis(dq_d, last, axis=0))
-    resting = (np.abs(dq_d) <= RESTING * fastest) & np.isfinite(e)
+    resting = (np.abs(dq_d) <= streaming.RESTING * fastest) & np.isfinite(e)
     return np.asarray(np.where(resting, -direction * e, 0.0).max(axis=0))
 
 
-def _ways(values: Array, rates: Rates | None, phases: Thresholds) -> dict[str, NDArray[np.bool_]]:
+def _ways(values: Array, rates: Rates | None, phases: streaming.Thresholds) -> dict[str, NDArray[np.bool_]]:
     """Samples of the whole run, and those moving up and down where that is known, by end of a name."""
-    every = {PHASES[0]: np.ones(values.shape, dtype=bool)}
+    every = {streaming.PHASES[0]: np.ones(values.shape, dtype=bool)}
     if rates is None:
         return every
-    return every | dict(zip(PHASES[1:], (rates[0] > phases.speed, rates[0] < -phases.speed), strict=True))
+    return every | dict(
+        zip(streaming.PHASES[1:], (rates[0] > phases.speed, rates[0] < -phases.speed), strict=True)
+    )
 
 
 def _sizes(

@@ -1,8 +1,8 @@
 """Results folders: written beside their place, and put there whole.
 
-A result is made in ``.<name>.partial`` beside its folder. When it is complete, the old folder is renamed to
-``.<name>.old``, the new one takes its place, and the old one is removed. A command that is killed leaves the
-old result or the new one; what else it leaves, the next command into that folder removes.
+A result is made in ``.<name>.partial``. Then the old folder becomes ``.<name>.old``, the new one takes its
+place, and the old one goes. A killed command leaves the old result or the new one; the next command into that
+folder removes the rest.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class NewResult:
     Attributes
     ----------
     path : Path
-        Where to write its files; they are part of the result because they are there.
+        Where to write its files; all that are there belong to the result.
     manifest : dict
-        What made it. Has to be set; the digests of the files are added.
+        What made it, to be set; digests of the files are added.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,21 +60,18 @@ class NewResult:
 def replaced(
     folder: Path, digest: str, *, command: str, force: bool = False, keep: str = "", update: bool = False
 ) -> Iterator[NewResult]:
-    """Make a result in a fresh folder, and put it in the place of an earlier one when the block ends well.
+    """Make a result in a fresh folder, which takes its place when the block ends well.
 
     Parameters
     ----------
     folder : Path
-        Where the result shall be; made if it is missing.
-    digest : str
-        Of the configuration; see :func:`refuse_others`.
-    command : str
-        That makes the result.
+        Made if it is missing.
+    digest, command : str
+        Whose result it is; see `refuse_others`.
     force : bool
-        Replace results of another configuration, version or command. Files that are somebody's own move over
-        into the new folder, unless the result has a file of that name.
+        Replace any results. A user's own files move over, unless the result has one of that name.
     keep : str
-        Name of a folder in the unfinished result that survives an interruption, to go on from there.
+        A folder in the unfinished result that survives an interruption.
     update : bool
         Begin with a copy of the earlier result.
 
@@ -85,7 +82,7 @@ def replaced(
     Raises
     ------
     UsageError
-        If something would be overwritten that this result does not replace, or another process writes there.
+        If something else would be overwritten, or another process writes there.
     TendonreproError
         If the folder cannot be written.
     """
@@ -100,10 +97,12 @@ def replaced(
             put_back(target)
             refuse_others(folder, digest, command=command, force=force)
             if update:
-                shutil.copytree(target, partial, dirs_exist_ok=True)
+                take_over(target, partial, _outputs(target))
             result = NewResult(partial)
             yield result
-            _finish(result, target, copied=update)
+            made = {name: sha256_of(partial / name) for name in _files(partial) if name != MANIFEST}
+            result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
+            take_over(target, partial, own_files(target))
         if target.exists():
             target.rename(aside)
         partial.rename(target)
@@ -161,32 +160,23 @@ def put_back(target: Path) -> None:
             aside.rename(target.resolve())
 
 
-def _finish(result: NewResult, target: Path, *, copied: bool) -> None:
-    """Write the manifest with the digests of all files, and copy over what is somebody's own."""
-    own = set(own_files(target))
-    files = sorted(path for path in result.path.rglob("*") if path.is_file() and path.name != _LOCK)
-    names = {path.relative_to(result.path).as_posix() for path in files} - {MANIFEST}
-    names -= own if copied else set()
-    for name in sorted(own - names):
-        (result.path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(target / name, result.path / name)
-    outputs = {name: sha256_of(result.path / name) for name in sorted(names)}
-    result.write(MANIFEST, to_json(result.manifest | {"outputs": outputs}))
-
-
 def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
     """Give an unfinished result those files of an earlier one that it does not have."""
-    fresh.mkdir(parents=True, exist_ok=True)
     for name in names:
-        if not (fresh / name).exists():
+        if (earlier / name).exists() and not (fresh / name).exists():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(earlier / name, fresh / name)
 
 
 def own_files(folder: Path) -> list[str]:
     """Names of files in a results folder that its manifest does not list."""
     listed = {MANIFEST, *_outputs(folder)}
-    names = (path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file())
-    return [name for name in names if name not in listed]
+    return [name for name in _files(folder) if name not in listed]
+
+
+def _files(folder: Path) -> list[str]:
+    found = (path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file())
+    return [name for name in found if name != _LOCK]
 
 
 def _outputs(folder: Path) -> Mapping[str, str]:
@@ -199,23 +189,26 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
     Parameters
     ----------
     folder : Path
-        It may be missing.
-    digest : str
-        Of what is to be written.
-    command : str
-        That writes.
+        It may be missing; hidden files in it do not count.
+    digest, command : str
+        Of the configuration, and who writes.
     force : bool
         Refuse nothing.
 
     Raises
     ------
     UsageError
-        If it holds results of another configuration, version or command, files that no manifest lists, or
-        files that were changed since. Hidden files are left out.
+        If it holds other results, files that no manifest lists, or changed files.
     """
     if force or not folder.exists():
         return
-    hint = "choose another --out, or say --force to replace them"
+    for path, message in _objections(folder, digest, command):
+        hint = "choose another --out, or say --force: results are replaced, files of your own are kept"
+        raise UsageError(message, where=str(path), hint=hint)
+
+
+def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path, str]]:
+    """What would be lost if a folder were replaced: where, and why it is not this result's."""
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         found = {
@@ -225,17 +218,13 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
         }
         for what, (mine, theirs) in found.items():
             if mine != theirs:
-                message = f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
-                raise UsageError(message, where=str(folder), hint=hint)
+                yield folder, f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
     for name in own_files(folder):
         if not name.startswith("."):
-            message = f"is not a file of this result: no {MANIFEST} lists it"
-            keep = "move it, choose another --out, or say --force: it is kept, in the new folder"
-            raise UsageError(message, where=str(folder / name), hint=keep)
+            yield folder / name, f"is not a file of this result: no {MANIFEST} lists it"
     for name, sha256 in _outputs(folder).items():
         if (folder / name).exists() and sha256_of(folder / name) != sha256:
-            message = "was changed since tendonrepro wrote it"
-            raise UsageError(message, where=str(folder / name), hint=hint)
+            yield folder / name, "was changed since tendonrepro wrote it"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -261,14 +250,9 @@ def stored_traces(source: Path) -> TraceFile:
     Raises
     ------
     DataMissingError
-        If it cannot be read, or is not what the manifest beside it lists.
+        If it cannot be read.
     """
-    path = source / TRACES if source.is_dir() else source
-    listed = _outputs(path.parent).get(path.name)
-    if listed and listed != sha256_of(path):
-        message = f"is damaged: it is not what its {MANIFEST} lists"
-        raise DataMissingError(message, where=str(path), hint="run the experiment again with --force")
-    return read_traces(path)
+    return read_traces(source / TRACES if source.is_dir() else source)
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:

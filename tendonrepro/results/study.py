@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,13 +30,13 @@ class Outcome:
     Attributes
     ----------
     data : mapping
-        Plain numbers with the keys of ``--json``; what is not finite becomes null there.
+        Numbers by the keys of ``--json``; there, what is not finite is null.
     parts : sequence of Table or str
-        What the terminal shows, in order. Every table is written to files, too.
+        What the terminal shows; tables are written, too.
     figures : mapping
         Name -> function that draws it.
     manifest : mapping
-        What the manifest says besides what it says of any study.
+        What only the manifest of this study says.
     """
 
     data: Mapping[str, Any]
@@ -50,8 +51,8 @@ class Outcome:
 
     def text(self) -> str:
         """What the terminal shows."""
-        shown = (part if isinstance(part, str) else part.text() for part in self.parts if _is_shown(part))
-        return "\n\n".join(shown)
+        shown = [part for part in self.parts if isinstance(part, str) or part.terminal != ()]
+        return "\n\n".join(part if isinstance(part, str) else part.text() for part in shown)
 
     def write_tables(self, folder: Path) -> None:
         """Write the tables below a results folder."""
@@ -69,12 +70,13 @@ class Outcome:
                 save_drawing(draw(), result.path / "figures")
 
 
-def _is_shown(part: Table | str) -> bool:
-    return isinstance(part, str) or part.terminal is None or len(part.terminal) > 0
-
-
 def run_study(
-    name: str, loaded: LoadedConfig, request: Request, study: Callable[[], Outcome], talk: Talk
+    name: str,
+    loaded: LoadedConfig,
+    request: Request,
+    study: Callable[[], Outcome],
+    talk: Talk,
+    keep: str = "",
 ) -> dict[str, Any]:
     """Carry out a study and put its results into their folder.
 
@@ -83,17 +85,17 @@ def run_study(
     name : str
         Of the command.
     loaded : LoadedConfig
-        Its digest tells results of one study from those of another.
     request : Request
-        A dry run says what would be done.
     study : callable
-        Finds the numbers.
+        Finds the numbers; not called in a dry run.
     talk : Talk
+    keep : str
+        Folder in the unfinished result in which the study keeps what an interruption must not lose.
 
     Returns
     -------
     dict
-        What ``--json`` prints: the numbers, ``text``, ``out`` and ``manifest``.
+        What ``--json`` prints.
 
     Raises
     ------
@@ -103,9 +105,11 @@ def run_study(
     folder = request.folder(name)
     if request.dry_run:
         return planned(name, loaded, folder, request, talk)
-    with replaced(folder, loaded.sha256, command=name, force=request.force) as result:
+    with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep) as result:
         outcome = study()
         outcome.save(result, name)
+        if keep:
+            shutil.rmtree(result.path / keep)
         result.manifest = make_manifest(loaded, result.seconds, name) | dict(outcome.manifest)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}

@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import max_abs, rmse, windows
+from tendonrepro.physics.metrics import windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, saturated
+from tendonrepro.results.statistics import error_sizes, saturated, statistics
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -57,10 +57,9 @@ def sizes_deg(e: Array) -> Sizes:
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of the tracking error `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
+    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
 
-    ``whole`` is always there. Where the run diverged, windows that go on to its end are NaN: what it did up
-    to there is no tracking.
+    ``whole`` is always there. A diverged run has NaN in windows that go on to its end.
     """
     spans = windows(trace.time, trace.attributes["reference_period"])
     found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
@@ -78,7 +77,7 @@ def decoupling_errors(trace: Trace) -> Sizes:
 def tensions(file: TraceFile, trace: Trace) -> Array:
     """Tension of each moving joint's tendon along a run, N, (T, n); NaN where torque or routing is unknown.
 
-    The compliance torque holds what tendon 4 adds, so nothing else is needed; ends where a run does.
+    The compliance torque holds what tendon 4 adds.
     """
     if "tau_s" not in trace or not {"S", "winch_diameter"} <= file.plant.values.keys():
         return np.full((len(trace.time), len(trace.joint)), np.nan)
@@ -88,12 +87,12 @@ def tensions(file: TraceFile, trace: Trace) -> Array:
 
 
 def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """Smallest tension of each tendon, when that is, and how long the tendon does not pull.
+    """Smallest tension of each tendon, N, when that is, s, and how long it does not pull, s.
 
     Returns
     -------
     dict
-        By column of a table, each an array (n,); without keys where tensions are unknown.
+        By column, each (n,); without keys where tensions are unknown.
     """
     found = tensions(file, trace)
     kept = np.isfinite(found).all(axis=1)
@@ -101,34 +100,28 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
         return {}
     time, tension = trace.time[kept], found[kept]
     return {
-        "least_tension_N": tension.min(axis=0),
-        "least_tension_at_s": time[tension.argmin(axis=0)],
+        "least_N": tension.min(axis=0),
+        "at_s": time[tension.argmin(axis=0)],
         "slack_s": slack_time(time, tension.T),
     }
 
 
 def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """Sizes of the applied torque, by which a rough command shows whatever the error is.
+    """RMS, peak and step of the applied torque, N m, and the share of samples at the motor's limit.
 
     Returns
     -------
     dict
-        By column of a table, each an array (n,): RMS, peak and RMS of the step from sample to sample, N m,
-        and the share of samples in which the joint's motor gives all it can. Without keys where the torque
-        or, for the last one, the limit is unknown.
+        By column, each (n,); without keys where unknown.
     """
     if "tau_m" not in trace:
         return {}
-    torque = trace["tau_m"]
-    sizes = {
-        "torque_rms_Nm": rmse(torque),
-        "torque_peak_Nm": max_abs(torque),
-        "torque_step_rms_Nm": rmse(np.diff(torque, axis=0)),
-    }
+    found = statistics(trace)
+    sizes = {f"{name}_Nm": found[f"torque_{name}"] for name in ("rms", "peak", "step_rms")}
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
-        sizes["torque_at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
+        sizes["at_limit"] = saturated(trace, S, limit.value[np.array(trace.joint) - 1])
     return sizes
 
 
@@ -160,8 +153,8 @@ def run_title(trace: Trace) -> str:
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     """Order of all laws by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
 
-    A diverged run comes last whatever its error up to there. Controllers that were not run are left out of
-    both orders. Of another experiment than the paper's ``agrees`` is None.
+    A diverged run comes last. Controllers that were not run are left out. Of another experiment than the
+    paper's ``agrees`` is None.
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]

@@ -24,33 +24,30 @@ NOTHING = "--"
 SUFFIXES = ("csv", "md", "tex")
 
 _ROUNDED = ".4g"
-_TEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-}
+_TEX = str.maketrans(
+    {character: f"\\{character}" for character in "&%$#_{}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}"}
+)
 
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers of a study, from which its files and what the terminal shows follow.
+    """Numbers of a study, from which its files and the terminal follow.
 
     Attributes
     ----------
     name : str
         Of its files; its LaTeX label too.
     caption : str
-        What it shows, and of what.
     rows : sequence of mapping
         Numbers, texts, booleans, None, and lists of these, by column name.
     columns : mapping, optional
-        Columns in order; every key of any row under its own name if not given.
+        In order; every key of any row under its own name if not given.
     terminal : sequence of str, optional
-        Columns that the terminal shows: all if not given, nothing of the table if empty.
+        Columns shown there: all if not given, no table if empty.
     suffixes : sequence of str
-        Files to write: ``csv``, ``md`` and ``tex``.
+        Files to write.
     """
 
     name: str
@@ -68,10 +65,9 @@ class Table:
         TendonreproError
             When a file cannot be written.
         """
-        write = {"csv": self.csv, "md": self.md, "tex": self.tex}
         paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
         for suffix, path in zip(self.suffixes, paths, strict=True):
-            write_atomically(path, write[suffix]())
+            write_atomically(path, getattr(self, suffix)())
         return paths
 
     def text(self) -> str:
@@ -109,17 +105,20 @@ class Table:
         heads, cells, numeric = self._shown()
         body = [
             # A hyphen is not a minus sign.
-            [cell.replace("-", "$-$") if number and cell != NOTHING else _tex(cell) for cell, number in pairs]
+            [
+                cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
+                for cell, number in pairs
+            ]
             for pairs in (zip(line, numeric, strict=True) for line in cells)
         ]
         lines = [
             r"\begin{table}",
             r"\centering",
-            rf"\caption{{{_tex(self.caption)}}}",
+            rf"\caption{{{self.caption.translate(_TEX)}}}",
             rf"\label{{tab:{self.name}}}",
             rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numeric)}}}",
             r"\toprule",
-            rf"{' & '.join(map(_tex, heads))} \\",
+            rf"{' & '.join(head.translate(_TEX) for head in heads)} \\",
             r"\midrule",
             *(rf"{' & '.join(line)} \\" for line in body),
             r"\bottomrule",
@@ -163,7 +162,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return "; ".join(map(str, value))
     return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value
-
-
-def _tex(text: str) -> str:
-    return "".join(_TEX.get(character, character) for character in text)

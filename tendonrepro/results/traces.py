@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,16 +28,9 @@ if TYPE_CHECKING:
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
 _PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
-_ROOT_TEXTS = (
-    "experiment",
-    "source",
-    "title",
-    "config_yaml",
-    "config_sha256",
-    "manifest_json",
-    "created",
-    "tendonrepro_version",
-)
+_ROOT_TEXTS = [
+    field.name for field in fields(TraceFile) if field.name not in ("runs", "plant", "schema_version")
+]
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
@@ -47,21 +41,15 @@ def write_traces(path: Path, file: TraceFile) -> None:
     OSError
         When it cannot be written.
     """
-    tree = tree_of(file)
-    encoding = {f"/{name}": dict.fromkeys(tree[name].data_vars, _PACKED) for name in file.runs}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    tree.to_netcdf(path, engine="h5netcdf", encoding=encoding)
-
-
-def tree_of(file: TraceFile) -> xr.DataTree:
-    """The same as an xarray tree: a node per run, and the node ``plant``."""
     import xarray as xr
 
     attributes = {name: getattr(file, name) for name in _ROOT_TEXTS}
     root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "schema_version": file.schema_version})
-    moving = next(iter(file.runs.values())).joint if file.runs else ()
     nodes = {name: dataset_of(trace) for name, trace in file.runs.items()}
-    return xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant, moving)})
+    tree = xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant)})
+    encoding = {f"/{name}": dict.fromkeys(node.data_vars, _PACKED) for name, node in nodes.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    tree.to_netcdf(path, engine="h5netcdf", encoding=encoding)
 
 
 def dataset_of(trace: Trace) -> xr.Dataset:
@@ -87,29 +75,17 @@ def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def _plant_dataset(plant: PlantRecord, moving: tuple[int, ...]) -> xr.Dataset:
+def _plant_dataset(plant: PlantRecord) -> xr.Dataset:
+    """Its values, with dimensions named by their sizes."""
     import xarray as xr
 
-    largest = max((size for item in plant.values.values() for size in item.value.shape), default=0)
-    variables, coordinates = {}, {}
+    variables = {}
     for name, item in plant.values.items():
-        dimensions = []
-        for axis, size in enumerate(item.value.shape):
-            dimension, numbers = _dimension(size, moving, largest)
-            # A variable has a dimension once, so the columns of a matrix have their own.
-            dimensions.append(dimension + "_other" * axis)
-            coordinates[dimensions[-1]] = np.array(numbers, np.int32)
+        # A variable has a dimension once, so the columns of a matrix have their own.
+        dimensions = [f"size_{size}" + "_other" * axis for axis, size in enumerate(item.value.shape)]
         attributes = {key: getattr(item, key) for key in ("units", "source", "long_name")}
         variables[name] = (dimensions, np.asarray(item.value, np.float64), attributes)
-    return xr.Dataset(variables, coordinates, dict(plant.attributes))
-
-
-def _dimension(size: int, moving: tuple[int, ...], largest: int) -> tuple[str, tuple[int, ...]]:
-    """Dimension of a plant value, told by its length: the moving joints, all joints, or a bare index."""
-    every = tuple(range(1, size + 1))
-    if size == len(moving) and moving != every:
-        return "moving_joint", moving
-    return ("joint" if size in (len(moving), largest) else f"index_{size}"), every
+    return xr.Dataset(variables, attrs=dict(plant.attributes))
 
 
 def read_traces(path: Path) -> TraceFile:
@@ -118,7 +94,7 @@ def read_traces(path: Path) -> TraceFile:
     Raises
     ------
     DataMissingError
-        When the file is absent, damaged, not a trace file, or of another schema version.
+        When it is absent, damaged, or of another layout.
     """
     import xarray as xr
 
@@ -166,12 +142,7 @@ def _attributes_of(node: Any) -> dict[str, Any]:
 
 
 def _plant_of(node: Any) -> PlantRecord:
-    values = {
-        str(name): PlantValue(
-            _array(item), item.attrs["units"], item.attrs["source"], item.attrs["long_name"]
-        )
-        for name, item in node.data_vars.items()
-    }
+    values = {str(name): PlantValue(_array(item), **item.attrs) for name, item in node.data_vars.items()}
     return PlantRecord(values, dict(node.attrs))
 
 

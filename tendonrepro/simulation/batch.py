@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,18 +36,6 @@ LINES_PER_RINGING = 32
 """The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
 
 
-class RingingLimits(Protocol):
-    """What makes a run ringing: the configuration's status section, or anything like it."""
-
-    @property
-    def ringing_frequency(self) -> Any:
-        """Frequency above which error is ringing, with ``.si`` in Hz."""
-
-    @property
-    def ringing_share(self) -> Any:
-        """Share of the error's power that is ringing, with ``.si``."""
-
-
 @dataclass(frozen=True)
 class Batch:
     """Results of many runs.
@@ -61,7 +50,7 @@ class Batch:
         Time of the last sample, s.
     steps : array (N,) of int64
         Integration steps per sample; 0 where unresolved.
-    traces : tuple of dict, or None
+    traces : list of dict, or None
         Variables of every run, as `stepper.simulate` returns them; None of an unresolved
         one. Only on request.
     """
@@ -70,12 +59,12 @@ class Batch:
     status: NDArray[np.int8]
     status_time: Array
     steps: NDArray[np.int64]
-    traces: tuple[dict[str, Array] | None, ...] | None = None
+    traces: list[dict[str, Array] | None] | None
 
 
 def simulate_batch(
     loops: Sequence[Loop],
-    limits: RingingLimits,
+    limits: Any,
     *,
     progress: Callable[[int], None] | None = None,
     threads: int = 1,
@@ -88,7 +77,9 @@ def simulate_batch(
     ----------
     loops : sequence of Loop
         All with the same number of joints and a :class:`TimeDelayController`.
-    limits : RingingLimits
+    limits : object
+        What makes a run ringing, such as the configuration's status section: ``ringing_frequency.si``, Hz,
+        above which error is ringing, and ``ringing_share.si``, the share of the error's power.
     progress : callable, optional
         Called with the number of runs done since its last call.
     threads : int
@@ -111,21 +102,21 @@ def simulate_batch(
         If there is no loop, or one has another controller: only the package's own law runs on lanes.
     """
     _refuse_others(loops)
-    results, report = _Results(loops, limits, record=record), progress or (lambda _: None)
+    report, block = progress or (lambda _: None), partial(_block, frequency=limits.ringing_frequency.si)
 
     def run(places: Sequence[int]) -> int:
-        pack, first = {place: loops[place] for place in places}, places[0]
-        block = results.block(loops[first].L)
-        results.keep(pack, run_pack(pack, samples, plants, block, record=record))
+        pack = {place: loops[place] for place in places}
+        ended = run_pack(pack, samples, plants, block(loops[places[0]].L), record=record)
+        _keep(batch, pack, ended, limits)
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
-        samples, plants, steps = _parts(loops, tolerance, pool.map, results, record=record)
-        results.steps[:] = np.where((steps > 0).all(axis=1), steps.max(axis=1), 0)
+        samples, plants, steps = _parts(loops, tolerance, pool.map, block, record=record)
+        batch = _unresolved(loops, steps, record=record)
         for done in pool.map(run, _packs(loops, steps, size)):
             report(done)
-    return results.batch()
+    return batch
 
 
 def _refuse_others(loops: Sequence[Loop]) -> None:
@@ -144,7 +135,7 @@ def _parts(
     loops: Sequence[Loop],
     tolerance: float,
     for_each: Callable[..., Iterator[Any]],
-    results: _Results,
+    block: Callable[[float], int],
     *,
     record: bool,
 ) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
@@ -159,7 +150,7 @@ def _parts(
         steps |= needed
         rest |= at_rest
     for alike in _alike(loops, _branches):
-        part = sample_part(alike, rest, results.block, statistics=True, record=record)
+        part = sample_part(alike, rest, block, statistics=True, record=record)
         samples |= dict.fromkeys(alike, part)
     return samples, plants, np.array([steps[place] for place in range(len(loops))])
 
@@ -194,45 +185,36 @@ def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterat
             yield places[start : start + size]
 
 
-class _Results:
-    """Results being filled in, each by its place in the batch."""
-
-    def __init__(self, loops: Sequence[Loop], limits: RingingLimits, *, record: bool) -> None:
-        count, n = len(loops), loops[0].plant.preload.size
-        self.limits = limits
-        self.statistics = {name: np.full((count, n), np.nan) for name in streaming.STATISTICS}
-        self.status = np.full(count, STATUSES.index("unresolved"), dtype=np.int8)
-        self.status_time = np.zeros(count)
-        self.steps = np.zeros(count, dtype=np.int64)
-        self.traces: list[dict[str, Array] | None] | None = [None] * count if record else None
-
-    def block(self, L: float) -> int:
-        """Samples over which errors are summed up for the spectrum."""
-        return _block(L, self.limits.ringing_frequency.si)
-
-    def keep(self, loops: Mapping[int, Loop], ended: Ended) -> None:
-        """Keep what the experiments of a pack, by place, left behind."""
-        places, lanes = list(loops), [*loops.values()]
-        fast = _fast_shares(ended, self.block(lanes[0].L), lanes[0].L, self.limits.ringing_frequency.si)
-        for name, values in streaming.finished(ended.sums, ended.count, fast).items():
-            self.statistics[name][places] = values.T
-        ringing = (fast > self.limits.ringing_share.si).any(axis=0)
-        codes = [STATUSES.index(name) for name in ("diverged", "ringing", "ok")]
-        self.status[places] = np.select([ended.diverged, ringing], codes[:2], codes[2])
-        for member, (place, loop) in enumerate(loops.items()):
-            self.status_time[place] = loop.reference.time[ended.count[member] - 1]
-            if self.traces is not None:
-                recorded = ended.trace[member, : ended.count[member]]
-                self.traces[place] = trace_variables(recorded, loop)
-
-    def batch(self) -> Batch:
-        """Everything as one value."""
-        traces = None if self.traces is None else tuple(self.traces)
-        return Batch(self.statistics, self.status, self.status_time, self.steps, traces)
+def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool) -> Batch:
+    """Results of which no run is done yet."""
+    count, n = len(loops), loops[0].plant.preload.size
+    return Batch(
+        statistics={name: np.full((count, n), np.nan) for name in streaming.STATISTICS},
+        status=np.full(count, STATUSES.index("unresolved"), dtype=np.int8),
+        status_time=np.zeros(count),
+        steps=np.where((steps > 0).all(axis=1), steps.max(axis=1), 0),
+        traces=[None] * count if record else None,
+    )
 
 
-def _block(L: float, ringing_frequency: float) -> int:
-    return max(1, int(1.0 / (L * LINES_PER_RINGING * ringing_frequency)))
+def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) -> None:
+    """Fill in what the experiments of a pack, by place, left behind."""
+    places, L, frequency = list(loops), next(iter(loops.values())).L, limits.ringing_frequency.si
+    fast = _fast_shares(ended, _block(L, frequency), L, frequency)
+    for name, values in streaming.finished(ended.sums, ended.count, fast).items():
+        batch.statistics[name][places] = values.T
+    ringing = (fast > limits.ringing_share.si).any(axis=0)
+    codes = [STATUSES.index(name) for name in ("diverged", "ringing", "ok")]
+    batch.status[places] = np.select([ended.diverged, ringing], codes[:2], codes[2])
+    for (place, loop), count, trace in zip(loops.items(), ended.count, ended.trace, strict=True):
+        batch.status_time[place] = loop.reference.time[count - 1]
+        if batch.traces is not None:
+            batch.traces[place] = trace_variables(trace[:count], loop)
+
+
+def _block(L: float, frequency: float) -> int:
+    """Samples over which errors are summed up for the spectrum."""
+    return max(1, int(1.0 / (L * LINES_PER_RINGING * frequency)))
 
 
 def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
@@ -241,7 +223,7 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
     The slow lines come from sums over blocks; what a block does to a line is divided out. A last block that
     is not full counts as filled up with zeros.
     """
-    slow = np.empty_like(ended.sums.sq_e)
+    slow = np.empty_like(ended.sums["sq_e"])
     for samples in np.unique(ended.count):
         alike = ended.count == samples
         blocks = np.moveaxis(ended.blocks[alike, : -(-samples // block)], 0, -1)
@@ -253,6 +235,6 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
         power = np.abs(spectrum) ** 2 / count
         power[1:] *= 2.0
         slow[:, alike] = power.sum(axis=0)
-    total = ended.sums.sq_e
+    total = ended.sums["sq_e"]
     share = np.divide(slow, total, out=np.ones_like(total), where=total > 0.0)
     return np.asarray(np.maximum(1.0 - share, 0.0))

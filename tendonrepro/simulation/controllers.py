@@ -1,10 +1,10 @@
-"""The sampled controllers: their law, and what they add to a trace."""
+"""The sampled controllers: their law, run once per period on encoder values, and what they add to a trace."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -12,25 +12,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.control import Law, Servo
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.simulation.sampled import CommandFunction
-
-
-class Controller(Protocol):
-    """A law, run once per period on encoder values, see `sampled`."""
-
-    @property
-    def law(self) -> Law | Servo:
-        """Its numbers."""
-
-    @property
-    def command(self) -> CommandFunction | None:
-        """A user's function in place of the law's own."""
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of the variables it adds to a trace."""
-
-    def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Further variables of a trace, each (T, n), that follow from the run's own."""
 
 
 @dataclass(frozen=True)
@@ -80,3 +61,6 @@ class PositionController:
             "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,
             "q_calculated": variables["q_motor_encoder"] @ plant.drive.S.T,
         }
+
+
+Controller: TypeAlias = TimeDelayController | PositionController

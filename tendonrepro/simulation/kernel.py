@@ -57,8 +57,25 @@ def sample_rows(n: int) -> LaneRows:
     rows = LaneRows()
     for name in ("live", "count", "diverged", *POINTERS):
         rows.take(name, 1)
-    rows.take("sums", len(streaming.Sums._fields) * n)
+    rows.take("sums", len(streaming.SUMS) * n)
     return rows
+
+
+class _Recorder:
+    """A tape on which rows are read by name, and the values that are written to rows."""
+
+    def __init__(self, rows: LaneRows) -> None:
+        self.tape, self.rows = LaneTape(), rows
+        self.written: dict[int, Any] = {}
+
+    def read(self, name: str, size: int) -> Array:
+        return self.rows.variables(self.tape, name, size)
+
+    def one(self, name: str) -> Any:
+        return self.read(name, 1)[0]
+
+    def write(self, name: str, values: Any) -> None:
+        self.written.update(zip(self.rows.known(name, len(values)), values, strict=True))
 
 
 @remembered
@@ -68,7 +85,7 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
     rows = plant_rows(n)
     state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
     t: Any = tape.write("argument", "k")
-    slope = state_derivative(t, state, torque, rows.parameters(tape, "plant", plant))
+    slope = state_derivative(t, state, torque, rows.parameters(tape, plant))
     return lane_code("slope", tape, dict(zip(rows.take("slope", 4 * n), slope, strict=True)), rows), rows
 
 
@@ -80,18 +97,9 @@ def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     lane that meets a higher demand than its steps are for goes back and takes more. One whose experiment has
     ended stays as it is to the last bit. Row ``ddq`` receives the joint acceleration at the start.
     """
-    tape, n = LaneTape(), plant.preload.shape[0]
-    rows = plant_rows(n)
-    results: dict[int, Any] = {}
-
-    def read(name: str, size: int) -> Array:
-        return rows.variables(tape, name, size)
-
-    def one(name: str) -> Any:
-        return read(name, 1)[0]
-
-    def write(name: str, values: Any) -> None:
-        results.update(zip(rows.known(name, len(values)), values, strict=True))
+    n = plant.preload.shape[0]
+    code = _Recorder(plant_rows(n))
+    tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
 
     def of_level(name: str, level: Any) -> Any:
         cells = read(name, len(PACES))
@@ -100,18 +108,16 @@ def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     state, torque, begin = read("state", 4 * n), read("torque", n), read("begin", 4 * n)
     left, done, h, most = one("left"), one("done"), one("h"), one("demand")
     k, period, live = tape.write("argument", "k"), one("period"), one("live")
-    x = rows.parameters(tape, "plant", plant)
+    x = rows.parameters(tape, plant)
 
     write("begin", state)
     write("left", [choose(live > 0.0, of_level("steps", most), 0.0)])
     write("done", [0.0])
     write("h", [choose(live > 0.0, of_level("length", most), 0.0)])
     write("demand", [choose(live > 0.0, 0.0, most)])
-    first = machine.vector_code(
-        "begin", tape.lines, {row: as_operand(value) for row, value in results.items()}
-    )
+    first = machine.vector_code("begin", tape.lines, {k: as_operand(x) for k, x in code.written.items()})
 
-    results = {}
+    code.written = {}
     busy, t = left > 0.0, k * period + done * h
 
     def derivative(t: Any, x_t: Array) -> Array:
@@ -129,7 +135,7 @@ def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     write("done", [choose(is_last, 0.0, done + busy)])
     write("h", [choose(again, of_level("length", met), h)])
     write("demand", [choose(busy, choose(again, 0.0, met), most)])
-    step = lane_code("step", tape, results, rows)
+    step = lane_code("step", tape, code.written, rows)
     return "\n".join((first, step, machine.repeated("advance", "begin", "step", rows.named["left"]))), rows
 
 
@@ -150,18 +156,9 @@ def sample_code(
     numbers: LoopNumbers, statistics: bool, record: bool, command: CommandFunction
 ) -> tuple[str, LaneRows]:
     """Source of ``sample``: encoders, law and motors at sample k, and if wanted statistics and a record."""
-    tape, n = LaneTape(), numbers.hardware.S.shape[0]
-    rows, plant = sample_rows(n), plant_rows(n).named
-    results: dict[int, Any] = {}
-
-    def read(name: str, size: int) -> Array:
-        return rows.variables(tape, name, size)
-
-    def one(name: str) -> Any:
-        return read(name, 1)[0]
-
-    def write(name: str, values: Any) -> None:
-        results.update(zip(rows.known(name, len(values)), values, strict=True))
+    n = numbers.hardware.S.shape[0]
+    code, plant = _Recorder(sample_rows(n)), plant_rows(n).named
+    tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
 
     def at(name: str, index: Any, size: int) -> Symbol:
         """Where a pointer leads at a sample or block."""
@@ -170,7 +167,7 @@ def sample_code(
     def of_plant(name: str, size: int) -> range:
         return range(LANES * plant[name], LANES * (plant[name] + size), LANES)
 
-    x, k, live = rows.parameters(tape, "loop", numbers), tape.write("argument", "k"), one("live")
+    x, k, live = rows.parameters(tape, numbers), tape.write("argument", "k"), one("live")
     own, desired, noise = one("plant"), at("desired", k, 3 * n), at("noise", k, 3 * n)
     state = tape.load(own, of_plant("state", 4 * n))
     example = start((np.zeros(n), np.zeros(n)), np.zeros(n), numbers.law)
@@ -185,8 +182,8 @@ def sample_code(
     if statistics:
         before = read("tau_before", n), read("H_before", n), tape.load(own, of_plant("ddq", n))
         stepped = _statistics(found, motion, before, x)
-        sums = streaming.Sums(*read("sums", len(streaming.Sums._fields) * n).reshape(-1, n))
-        write("sums", np.concatenate(streaming.add_sample(sums, stepped, live, k, x.phases)))
+        sums = dict(zip(streaming.SUMS, read("sums", len(streaming.SUMS) * n).reshape(-1, n), strict=True))
+        write("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
         write("tau_before", found.tau_m)
         write("H_before", found.signals[0])
         block = at("blocks", np.floor((k + 0.5) * (1.0 / x.block)), n)
@@ -202,7 +199,7 @@ def sample_code(
     write("live", [after])
     write("memory", np.concatenate([np.ravel(part) for part in found.memory]))
     write("pending", np.ravel(found.pending))
-    return lane_code("sample", tape, results, rows, [*stores, (own, *of_plant("live", 1), after)]), rows
+    return lane_code("sample", tape, code.written, rows, [*stores, (own, *of_plant("live", 1), after)]), rows
 
 
 def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import bundled, columns
 from tendonrepro.simulation.codegen.machine import LANES, sweep
 from tendonrepro.simulation.kernel import sample_rows
 from tendonrepro.simulation.loop import Loop, recorded_columns
 from tendonrepro.simulation.parts import CompiledPart, is_noisy, unit_noise
+from tendonrepro.simulation.streaming import SUMS, Sums
 
 SLICE = 500
 """Samples after which experiments that ended leave their lane to others."""
@@ -30,7 +30,7 @@ class Ended:
 
     count: NDArray[np.int64]
     diverged: NDArray[np.bool_]
-    sums: streaming.Sums
+    sums: Sums
     blocks: Array
     trace: Array
 
@@ -81,9 +81,9 @@ def run_pack(
             break
         laws = [bundles.staying(going) for bundles in laws if going[bundles.members].any()]
         moving = [bundles.staying(going, idle=True) for bundles in moving if going[bundles.members].any()]
-    sums = left[shared.named["sums"] :].reshape(len(streaming.Sums._fields), n, count)
+    sums = dict(zip(SUMS, left[shared.named["sums"] :].reshape(len(SUMS), n, count), strict=True))
     done, diverged = (left[shared.named[name]] for name in ("count", "diverged"))
-    return Ended(done.astype(np.int64), diverged > 0.0, streaming.Sums(*sums), blocks[:-1], trace[:-1])
+    return Ended(done.astype(np.int64), diverged > 0.0, sums, blocks[:-1], trace[:-1])
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -58,57 +60,8 @@ class Sample(NamedTuple):
     saturated: Array
 
 
-class Sums(NamedTuple):
-    """Sums over the samples so far, each (n,).
-
-    Those named ``max_`` are maxima, ``overshoot`` too; ``direction`` is that of the last stroke. Those named
-    ``slow_`` are low-passed signals as they stand, ``abs_slow_`` sums of their magnitudes.
-    """
-
-    abs_e: Array
-    sq_e: Array
-    max_e: Array
-    abs_e_late: Array
-    sq_e_late: Array
-    late: Array
-    abs_e_rapid: Array
-    rapid: Array
-    up: Array
-    down: Array
-    direction: Array
-    overshoot: Array
-    sq_s: Array
-    slow_s: Array
-    sq_slow_s: Array
-    max_s: Array
-    max_rate: Array
-    sq_tau: Array
-    sq_tau_up: Array
-    sq_tau_down: Array
-    max_tau: Array
-    max_tau_up: Array
-    max_tau_down: Array
-    slow_tau: Array
-    abs_slow_tau: Array
-    abs_slow_tau_up: Array
-    abs_slow_tau_down: Array
-    sq_H: Array
-    sq_H_up: Array
-    sq_H_down: Array
-    max_H: Array
-    max_H_up: Array
-    max_H_down: Array
-    slow_H: Array
-    abs_slow_H: Array
-    abs_slow_H_up: Array
-    abs_slow_H_down: Array
-    sq_change: Array
-    sq_epsilon: Array
-    slow_epsilon: Array
-    sq_slow_epsilon: Array
-    max_epsilon: Array
-    saturated: Array
-
+Sums: TypeAlias = dict[str, Any]
+"""Sums over the samples so far, each (n,), by name."""
 
 SIGNALS = {"torque": "tau", "H_hat": "H"}
 """Signals whose size is asked for in every way, by the first words of their statistics, and their sums."""
@@ -167,82 +120,86 @@ def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thre
     return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))
 
 
-def add_sample(sums: Sums, sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
-    """Sums after sample ``k``, from 0; unless ``live`` is 1 they stay, whatever the sample holds."""
-    columns = [
-        _add_joint(*(Sums(*(f[i] for f in sums)), Sample(*(f[i] for f in sample))), live, k, phases, i)
-        for i in range(sample.e.shape[0])
-    ]
-    return Sums(*(_column(values) for values in zip(*columns, strict=True)))
+def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
+    """Sums, by the names of `SUMS`, after sample ``k``, from 0.
+
+    Unless ``live`` is 1 they stay, whatever the sample holds. Those named ``max_`` are maxima, ``overshoot``
+    too; ``direction`` is that of the last stroke; ``slow_`` are low-passed signals as they stand.
+    """
+    joints = []
+    for i in range(sample.e.shape[0]):
+        before, x = {name: total[i] for name, total in sums.items()}, Sample(*(part[i] for part in sample))
+        joints.append(_add_joint(before, x, live, k, phases, i))
+    return {name: _column([joint[name] for joint in joints]) for name in sums}
 
 
-def _column(values: tuple[Any, ...]) -> Array:
+def _column(values: Sequence[Any]) -> Array:
     column = np.empty(len(values), dtype=object if not isinstance(values[0], float) else float)
     for i, value in enumerate(values):
         column[i] = value
     return column
 
 
-def _add_joint(sums: Any, x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:
+def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:
     size, square = abs(x.e), x.e * x.e
     up, down = live * (x.dq_d > phases.speed[i]), live * (x.dq_d < -phases.speed[i])
     late, rapid = live * (k >= phases.period), live * (abs(x.ddq_d) > phases.acceleration[i])
     still = live * (abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
-    direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums.direction))
+    direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums["direction"]))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
-
-    def plus(total: Any, value: Any, when: Any) -> Any:
-        return total + choose(when > 0.0, value, 0.0)
-
-    def top(total: Any, value: Any, when: Any) -> Any:
-        return np.maximum(total, choose(when > 0.0, value, total))
 
     def slowed(before: Any, value: Any) -> Any:
         moved = before + phases.newest * (value - before)
         return choose(live > 0.0, choose(k > 0.0, moved, value), before)
 
-    def sizes(name: str, value: Any) -> dict[str, Any]:
-        slow = slowed(getattr(sums, f"slow_{name}"), value)
-        found = {f"slow_{name}": slow}
-        for phase, when in zip(PHASES, (live, up, down), strict=True):
-            found |= {
-                f"sq_{name}{phase}": plus(getattr(sums, f"sq_{name}{phase}"), value * value, when),
-                f"max_{name}{phase}": top(getattr(sums, f"max_{name}{phase}"), abs(value), when),
-                f"abs_slow_{name}{phase}": plus(getattr(sums, f"abs_slow_{name}{phase}"), abs(slow), when),
-            }
-        return found
+    signals = {"s": x.s, "epsilon": x.epsilon, "tau": x.tau, "H": x.H_hat}
+    slow = {name: slowed(sums[f"slow_{name}"], value) for name, value in signals.items()}
+    # What is added up, and that whose maximum is kept, each with the samples that count.
+    added = {
+        "abs_e": (size, live),
+        "sq_e": (square, live),
+        "abs_e_late": (size, late),
+        "sq_e_late": (square, late),
+        "late": (1.0, late),
+        "abs_e_rapid": (size, rapid),
+        "rapid": (1.0, rapid),
+        "up": (1.0, up),
+        "down": (1.0, down),
+        "sq_s": (x.s * x.s, live),
+        "sq_slow_s": (slow["s"] * slow["s"], live),
+        "sq_change": (change * change, live),
+        "sq_epsilon": (x.epsilon * x.epsilon, live),
+        "sq_slow_epsilon": (slow["epsilon"] * slow["epsilon"], live),
+        "saturated": (x.saturated, live),
+    }
+    largest = {
+        "max_e": (size, live),
+        "overshoot": (-direction * x.e, still),
+        "max_s": (abs(x.s), live),
+        "max_rate": (abs(x.de), live),
+        "max_epsilon": (abs(x.epsilon), live),
+    }
+    for name, (phase, when) in product(SIGNALS.values(), zip(PHASES, (live, up, down), strict=True)):
+        added[f"sq_{name}{phase}"] = signals[name] * signals[name], when
+        added[f"abs_slow_{name}{phase}"] = abs(slow[name]), when
+        largest[f"max_{name}{phase}"] = abs(signals[name]), when
+    return {
+        "direction": direction,
+        **{f"slow_{name}": value for name, value in slow.items()},
+        **{name: sums[name] + choose(when > 0.0, value, 0.0) for name, (value, when) in added.items()},
+        **{
+            name: np.maximum(sums[name], choose(when > 0.0, value, sums[name]))
+            for name, (value, when) in largest.items()
+        },
+    }
 
-    s, epsilon = slowed(sums.slow_s, x.s), slowed(sums.slow_epsilon, x.epsilon)
-    return Sums(
-        abs_e=plus(sums.abs_e, size, live),
-        sq_e=plus(sums.sq_e, square, live),
-        max_e=top(sums.max_e, size, live),
-        abs_e_late=plus(sums.abs_e_late, size, late),
-        sq_e_late=plus(sums.sq_e_late, square, late),
-        late=sums.late + late,
-        abs_e_rapid=plus(sums.abs_e_rapid, size, rapid),
-        rapid=sums.rapid + rapid,
-        up=sums.up + up,
-        down=sums.down + down,
-        direction=direction,
-        overshoot=top(sums.overshoot, -direction * x.e, still),
-        sq_s=plus(sums.sq_s, x.s * x.s, live),
-        slow_s=s,
-        sq_slow_s=plus(sums.sq_slow_s, s * s, live),
-        max_s=top(sums.max_s, abs(x.s), live),
-        max_rate=top(sums.max_rate, abs(x.de), live),
-        **sizes("tau", x.tau),
-        **sizes("H", x.H_hat),
-        sq_change=plus(sums.sq_change, change * change, live),
-        sq_epsilon=plus(sums.sq_epsilon, x.epsilon * x.epsilon, live),
-        slow_epsilon=epsilon,
-        sq_slow_epsilon=plus(sums.sq_slow_epsilon, epsilon * epsilon, live),
-        max_epsilon=top(sums.max_epsilon, abs(x.epsilon), live),
-        saturated=sums.saturated + live * x.saturated,
-    )
+
+_NOTHING = Thresholds(np.zeros(1), np.zeros(1), 0.0, 0.0)
+SUMS = tuple(_add_joint(defaultdict(float), Sample(*np.zeros(len(Sample._fields))), 1.0, 0.0, _NOTHING, 0))
+"""Names of the sums of a run."""
 
 
-def finished(sums: Sums, count: Any, fast_share: Array) -> dict[str, Array]:
+def finished(sums: Mapping[str, Array], count: Any, fast_share: Array) -> dict[str, Array]:
     """Statistics by name, (n, ...), from sums over ``count`` samples; NaN where a phase has no sample."""
     count = np.asarray(count, dtype=np.float64)
     # The first sample has no change and no epsilon: that comes one sample late.
@@ -253,32 +210,32 @@ def finished(sums: Sums, count: Any, fast_share: Array) -> dict[str, Array]:
             return np.where(number > 0.0, total / number, np.nan)
 
     found = {
-        "mae": mean(sums.abs_e, count),
-        "rmse": np.sqrt(mean(sums.sq_e, count)),
-        "max_error": sums.max_e,
-        "mae_late": mean(sums.abs_e_late, sums.late),
-        "rmse_late": np.sqrt(mean(sums.sq_e_late, sums.late)),
-        "mae_rapid": mean(sums.abs_e_rapid, sums.rapid),
-        "mae_calm": mean(sums.abs_e - sums.abs_e_rapid, count - sums.rapid),
-        "overshoot": sums.overshoot,
-        "s_rms": np.sqrt(mean(sums.sq_s, count)),
-        "s_slow_rms": np.sqrt(mean(sums.sq_slow_s, count)),
-        "s_max": sums.max_s,
-        "rate_max": sums.max_rate,
-        "torque_step_rms": np.sqrt(mean(sums.sq_change, pairs)),
-        "epsilon_rms": np.sqrt(mean(sums.sq_epsilon, pairs)),
-        "epsilon_slow_rms": np.sqrt(mean(sums.sq_slow_epsilon, pairs)),
-        "epsilon_max": sums.max_epsilon,
-        "saturated": mean(sums.saturated, count),
+        "mae": mean(sums["abs_e"], count),
+        "rmse": np.sqrt(mean(sums["sq_e"], count)),
+        "max_error": sums["max_e"],
+        "mae_late": mean(sums["abs_e_late"], sums["late"]),
+        "rmse_late": np.sqrt(mean(sums["sq_e_late"], sums["late"])),
+        "mae_rapid": mean(sums["abs_e_rapid"], sums["rapid"]),
+        "mae_calm": mean(sums["abs_e"] - sums["abs_e_rapid"], count - sums["rapid"]),
+        "overshoot": sums["overshoot"],
+        "s_rms": np.sqrt(mean(sums["sq_s"], count)),
+        "s_slow_rms": np.sqrt(mean(sums["sq_slow_s"], count)),
+        "s_max": sums["max_s"],
+        "rate_max": sums["max_rate"],
+        "torque_step_rms": np.sqrt(mean(sums["sq_change"], pairs)),
+        "epsilon_rms": np.sqrt(mean(sums["sq_epsilon"], pairs)),
+        "epsilon_slow_rms": np.sqrt(mean(sums["sq_slow_epsilon"], pairs)),
+        "epsilon_max": sums["max_epsilon"],
+        "saturated": mean(sums["saturated"], count),
         "fast_share": fast_share,
     }
     for (signal, name), (phase, number) in product(
-        SIGNALS.items(), zip(PHASES, (count, sums.up, sums.down), strict=True)
+        SIGNALS.items(), zip(PHASES, (count, sums["up"], sums["down"]), strict=True)
     ):
-        peak = getattr(sums, f"max_{name}{phase}")
+        peak = sums[f"max_{name}{phase}"]
         found |= {
-            f"{signal}_rms{phase}": np.sqrt(mean(getattr(sums, f"sq_{name}{phase}"), number)),
+            f"{signal}_rms{phase}": np.sqrt(mean(sums[f"sq_{name}{phase}"], number)),
             f"{signal}_peak{phase}": np.where(np.asarray(number) > 0.0, peak, np.nan),
-            f"{signal}_slow{phase}": mean(getattr(sums, f"abs_slow_{name}{phase}"), number),
+            f"{signal}_slow{phase}": mean(sums[f"abs_slow_{name}{phase}"], number),
         }
     return {name: found[name] for name in STATISTICS}

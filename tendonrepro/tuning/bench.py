@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,8 @@ from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.models.experiment import StatusLimits
+from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.monte_carlo.box import Box, configured
@@ -29,27 +28,19 @@ from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
+# What is known beforehand along the desired motion: nothing, the weight, or all but dry friction.
 CLASSES = ("none", "gravity", "full")
-"""What is known beforehand along the desired motion: nothing, the weight, or all but dry friction."""
 
-PAYLOAD = 0.2
-"""Of the tuning's second run, kg, as in section 5.4."""
-HELD_OUT_PAYLOAD = 0.1
-LESS_DAMPING = 0.5
-"""Tendon damping in the run that the stability margin asks for, over the plant's own."""
-COUNTS = 2.0
-"""Fast error, RMS in encoder counts, up to which a run that errs fast is not ringing but counting."""
+PAYLOAD, HELD_OUT_PAYLOAD = 0.2, 0.1  # kg; the first as in section 5.4
+LESS_DAMPING = 0.5  # of the tendons, over the plant's own, in the run that the stability margin asks for
+COUNTS = 2.0  # fast error, RMS in encoder counts, up to which a run is not ringing but counting
 
+TUNED, ALL_RUNS = 3, 4  # loops of a plant that are tuned on, and all; the last is the held-out one
 
-def tuning_motion(L: float, n: int) -> DesiredMotion:
-    """Up and down: 33 deg as shipped, a fifth faster than the box allows, so that a run is short."""
-    return _motion(minimum_jerk(np.radians(33.0), 1.2, 0.0), 2.4, L, n)
-
-
-def held_out_motion(L: float, n: int) -> DesiredMotion:
-    """Another shape: a sine between 0 and 40 deg that begins softly."""
-    middle = np.radians(20.0)
-    return _motion(smooth_sine(middle, middle, 2.5, 1.25), 5.0, L, n)
+# Up and down by 33 deg as shipped, a fifth faster than the box allows, so that a run is short.
+TUNING = minimum_jerk(np.radians(33.0), 1.2, 0.0), 2.4
+# Held out is another shape: a sine between 0 and 40 deg that begins softly.
+HELD_OUT = smooth_sine(np.radians(20.0), np.radians(20.0), 2.5, 1.25), 5.0
 
 
 def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
@@ -57,106 +48,24 @@ def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
     return DesiredMotion(time, *motion(time, [Motion((shape,), period)] * n), period)
 
 
-class Known(NamedTuple):
-    """Torque that a class knows along a motion, N m (T, n), and what its law's torques are multiplied by."""
-
-    torque: Array
-    to_joint: Array
+# By class and whether the motion is the held-out one: torque, N m (T, n), and map of the law's torques.
+Known: TypeAlias = Mapping[tuple[str, bool], tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
-class Plants:
-    """One draw as the loops that a candidate is run in.
+class Plants(NamedTuple):
+    """One draw as the loops that a candidate is run in, and what its laws are made of.
 
-    Attributes
-    ----------
-    loops : tuple of Loop
-        Without payload, with it, and without it at `LESS_DAMPING`; then the held-out payload and motion.
-    law : Law
-        As published, Controller 2.
-    alpha : array (n,)
-        As published.
-    cutoff : float
-        Weight of the newest value where velocities are filtered.
-    known : mapping
-        What each class knows along the motion of tuning, and along the held-out one.
-    limits : StatusLimits
-        What makes a run diverged or ringing.
+    Loops are without payload, with it, and without it at `LESS_DAMPING`; then with the held-out payload and
+    motion. `law` is Controller 2 and `alpha` (n,) Controller 1's, as published; `newest` is the weight of the
+    newest value where velocities are filtered.
     """
 
     loops: tuple[Loop, ...]
     law: Law
     alpha: Array
     newest: float
-    known: dict[tuple[str, bool], Known]
+    known: Known
     limits: StatusLimits
-
-
-TUNED, ALL_RUNS = 3, 4
-"""How many of the loops are tuned on, and how many there are with the held-out one, the last."""
-
-
-class Measured(NamedTuple):
-    """What a candidate gives in R runs: mean absolute error (R, n), rad, roughness, N m, and stability.
-
-    Roughness is the root mean square of the applied torque's change from sample to sample, over the joints
-    together, in the rougher of the first two runs.
-    """
-
-    mae: Array
-    roughness: Array
-    stable: NDArray[np.bool_]
-
-
-def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
-    """One draw (P,) of the box, with the motions and loads of the tuning in place of its own."""
-    config = configured(loaded.base, box, row)
-    n, L = len(config.joints), config.sampling_period.si
-    motions = tuning_motion(L, n), held_out_motion(L, n)
-    own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
-    bare, carrying, other = (build_plant(config, mass) for mass in (0.0, PAYLOAD, HELD_OUT_PAYLOAD))
-    weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))
-    loops = [replace(own, plant=plant) for plant in (bare, carrying, weak)]
-    loops.append(replace(own, plant=other, reference=motions[1]))
-    filtered = config.control.readings.model_copy(update={"error_rate": "low_pass"})
-    return Plants(
-        loops=tuple(loops),
-        law=build_law(config, "controller_2"),
-        alpha=config.control.gains.alpha.si,
-        newest=build_law(_reading(config, filtered), "controller_2").rate_filter,
-        known={(name, bool(held)): _known(name, bare, motions[held]) for name in CLASSES for held in (0, 1)},
-        limits=config.status,
-    )
-
-
-def _reading(config: CompareConfig, readings: Readings) -> CompareConfig:
-    control = config.control.model_copy(update={"readings": readings})
-    return config.model_copy(update={"control": control})
-
-
-def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> dict[tuple[str, bool], Known]:
-    """What each class knows of a plant along the motion of tuning, and along the held-out one."""
-    return {
-        (name, bool(k)): _known(name, plant, along) for name in CLASSES for k, along in enumerate(motions)
-    }
-
-
-def _known(name: str, plant: Plant, along: DesiredMotion) -> Known:
-    q, dq, ddq = along.q_d.T, along.dq_d.T, along.ddq_d.T
-    n = q.shape[0]
-    if name == "none":
-        return Known(np.zeros_like(along.q_d), np.eye(n))
-    weight = load_at_rest(q, plant)
-    if name == "gravity":
-        return Known(weight.T, np.eye(n))
-    drive = plant.drive
-    inertia = to_joint_matrix(drive.inertia, drive.S_inv)
-    viscous = to_joint_matrix(drive.friction.viscous, drive.S_inv) + np.diag(plant.link_friction.viscous)
-    moving = bias_torque(q, dq, plant.arm) - bias_torque(q, 0.0 * dq, plant.arm)
-    M = np.moveaxis(mass_matrix(q, plant.arm), -1, 0) + inertia
-    torque = weight.T + moving.T + np.einsum("tij,jt->ti", M, ddq) + dq.T @ viscous.T
-    middle = M[M.shape[0] // 4]
-    return Known(torque, middle / np.mean(np.diag(middle)))
 
 
 class Candidate(NamedTuple):
@@ -168,32 +77,80 @@ class Candidate(NamedTuple):
     gains: Gains
 
 
+class Measured(NamedTuple):
+    """Of C candidates in R runs: mean absolute error (C, R, n), rad, roughness (C,), N m, stability (C, R).
+
+    Roughness is the RMS change of the applied torque in a sample, in the rougher of the first two runs.
+    """
+
+    mae: Array
+    roughness: Array
+    stable: NDArray[np.bool_]
+
+
+def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
+    """One draw (P,) of the box, with the motions and loads of the tuning in place of its own."""
+    config = configured(loaded.base, box, row)
+    motions = [_motion(*posed, config.sampling_period.si, len(config.joints)) for posed in (TUNING, HELD_OUT)]
+    own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
+    bare, carrying, other = (build_plant(config, mass) for mass in (0.0, PAYLOAD, HELD_OUT_PAYLOAD))
+    weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))
+    loops = [replace(own, plant=plant) for plant in (bare, carrying, weak)]
+    filtering = under(parse_reading("error_rate=low_pass"), config, {})
+    return Plants(
+        loops=(*loops, replace(own, plant=other, reference=motions[1])),
+        law=build_law(config, "controller_2"),
+        alpha=config.control.gains.alpha.si,
+        newest=build_law(filtering, "controller_2").rate_filter,
+        known=known_along(bare, motions),
+        limits=config.status,
+    )
+
+
+def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> Known:
+    """What each class knows of a plant along the motion of tuning, and along the held-out one."""
+    return {
+        (name, bool(k)): _known(name, plant, along) for name in CLASSES for k, along in enumerate(motions)
+    }
+
+
+def _known(name: str, plant: Plant, along: DesiredMotion) -> tuple[Array, Array]:
+    q, dq, ddq = along.q_d.T, along.dq_d.T, along.ddq_d.T
+    weight, one = load_at_rest(q, plant), np.eye(len(q))
+    if name != "full":
+        return weight.T * (name == "gravity"), one
+    drive = plant.drive
+    inertia = to_joint_matrix(drive.inertia, drive.S_inv)
+    viscous = to_joint_matrix(drive.friction.viscous, drive.S_inv) + np.diag(plant.link_friction.viscous)
+    moving = bias_torque(q, dq, plant.arm) - bias_torque(q, 0.0 * dq, plant.arm)
+    M = np.moveaxis(mass_matrix(q, plant.arm), -1, 0) + inertia
+    torque = weight.T + moving.T + np.einsum("tij,jt->ti", M, ddq) + dq.T @ viscous.T
+    middle = M[M.shape[0] // 4]
+    return torque, middle / np.mean(np.diag(middle))
+
+
 def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
     """Loops of the first so many runs of a candidate; runs of one motion share what its law is given."""
     law, command = _law_of(plants, candidate), candidate.law.command
     controller = TimeDelayController(law, command, on_lanes=command is not None)
-    references = {id(loop.reference): loop.reference for loop in plants.loops[:runs]}
+    given = [plants.loops[0].reference, plants.loops[-1].reference]
     if candidate.knows != "none":
-        for held, (name, reference) in zip((False, True), references.items(), strict=False):
-            torque = plants.known[candidate.knows, held].torque
+        for held, reference in enumerate(given):
+            torque, _ = plants.known[candidate.knows, bool(held)]
             extra = _entering(torque, law, increments=command is None) @ law.from_joint.T / law.M_bar
-            references[name] = replace(reference, ddq_d=reference.ddq_d + extra)
+            given[held] = replace(reference, ddq_d=reference.ddq_d + extra)
     return [
-        replace(loop, controller=controller, reference=references[id(loop.reference)])
-        for loop in plants.loops[:runs]
+        replace(loop, controller=controller, reference=given[k == ALL_RUNS - 1])
+        for k, loop in enumerate(plants.loops[:runs])
     ]
 
 
 def _law_of(plants: Plants, candidate: Candidate) -> Law:
     law = candidate.law.law(plants.law, candidate.gains, plants.alpha)
     weight = plants.newest if candidate.filtered else 1.0
-    to_joint = plants.known[candidate.knows, False].to_joint
-    return law._replace(
-        rate_filter=weight,
-        ddq_filter=weight,
-        to_joint=to_joint,
-        from_joint=np.asarray(np.linalg.inv(to_joint), dtype=np.float64),
-    )
+    _, to_joint = plants.known[candidate.knows, False]
+    from_joint = np.asarray(np.linalg.inv(to_joint), dtype=np.float64)
+    return law._replace(rate_filter=weight, ddq_filter=weight, to_joint=to_joint, from_joint=from_joint)
 
 
 def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
@@ -211,11 +168,11 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 
 
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
-    """Run candidates on one draw in the first so many runs; leading axis (C,)."""
+    """Run candidates on one draw in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
-    batch = simulate_batch(loops, plants.limits)
-    shape = len(candidates), runs, -1
-    mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in _STATISTICS)
+    batch, shape = simulate_batch(loops, plants.limits), (len(candidates), runs, -1)
+    names = ("mae", "rmse", "fast_share", "torque_step_rms")
+    mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in names)
     # A tuned law errs by a count or so, and fast for that reason alone.
     loud = (rmse * np.sqrt(share) > COUNTS * plants.loops[0].joint_encoder.resolution).any(axis=2)
     status = batch.status.reshape(shape[:2])
@@ -223,24 +180,14 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
     return Measured(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
 
 
-_STATISTICS = ("mae", "rmse", "fast_share", "torque_step_rms")
-
-
-PUBLISHED: Mapping[str, str] = {
-    "controller_1": "alpha_published",
-    "controller_2": "ntsm",
-    "controller_3": "tsm",
-}
-"""Which law each controller of the paper is."""
-
-
-def published(plants: Plants, controller: str, knows: str = "none", filtered: bool = False) -> Candidate:
-    """One of Controllers 1 to 3 with its published gains."""
-    law = next(law for law in LAWS if law.name == PUBLISHED[controller])
-    return Candidate(law, knows, filtered, {name: getattr(plants.law, name) for name in law.gains})
+def published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
+    """Controllers 1 to 3 with their published gains."""
+    laws = [LAWS[name] for name in ("alpha_published", "ntsm", "tsm")]
+    gains = [{gain: getattr(plants.law, gain) for gain in law.gains} for law in laws]
+    parts = enumerate(zip(laws, gains, strict=True), start=1)
+    return {f"controller_{k}": Candidate(law, knows, filtered, own) for k, (law, own) in parts}
 
 
 def usable(plants: Plants) -> bool:
     """Whether Controllers 1 to 3 as published are stable on a draw, with and without payload."""
-    found = measure(plants, [published(plants, name) for name in PUBLISHED])
-    return bool(found.stable[:, :2].all())
+    return bool(measure(plants, [*published(plants).values()]).stable[:, :2].all())

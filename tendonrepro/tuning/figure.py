@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
-from matplotlib.lines import Line2D
+from matplotlib.axes import Axes
 
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -18,10 +18,8 @@ from tendonrepro.results.figures.style import (
 )
 
 KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
-LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating", "controller_1", "controller_2", "controller_3"}
-"""Laws without a curve: they lie on those of their special cases, or have published gains."""
-FEW = 0.5
-"""Share of plants below which a median is not drawn."""
+LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
+FEW = 0.5  # share of plants below which a median is not drawn
 
 
 @journal_style()
@@ -29,43 +27,12 @@ def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) ->
     """Draw medians over plants: every law's front, the published gains, and Controller 2's over alpha."""
     figure = open_figure(PAGE_MM, 88.0)
     panels = figure.subplots(1, len(KNOWN), squeeze=False, sharex=True, sharey=True)[0]
-    strokes = {law: stroke_of(k) for k, law in enumerate((x for x in titles if x not in LEFT_OUT), start=1)}
+    drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
     for panel, knows in zip(panels, KNOWN, strict=True):
-        for (law, stroke), filtered in product(strokes.items(), (False, True)):
-            front = _points(laws, law=law, knows=knows, filtered=filtered)
-            face = "white" if filtered else stroke.colour
-            style = {"color": stroke.colour, "linestyle": stroke.linestyle, "linewidth": 0.7}
-            panel.plot(*front, marker="s" if filtered else "o", markersize=2.6, markerfacecolor=face, **style)
-        panel.plot(
-            *_points(laws, law="controller_2", knows=knows, curve=True), color="#BEBEBE", linewidth=2.2
-        )
-        for name in ("controller_1", "controller_2", "controller_3"):
-            panel.plot(
-                *_points(laws, law=name, knows=knows, filtered=False), "*", color="black", markersize=5
-            )
-        panel.set(xscale="log", yscale="log", xlabel="torque roughness (N m)")
+        _draw(panel, [row for row in laws if row["knows"] == knows and row["share_stable"] >= FEW], drawn)
     panels[0].set_ylabel("mean absolute error (deg)")
     letter_panels(panels, KNOWN.values())
-    marks = [
-        Line2D([], [], color=stroke.colour, linestyle=stroke.linestyle, label=titles[law])
-        for law, stroke in strokes.items()
-    ]
-    marks += [
-        Line2D([], [], color="black", marker="o", linestyle="", markersize=2.6, label="velocity as measured"),
-        Line2D(
-            [],
-            [],
-            color="black",
-            marker="s",
-            linestyle="",
-            markersize=2.6,
-            fillstyle="none",
-            label="filtered",
-        ),
-        Line2D([], [], color="black", marker="*", linestyle="", markersize=5, label="published gains"),
-        Line2D([], [], color="#BEBEBE", linewidth=2.2, label="the same over α"),
-    ]
-    figure.legend(handles=marks, loc="outside upper center", ncols=5)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     caption = (
         "Every law at its best: mean absolute error against torque roughness, medians over the plants on "
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
@@ -74,13 +41,19 @@ def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) ->
     return Drawing("tune", figure, list(panels), caption)
 
 
-def _points(laws: Sequence[Mapping[str, Any]], *, curve: bool = False, **key: Any) -> list[list[float]]:
-    """Roughness and error of the rows with these values, those over alpha where a curve is asked for."""
+def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> None:
+    def plot(own: Sequence[Mapping[str, Any]], **look: Any) -> None:
+        panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
-    def wanted() -> Iterator[tuple[float, float]]:
-        for row in laws:
-            is_own = all(row[name] == value for name, value in key.items())
-            if is_own and (row["alpha"] is not None) == curve and row["share_stable"] >= FEW:
-                yield row["roughness_Nm"], row["error_deg"]
-
-    return [list(values) for values in zip(*wanted(), strict=True)] or [[], []]
+    for (number, law), filtered in product(enumerate(titles, start=1), (False, True)):
+        front = [row for row in rows if (row["law"], row["filtered"]) == (law, filtered)]
+        mark = (
+            {"marker": "s", "markerfacecolor": "white"} if filtered else {"marker": "o", "label": titles[law]}
+        )
+        plot(front, **stroke_of(number).line | mark | {"linewidth": 0.7, "markersize": 2.6})
+    panel.plot([], [], "s", color="black", markersize=2.6, fillstyle="none", label="velocity filtered")
+    published = [row for row in rows if row["cap"] == "published" and not row["filtered"]]
+    stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
+    plot(stars, linestyle="", marker="*", color="black", markersize=5, label="published gains")
+    plot(curve, color="#BEBEBE", linewidth=2.2, zorder=1, label="the same over α")
+    panel.set(xscale="log", yscale="log", xlabel="torque roughness (N m)")

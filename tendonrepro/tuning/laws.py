@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,26 +21,26 @@ from tendonrepro.simulation.sampled import CommandFunction
 
 
 class Range(NamedTuple):
-    """Bounds of a gain, where the searches start, and whether its logarithm is searched."""
+    """Bounds of a gain and where searches start; the logarithm is searched, but for negative bounds."""
 
     low: float
     high: float
     start: float
-    log: bool = True
 
     def value(self, x: Array) -> Array:
         """Value at a place between the bounds, from 0 to 1."""
-        if self.log:
+        if self.low > 0.0:
             return np.asarray(self.low * (self.high / self.low) ** x)
         return np.asarray(self.low + (self.high - self.low) * x)
 
     def place(self, value: Any) -> Array:
         """Where between the bounds a value is; outside them below 0 or above 1."""
-        if self.log:
+        if self.low > 0.0:
             return np.asarray(np.log(value / self.low) / np.log(self.high / self.low))
         return np.asarray((value - self.low) / (self.high - self.low))
 
 
+# SI units. Bounds lie 1.5 decades and more around the published gains, but for the exponent.
 RANGES: Mapping[str, Range] = {
     "M_bar": Range(3e-5, 1.0, 0.005),
     "lam": Range(1.0, 300.0, 30.0),
@@ -50,24 +50,18 @@ RANGES: Mapping[str, Range] = {
     "Delta": Range(1e-3, 0.5, 0.2),
     "K_d": Range(1.0, 600.0, 50.0),
     "K_p": Range(0.2, 9e4, 600.0),
-    "alpha": Range(-0.9, 0.9, 0.0, log=False),
+    # Weight of the older estimate: interpolating is positive, extrapolating negative.
+    "alpha": Range(-0.9, 0.9, 0.0),
+    # Weight of the newest value in the observer's low-pass; 1 is none.
     "estimate_filter": Range(0.003, 1.0, 0.5),
+    # Of super-twisting: of |s|^½, and of the integral of the sign.
     "k_1": Range(0.1, 300.0, 5.0),
     "k_2": Range(0.1, 3e3, 100.0),
 }
-"""SI units. Bounds lie 1.5 decades and more around the published gains, but for the exponent.
-
-``alpha`` is the weight of the older estimate: interpolating is positive, extrapolating negative.
-``estimate_filter`` is the weight of the newest value in the observer's low-pass; 1 is none. ``k_1`` and
-``k_2`` are super-twisting's, of ``|s|^½`` and of the integral of the sign.
-"""
-
 PER_JOINT = frozenset({"M_bar", "alpha"})
-SIMPLER = frozenset({"b", "estimate_filter"})
-"""Gains whose upper bound is no limit of the search: there NTSM is TSM, and the observer does not filter."""
 
+# By name: arrays (n,) where a gain is per joint, else (1,).
 Gains = Mapping[str, Any]
-"""By name: arrays (n,) where a gain is per joint, else (1,)."""
 
 
 def super_twisting(
@@ -75,8 +69,7 @@ def super_twisting(
 ) -> tuple[Array, Array, Array, Array]:
     """Super-twisting law with equivalent control; its integral is kept where others keep their estimate.
 
-    ``K_d`` holds ``k_1`` and ``K_p`` holds ``k_2``; the signature is that of
-    `tendonrepro.physics.control.command`.
+    ``K_d`` holds ``k_1`` and ``K_p`` holds ``k_2``.
     """
     de = error_rate(memory, q, q_d, dq_d, law)
     s, tau, integral = np.empty_like(q), np.empty_like(q), np.empty_like(q)
@@ -96,104 +89,79 @@ class TunedLaw:
 
     Attributes
     ----------
-    name, title : str
-    gains : mapping of str to Range
-        In order.
-    surface : int
-        A `Surface`; of a function of its own nothing depends on it.
-    alpha : str
-        ``none``, ``interpolating`` or ``extrapolating`` by the published one, or ``free``.
+    alpha : float
+        How many times the published one the older estimate weighs, where `gains` do not tune it.
     newest : int
         0 where the acceleration is the centred difference.
-    command : CommandFunction, optional
-        Another function than the package's own.
     """
 
     name: str
     title: str
     gains: Mapping[str, Range]
     surface: int = Surface.PD
-    alpha: str = "none"
+    alpha: float = 0.0
     newest: int = 1
     command: CommandFunction | None = None
 
-    def size(self, n: int) -> int:
-        """Numbers to be tuned, for n joints."""
-        return sum(n if name in PER_JOINT else 1 for name in self.gains)
+    def sizes(self, n: int) -> list[int]:
+        """How many numbers each gain is, for n joints."""
+        return [n if name in PER_JOINT else 1 for name in self.gains]
 
     def values(self, unit: Array, n: int) -> Gains:
         """Gains at a point of the unit cube."""
-        found, place = {}, 0
-        for name, held in self.gains.items():
-            size = n if name in PER_JOINT else 1
-            found[name] = held.value(unit[place : place + size])
-            place += size
-        return found
+        parts = np.split(unit, np.cumsum(self.sizes(n))[:-1])
+        return {name: held.value(part) for (name, held), part in zip(self.gains.items(), parts, strict=True)}
 
     def unit(self, gains: Gains, n: int) -> Array:
         """Point of the unit cube with these gains, or with the nearest within the bounds."""
-        parts = [
-            np.broadcast_to(held.place(gains[name]), n if name in PER_JOINT else 1)
-            for name, held in self.gains.items()
-        ]
+        places = [held.place(gains[name]) for name, held in self.gains.items()]
+        parts = [np.broadcast_to(place, size) for place, size in zip(places, self.sizes(n), strict=True)]
         return np.clip(np.concatenate(parts), 0.0, 1.0)
 
-    def at_bound(self, unit: Array, n: int, near: float) -> bool:
-        """Whether a gain is as near to a bound, but for those bounds that give a simpler law."""
-        own = {name: name not in SIMPLER for name in self.gains}
-        asked = np.repeat([*own.values()], [n if name in PER_JOINT else 1 for name in own])
-        return bool((np.minimum(unit, 1.0 - unit) < near)[asked].any())
-
-    def start(self, n: int) -> Array:
-        """Point of the published gains."""
-        return self.unit({name: held.start for name, held in self.gains.items()}, n)
-
     def law(self, base: Law, gains: Gains, published: Array) -> Law:
-        """Law with these gains; the published ``alpha`` (n,) is that of a law that does not tune it."""
-        n = base.M_bar.size
-        alpha = gains["alpha"] if self.alpha == "free" else published * (self.alpha != "none")
-        reading = "extrapolating" if self.alpha == "extrapolating" else "interpolating"
-        fields: dict[str, Any] = {
-            _FIELDS.get(name, name): np.broadcast_to(value, n)
-            for name, value in gains.items()
-            if name not in ("alpha", "estimate_filter")
-        }
+        """Law with these gains; `published` (n,) is the paper's α."""
+        own = {_FIELDS.get(name, name): value for name, value in gains.items()}
+        alpha = own.pop("alpha", self.alpha * published)
+        estimate_filter = float(own.pop("estimate_filter", np.ones(1))[0])
+        fields: dict[str, Any] = {name: np.broadcast_to(own[name], base.M_bar.size) for name in own}
         return base._replace(
             **fields,
             surface=int(self.surface),
             newest=self.newest,
-            weights=estimator_weights(np.asarray(alpha), reading),
+            weights=estimator_weights(np.asarray(alpha)),
             rate_gain=fields.get("eta", base.rate_gain),
-            estimate_filter=float(gains["estimate_filter"][0]) if "estimate_filter" in gains else 1.0,
+            estimate_filter=estimate_filter,
         )
 
 
-_FIELDS = {"k_1": "K_d", "k_2": "K_p"}
-"""Fields of `Law` that hold gains of another name."""
+_FIELDS = {"k_1": "K_d", "k_2": "K_p"}  # of `Law`, for gains of another name
 
 
 def _of(*names: str) -> dict[str, Range]:
     return {name: RANGES[name] for name in names}
 
 
-_NTSM = _of("M_bar", "lam", "eta", "b", "Delta")
-
+_LINEAR, _NTSM = _of("M_bar", "K_d", "K_p"), _of("M_bar", "lam", "eta", "b", "Delta")
+# Here M_bar is the gain of the whole feedback, not of an estimator that feeds back the torque.
 _TWISTING = _of("M_bar", "beta", "k_1", "k_2") | {"M_bar": Range(3e-4, 10.0, 0.2)}
-"""There ``M_bar`` is the gain of the whole feedback, not of an estimator that feeds back the torque."""
 
-LAWS: tuple[TunedLaw, ...] = (
-    TunedLaw("pid", "PID", _of("M_bar", "K_d", "K_p"), newest=0),
-    TunedLaw("tdc", "Plain TDC", _of("M_bar", "K_d", "K_p")),
-    TunedLaw("dob", "Disturbance observer and PD", _of("M_bar", "K_d", "K_p", "estimate_filter")),
+# The PID is plain TDC with centred differences: its derivative gain is M_bar / L, the proportional one
+# M_bar K_d / L, the integral one M_bar K_p / L. With the model known it is computed torque.
+_LAWS = (
+    TunedLaw("pid", "PID", _LINEAR, newest=0),
+    TunedLaw("tdc", "Plain TDC", _LINEAR),
+    TunedLaw("dob", "Disturbance observer and PD", _LINEAR | _of("estimate_filter")),
     TunedLaw("tsm", "TDE and TSM", _of("M_bar", "lam", "beta"), Surface.TSM),
     TunedLaw("ntsm", "TDE and NTSM", _NTSM, Surface.NTSM),
-    TunedLaw("alpha_published", "α-TDE and NTSM, published α", _NTSM, Surface.NTSM, "interpolating"),
-    TunedLaw("alpha_extrapolating", "α-TDE and NTSM, extrapolating", _NTSM, Surface.NTSM, "extrapolating"),
-    TunedLaw("alpha_free", "α-TDE and NTSM, free α", _NTSM | _of("alpha"), Surface.NTSM, "free"),
+    TunedLaw("alpha_published", "α-TDE and NTSM, published α", _NTSM, Surface.NTSM, 1.0),
+    TunedLaw("alpha_extrapolating", "α-TDE and NTSM, extrapolating", _NTSM, Surface.NTSM, -1.0),
+    TunedLaw("alpha_free", "α-TDE and NTSM, free α", _NTSM | _of("alpha"), Surface.NTSM),
     TunedLaw("super_twisting", "Super-twisting", _TWISTING, command=super_twisting),
 )
-"""The PID is plain TDC with centred differences: its derivative gain is ``M_bar / L``, the proportional one
-``M_bar K_d / L``, the integral one ``M_bar K_p / L``. With the model known it is computed torque."""
+LAWS = {law.name: law for law in _LAWS}
+
+# Other gains of these, and of the published α (n,).
+Change: TypeAlias = Callable[[Gains, Array], Gains]
 
 
 class Step(NamedTuple):
@@ -202,7 +170,7 @@ class Step(NamedTuple):
     source: str
     target: str
     exact: bool
-    change: Callable[[Gains, Array], Gains]
+    change: Change
 
 
 def _slope(gains: Gains) -> Array:
@@ -229,11 +197,10 @@ def _twisting(gains: Gains, ratio: float, s: float) -> Gains:
     return {**_scaled(gains, np.array(ratio)), "k_1": np.full(1, reach * s**0.5), "k_2": k_2}
 
 
-SAMPLING_PERIOD = 1e-3
-"""s, as published; other periods only make the seeds of super-twisting worse."""
-TWISTS = (10.0, 0.05), (100.0, 0.4)
-"""Ratios and sliding variables, rad s⁻¹, of the seeds of super-twisting."""
+SAMPLING_PERIOD = 1e-3  # s, as published; other periods only make the seeds of super-twisting worse
 
+# In the order in which gains are handed on. An exact step makes the source a special case of the target,
+# which may then not do worse; these come last, each after those that improve its source.
 STEPS: tuple[Step, ...] = (
     Step("ntsm", "alpha_published", False, lambda g, a: _scaled(g, 1.0 + a)),
     Step("ntsm", "alpha_extrapolating", False, lambda g, a: _scaled(g, 1.0 - a)),
@@ -242,10 +209,8 @@ STEPS: tuple[Step, ...] = (
     Step("ntsm", "tdc", False, lambda g, _: _linear(g, _slope(g))),
     Step("tdc", "pid", False, lambda g, _: g),
     Step("pid", "tdc", False, lambda g, _: g),
-    *(
-        Step("tsm", "super_twisting", False, lambda g, _, at=at: _twisting(g, *at))  # type: ignore[misc]
-        for at in TWISTS
-    ),
+    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g, 10.0, 0.05)),
+    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g, 100.0, 0.4)),
     Step("tsm", "tdc", True, lambda g, _: _linear(g, g["beta"])),
     Step("tsm", "ntsm", True, lambda g, _: {**g, "eta": g["beta"], "b": 1.0, "Delta": 0.2}),
     Step("tdc", "dob", True, lambda g, _: {**g, "estimate_filter": 1.0}),
@@ -253,33 +218,24 @@ STEPS: tuple[Step, ...] = (
     Step("alpha_published", "alpha_free", True, lambda g, a: {**g, "alpha": a}),
     Step("alpha_extrapolating", "alpha_free", True, lambda g, a: {**g, "alpha": -a}),
 )
-"""In the order in which gains are handed on. An exact step makes the source a special case of the target,
-which may then not do worse; these come last, each after those that improve its source."""
+
+
+_TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
 
 
 def user_law(own: UserLaw) -> TunedLaw:
-    """A user's law with the bounds it brings, made ready for lanes.
-
-    Raises
-    ------
-    UsageError
-        If it has no bounds, asks for the plant, or decides by ``if`` on measured values.
-    """
+    """A user's law with the bounds it brings, refused where they are missing or it asks for the plant."""
     function, setup = own.load()
     bounds = getattr(function, "bounds", None)
-    if not isinstance(bounds, dict) or not bounds or not bounds.keys() <= _TUNABLE:
+    is_dict = isinstance(bounds, dict) and bounds.keys() <= _TUNABLE
+    if not bounds or not is_dict or not all(0.0 < low < high for low, high in bounds.values()):
         names = ", ".join(sorted(_TUNABLE))
-        hint = f"give it an attribute: {own.name}.bounds = {{'K_p': (1, 1000)}}, with names among {names}"
+        hint = (
+            f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"
+        )
         raise UsageError(f"the law {own.name} has no bounds for its gains", where="--law", hint=hint)
-    if not all(0.0 < low < high for low, high in bounds.values()):
-        message = f"the bounds of the law {own.name} must be two positive numbers, the lower one first"
-        raise UsageError(message, where="--law")
     if setup is not None:
         message = f"the law {own.name} is told of its plant, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
     gains = {name: Range(low, high, float(np.sqrt(low * high))) for name, (low, high) in bounds.items()}
     return TunedLaw(own.name, own.name, gains, command=function)
-
-
-_TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
-"""Gains of `Law` that a user's law may be tuned in."""

@@ -1,4 +1,4 @@
-"""Search for the gains of every law on one draw, by CMA-ES, all searches side by side.
+"""Search for the gains of every law on one draw, by CMA-ES, all searches side by side, and what is kept.
 
 A search belongs to a law, a class of knowledge, a filter and a seed. It keeps all that it has looked at, and
 works under every cap on roughness at once: what one cap finds serves the others. Halfway and at the end laws
@@ -8,40 +8,43 @@ hand their best gains to laws that do the same with other gains (`laws.STEPS`).
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
-from tendonrepro.tuning.bench import CLASSES, Candidate, Measured
-from tendonrepro.tuning.laws import STEPS, TunedLaw
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.evolution import evolution
+from tendonrepro.tuning.bench import ALL_RUNS, CLASSES, Candidate, Plants, measure, plants_of, published
+from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 
-Measure: TypeAlias = Callable[[Sequence[Candidate]], Measured]
+# Caps on torque roughness, over that of Controller 2 as published on the same draw.
+CAPS: Mapping[str, float] = {"none": np.inf, "1/3": 1 / 3, "1/10": 1 / 10, "1/30": 1 / 30}
 
-FIRST, FIRST_WIDTH = 32, 0.15
-"""Candidates that a search begins with, and how wide they lie around its start, as a share of the ranges."""
-WIDTHS = 0.08, 0.04
-"""First standard deviation of CMA-ES, as a share of the ranges, in the first half and in the second."""
+# What is known, and whether velocities are filtered.
+CONDITIONS = tuple(product(CLASSES, (False, True)))
+
+# Weights of the older estimate along the curve over alpha; all other gains as published.
+ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
+
+# Difference of errors, in logs, up to which a special case is matched: rounding moves encoder counts.
 SAME = 0.02
-"""Difference of errors, in logs, up to which a special case is matched: rounding moves encoder counts."""
-_OVER_CAP = 3.0
-"""How many times the excess over the cap counts, in logs: more than the error gains by it."""
-_HERE = 1e-9
-"""Distance in the unit cube up to which a place is the same."""
-_UNSTABLE = 10.0
-"""What an unstable run costs, in logs: more than any error."""
 
+Row: TypeAlias = dict[str, Any]
 
-class Effort(NamedTuple):
-    """Searches of each law under each condition, generations of each, and members of a generation."""
-
-    searches: int
-    generations: int
-    population: int
+# Candidates that a search begins with, and how wide they lie around its start, as a share of the ranges.
+FIRST, FIRST_WIDTH = 32, 0.15
+# First standard deviation of CMA-ES, as a share of the ranges, in the first half and in the second.
+WIDTHS = 0.08, 0.04
+_OVER_CAP = 3.0  # how many times the excess over the cap counts, in logs: more than the error gains by it
+_UNSTABLE = 10.0  # what an unstable run costs, in logs: more than any error
+_HERE = 1e-9  # distance in the unit cube up to which a place is the same
 
 
 class Key(NamedTuple):
@@ -53,213 +56,196 @@ class Key(NamedTuple):
     seed: int
 
 
-@dataclass
-class Search:
-    """What one search has looked at: places in the unit cube, and what was measured there.
+class Seen(NamedTuple):
+    """A place in the unit cube: its log error, mean of all joints without and with payload, and the rest."""
 
-    ``error`` is the mean log error of all joints without and with payload; ``stable`` has all three runs.
+    unit: Array
+    error: float
+    roughness: float
+    stable: NDArray[np.bool_]
+
+
+def costs(seen: Sequence[Seen], cap: float) -> Array:
+    """What is minimised under a cap."""
+    _, error, roughness, stable = map(np.array, zip(*seen, strict=True))
+    over = np.log(np.maximum(roughness / cap, 1.0))
+    return np.asarray(error + _OVER_CAP * over + _UNSTABLE * (~stable).sum(axis=1))
+
+
+def best(seen: Sequence[Seen], cap: float) -> Seen | None:
+    """Smallest error where the cap is kept and all runs are stable."""
+    kept = [one for one in seen if one.roughness <= cap and one.stable.all()]
+    return min(kept, key=lambda one: one.error, default=None)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Searches on one draw that go on together, under caps on roughness, N m; infinity is none.
+
+    Effort is ``searches`` of each law under each condition, ``generations`` of each, and the ``population``
+    of a generation.
     """
 
-    law: TunedLaw
-    key: Key
-    units: list[Array] = field(default_factory=list)
-    error: list[float] = field(default_factory=list)
-    roughness: list[float] = field(default_factory=list)
-    stable: list[NDArray[np.bool_]] = field(default_factory=list)
+    laws: Mapping[str, TunedLaw]
+    caps: Sequence[float]
+    plants: Plants
+    effort: Mapping[str, int]
+    seed: tuple[int, int]
+    found: dict[Key, list[Seen]] = field(default_factory=dict)
 
-    def keep(self, units: Sequence[Array], found: Measured, part: slice) -> None:
-        """Add candidates, which a part of what was measured is of."""
-        self.units += units
-        self.error += np.log(found.mae[part, :2]).mean(axis=(1, 2)).tolist()
-        self.roughness += found.roughness[part].tolist()
-        self.stable += list(found.stable[part])
+    def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[Key, list[Seen]]:
+        """Search under every condition: what is known, and whether velocities are filtered."""
+        for law, condition, k in product(self.laws, conditions, range(self.effort["searches"])):
+            self.found[Key(law, *condition, k)] = []
+        self._look([(key, unit) for key in self.found for unit in self._spread(key)])
+        self._exchange()
+        for half in (0, 1):
+            self._generations(half, (self.effort["generations"] + 1 - half) // 2)
+            self._exchange()
+        return self.found
 
-    def unseen(self, units: Sequence[Array]) -> list[Array]:
-        """Those of some places that were not looked at before."""
-        seen = np.array(self.units).reshape(len(self.units), -1)
-        return (
-            [unit for unit in units if not (np.abs(seen - unit).max(axis=1) < _HERE).any()]
-            if self.units
-            else [*units]
-        )
+    def _spread(self, key: Key) -> list[Array]:
+        """First candidates: where searches start, and points around it."""
+        law = self.laws[key.law]
+        start = law.unit({name: held.start for name, held in law.gains.items()}, self.plants.alpha.size)
+        steps = np.random.default_rng(self._seed(key)).standard_normal((FIRST - 1, start.size))
+        return [start, *np.clip(start + FIRST_WIDTH * steps, 0.0, 1.0)]
 
-    def costs(self, cap: float, last: int = 0) -> Array:
-        """What is minimised under a cap, of all candidates or the last ones."""
-        error, rough, stable = (np.array(part[-last:]) for part in (self.error, self.roughness, self.stable))
-        over = np.log(np.maximum(rough / cap, 1.0))
-        return np.asarray(error + _OVER_CAP * over + _UNSTABLE * (~stable).sum(axis=1))
+    def _seed(self, key: Key, *half: int) -> list[int]:
+        """Numbers that are a search's own whatever other searches there are."""
+        return [*self.seed, *half, zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
 
-    def _allowed(self, cap: float, runs: int) -> Array:
-        """Errors where the cap is kept and so many runs are stable, infinite elsewhere."""
-        kept = (np.array(self.roughness) <= cap) & np.array(self.stable)[:, :runs].all(axis=1)
-        return np.where(kept, self.error, np.inf)
+    def _generations(self, half: int, count: int) -> None:
+        """Go on from the best gains of every search under every cap."""
+        size, strategies = self.effort["population"], {}
+        for (key, seen), (k, cap) in product(self.found.items(), enumerate(self.caps)):
+            generator = np.random.default_rng([*self._seed(key, half), k])
+            start = seen[costs(seen, cap).argmin()].unit
+            strategies[key, k] = evolution(start, WIDTHS[half], size, generator)
+        for _ in range(count):
+            asked = {place: one.ask() for place, one in strategies.items()}
+            self._look([(key, unit) for (key, _), units in asked.items() for unit in units])
+            for (key, k), one in strategies.items():
+                own = self.found[key][-size * len(self.caps) :][k * size :][:size]
+                one.tell(asked[key, k], costs(own, self.caps[k]).tolist())
 
-    def smallest(self, cap: float) -> float:
-        """Smallest error allowed under a cap, in logs; infinite without any."""
-        return float(self._allowed(cap, 3).min())
+    def _look(self, asked: Sequence[tuple[Key, Array]]) -> None:
+        """Measure what searches ask for, all together."""
+        n, candidates = self.plants.alpha.size, []
+        for key, unit in asked:
+            law = self.laws[key.law]
+            candidates.append(Candidate(law, key.knows, key.filtered, law.values(unit, n)))
+        if candidates:
+            found = measure(self.plants, candidates)
+            errors = np.log(found.mae[:, :2]).mean(axis=(1, 2)).tolist()
+            parts = zip(asked, errors, found.roughness.tolist(), found.stable, strict=True)
+            for (key, unit), error, roughness, stable in parts:
+                self.found[key].append(Seen(unit, error, roughness, stable))
 
-    def best(self, cap: float) -> int | None:
-        """Place of the smallest error allowed under a cap; None without any."""
-        errors = self._allowed(cap, 3)
-        return int(errors.argmin()) if np.isfinite(errors.min()) else None
+    def _exchange(self) -> None:
+        """Hand the best gains of each law to itself with more knowledge, and to those that do the same."""
+        for before, after in pairwise(CLASSES):
+            self._hand_on("knows", before, after)
+        for step in STEPS:
+            self._hand_on("law", step.source, step.target, step.change)
 
-    def gains_without_margin(self, cap: float) -> bool:
-        """Whether an error is smaller where the run with less damping need not be stable."""
-        return bool(self._allowed(cap, 2).min() < self.smallest(cap) - SAME)
+    def _hand_on(self, axis: str, source: str, target: str, change: Change | None = None) -> None:
+        """Have searches look at the best places of others, with changed gains, if they are new to them."""
+        alpha, asked = self.plants.alpha, []
+        for key, seen in self.found.items():
+            changed: dict[str, Any] = {axis: target}
+            to = key._replace(**changed)
+            if getattr(key, axis) != source or to not in self.found:
+                continue
+            units, law, other = self._best_units(seen), self.laws[key.law], self.laws[to.law]
+            if change:
+                gains = [change(law.values(unit, alpha.size), alpha) for unit in units]
+                units = [other.unit(one, alpha.size) for one in gains]
+            there = np.array([one.unit for one in self.found[to]])
+            asked += [(to, unit) for unit in units if (np.abs(there - unit).max(axis=1) >= _HERE).all()]
+        self._look(asked)
 
-
-def tune(
-    laws: Sequence[TunedLaw],
-    conditions: Sequence[tuple[str, bool]],
-    caps: Sequence[float],
-    measure: Measure,
-    alpha: Array,
-    effort: Effort,
-    seed: tuple[int, int],
-) -> dict[Key, Search]:
-    """Search for the gains of every law under every condition.
-
-    Parameters
-    ----------
-    laws : sequence of TunedLaw
-    conditions : sequence of (str, bool)
-        What is known, and whether velocities are filtered.
-    caps : sequence of float
-        On roughness, N m; infinity is none.
-    measure : callable
-        Runs candidates of one law.
-    alpha : array (n,)
-        As published.
-    effort : Effort
-    seed : (int, int)
-
-    Returns
-    -------
-    dict of Key to Search
-    """
-    n = alpha.size
-    found = {
-        key: Search(law, key)
-        for law in laws
-        for knows, filtered in conditions
-        for k in range(effort.searches)
-        for key in [Key(law.name, knows, filtered, k)]
-    }
-    _look(
-        found,
-        {key: _spread(search.law, n, [*seed, *_mark(key)]) for key, search in found.items()},
-        measure,
-        n,
-    )
-    halves = effort.generations - effort.generations // 2, effort.generations // 2
-    for half, generations in enumerate(halves):
-        _exchange(found, caps, measure, alpha)
-        _generations(found, caps, measure, n, effort._replace(generations=generations), half, seed)
-    _exchange(found, caps, measure, alpha)
-    return found
+    def _best_units(self, seen: Sequence[Seen]) -> list[Array]:
+        """Places of the smallest cost and the smallest error that is allowed, under each cap; each once."""
+        held = [seen[int(costs(seen, cap).argmin())] for cap in self.caps]
+        held += filter(None, (best(seen, cap) for cap in self.caps))
+        return [one.unit for one in seen if any(one is other for other in held)]
 
 
-def _mark(key: Key) -> list[int]:
-    """Numbers that are a search's own whatever other searches there are."""
-    return [zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
+# Best of each search, by law, what is known, whether velocities are filtered, and cap.
+Found: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
 
 
-def _spread(law: TunedLaw, n: int, seed: Sequence[int]) -> list[Array]:
-    """First candidates: where searches start, and points around it."""
-    start, generator = law.start(n), np.random.default_rng(seed)
-    steps = FIRST_WIDTH * generator.standard_normal((FIRST - 1, start.size))
-    return [start, *np.clip(start + steps, 0.0, 1.0)]
+@dataclass(frozen=True)
+class Task:
+    """All that a tuning depends on; its seed is that of the searches, the draws have the box's."""
+
+    loaded: LoadedEnsemble
+    laws: Mapping[str, TunedLaw]
+    effort: Mapping[str, int]
+    seed: int
+
+    def draw(self, number: int) -> Plants:
+        """Draw of a number from the box."""
+        box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
+        return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
+
+    def tuned(self, number: int) -> Row:
+        """Tune every law on one draw, as plain values."""
+        plants = self.draw(number)
+        scale = measure(plants, [published(plants)["controller_2"]]).roughness[0]
+        caps = {name: float(share * scale) for name, share in CAPS.items()}
+        tuning = Tuning(self.laws, [*caps.values()], plants, self.effort, (self.seed, number))
+        found: Found = {}
+        for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
+            found.setdefault((*key[:3], name), []).append(best(seen, cap))
+        kept = [*self._best(found, plants.alpha.size), *_as_published(plants)]
+        return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(found)]}
+
+    def _best(self, found: Found, n: int) -> Iterator[Row]:
+        """Yield the best of all searches for every law, condition and cap, with its gains if there is one."""
+        for (name, knows, filtered, cap), own in found.items():
+            row = _row(name, knows, filtered, cap, errors=[one.error if one else None for one in own])
+            if top := min(filter(None, own), key=lambda one: one.error, default=None):
+                law = self.laws[name]
+                row["candidate"] = Candidate(law, knows, filtered, law.values(top.unit, n))
+            yield row
 
 
-def _generations(
-    found: Mapping[Key, Search],
-    caps: Sequence[float],
-    measure: Measure,
-    n: int,
-    effort: Effort,
-    half: int,
-    seed: tuple[int, int],
-) -> None:
-    """Go on from the best gains of every search under every cap."""
-    size = effort.population
-    strategies = {
-        key: [
-            _strategy(
-                search.units[search.costs(cap).argmin()], WIDTHS[half], size, [*seed, half, *_mark(key), k]
-            )
-            for k, cap in enumerate(caps)
-        ]
-        for key, search in found.items()
-    }
-    for _ in range(effort.generations):
-        asked = {key: [one.ask() for one in held] for key, held in strategies.items()}
-        together = {key: [unit for part in parts for unit in part] for key, parts in asked.items()}
-        _look(found, together, measure, n)
-        for key, held in strategies.items():
-            for k, (one, cap) in enumerate(zip(held, caps, strict=True)):
-                costs = found[key].costs(cap, size * len(caps))[k * size :][:size]
-                one.tell(asked[key][k], costs.tolist())
+def _row(law: str, knows: str, filtered: bool, cap: str, **more: Any) -> Row:
+    return {"law": law, "knows": knows, "filtered": filtered, "cap": cap, **more}
 
 
-def _strategy(start: Array, width: float, population: int, seed: Sequence[int]) -> Any:
-    import cma
-
-    generator = np.random.default_rng(seed)
-    options = {
-        "bounds": [0.0, 1.0],
-        "popsize": population,
-        "randn": lambda *shape: generator.standard_normal(shape),
-        "seed": np.nan,  # else it would seed a generator that all of NumPy shares
-        "verbose": -9,
-    }
-    return cma.CMAEvolutionStrategy(start, width, options)
+def _as_published(plants: Plants) -> Iterator[Row]:
+    """Yield Controllers 1 to 3 as published, and Controller 2 with its estimator's weights moved."""
+    for condition in CONDITIONS:
+        for name, candidate in published(plants, *condition).items():
+            yield _row(name, *condition, "published", candidate=candidate)
+    for knows, alpha in product(CLASSES, ALPHAS):
+        gains = {**published(plants)["controller_2"].gains, "alpha": np.full_like(plants.alpha, alpha)}
+        moved = Candidate(LAWS["alpha_free"], knows, False, gains)
+        yield _row("controller_2", knows, False, "published", alpha=alpha, candidate=moved)
 
 
-def _look(
-    found: Mapping[Key, Search], asked: Mapping[Key, Sequence[Array]], measure: Measure, n: int
-) -> None:
-    """Measure what searches ask for, all searches of a law together."""
-    for law in dict.fromkeys(found[key].law for key in asked):
-        own = {key: list(units) for key, units in asked.items() if key.law == law.name}
-        candidates = [
-            Candidate(law, key.knows, key.filtered, law.values(unit, n))
-            for key, units in own.items()
-            for unit in units
-        ]
-        if not candidates:
-            continue
-        result, first = measure(candidates), 0
-        for key, units in own.items():
-            found[key].keep(units, result, slice(first, first := first + len(units)))
+def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
+    """Rows with what their candidates give, angles in rad: errors by run and joint, and their mean."""
+    found = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
+    results = zip(found.mae, found.roughness.tolist(), found.stable, strict=True)
+    for row in rows:
+        row["stable"] = False
+        if "candidate" in row:
+            mae, row["roughness"], stable = next(results)
+            row["stable"] = bool(stable[:-1].all())
+            row["gains"] = {name: value.tolist() for name, value in row.pop("candidate").gains.items()}
+            row["mae"], row["error"] = mae[:2].tolist(), float(gmean(mae[:2], axis=None))
+            row["held_out_error"] = float(gmean(mae[-1])) if stable[-1] else None
+    return [*rows]
 
 
-def _best_units(search: Search, caps: Sequence[float]) -> list[Array]:
-    """Places of the smallest cost, and of the smallest error that is allowed, under each cap; each once."""
-    places = {int(search.costs(cap).argmin()) for cap in caps} | {search.best(cap) for cap in caps}
-    return [search.units[place] for place in sorted(place for place in places if place is not None)]
-
-
-def _exchange(found: Mapping[Key, Search], caps: Sequence[float], measure: Measure, alpha: Array) -> None:
-    """Hand the best gains of each law to itself with more knowledge, and to those that do the same."""
-    n = alpha.size
-    for before, after in pairwise(CLASSES):
-        _look(
-            found,
-            {
-                target: found[target].unseen(_best_units(search, caps))
-                for key, search in found.items()
-                for target in [key._replace(knows=after)]
-                if key.knows == before and target in found
-            },
-            measure,
-            n,
-        )
-    for step in STEPS:
-        asked: dict[Key, list[Array]] = {}
-        for key, search in found.items():
-            target = key._replace(law=step.target)
-            if key.law == step.source and target in found:
-                gains = [search.law.values(unit, n) for unit in _best_units(search, caps)]
-                units = [found[target].law.unit(step.change(one, alpha), n) for one in gains]
-                asked[target] = found[target].unseen(units)
-        _look(found, asked, measure, n)
+def _lost(found: Found) -> Iterator[Row]:
+    """Yield where a law does worse than its own special case, which is a failure of the search."""
+    errors = {key: min(one.error if one else np.inf for one in own) for key, own in found.items()}
+    for step, (key, special) in product(STEPS, errors.items()):
+        general = (step.target, *key[1:])
+        if step.exact and key[0] == step.source and errors.get(general, -np.inf) > special + SAME:
+            yield _row(*general, to=key[0])

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from tendonrepro.results.figures.catalogue import FIGURES, available
-from tendonrepro.results.figures.compare import draw_law
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, title_of
 from tendonrepro.results.records import Trace, TraceFile
 
-_LAW_CAPTION = "Sliding variable, estimate of the lumped uncertainty and torque: means over 50 ms."
 _LABEL = "Thin, dashed: simulated"
 _DASHES = (4.0, 1.6)
 _WIDE, _WIDER, _THIN = 1.2, 1.6, 0.5
@@ -37,22 +34,17 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
     spec = FIGURES[name]
     traces = spec.traces(measured)
     joints = {joint for trace in traces for joint in trace.joint}
-    draw, caption = spec.draw, spec.caption
-    if name == "fig15":
-        # Bands of raw samples of all runs, twice, would hide the means.
-        draw, caption = partial(draw_law, bands=False), _LAW_CAPTION
     drawn: list[Trace] = []
     with journal_style():
-        sheet = draw(measured, traces)
+        sheet = spec.draw(measured, traces)
         for line in sheet.lines.values():
             line.set_linestyle("-")
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
         for above, trace in enumerate(traces, 1 - len(traces)):
             if trace.name in models:
-                model = models[trace.name].of_joints(joints)
-                file = replace(measured, runs={trace.name: model})
+                file = replace(measured, runs={trace.name: models[trace.name].of_joints(joints)})
                 for one in spec.traces(file):
-                    _lay_over(sheet, draw(file, [one]), one, _WIDE * _WIDER**-above)
+                    _lay_over(sheet, spec.draw(file, [one]), one, _WIDE * _WIDER**-above)
                     drawn.append(one)
         laid_over = "Measured wide and pale; the model on it thin and dashed."
         told = [laid_over if drawn else "Measured; no simulation."]
@@ -62,7 +54,7 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
             if one.status == "diverged"
         ]
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
-        return sheet.finish(name, " ".join([f"{title_of(name)}. {caption}", *told]), origin)
+        return sheet.finish(name, " ".join([f"{title_of(name)}. {spec.caption}", *told]), origin)
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,98 +20,84 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.records import Trace
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.measured import Measured
+
+_Prepared: TypeAlias = tuple[Path, dict[str, float]]
+"""A configuration, and by run when its rerun begins on the measured time axis, s."""
 
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
 
 
-@dataclass
-class Reruns:
-    """The model on the motions of a measured file; configurations, motions and traces go into `folder`.
+def reruns(
+    measured: Measured, base: LoadedConfig, name: str, folder: Path, talk: Talk
+) -> tuple[dict[str, Trace], list[str]]:
+    """Run the model `base` on the motions of a measured file of that `name`.
 
-    Attributes
-    ----------
-    measured : Measured
-    base : LoadedConfig
-        The model.
-    name : str
-        Of the measured file.
-    folder : Path
-    talk : Talk
-    runs : dict
-        Simulated runs by name, on the measured axes.
-    missing : list of str
-        What could not be rerun, and why.
+    Configurations, motions and traces go into `folder`. Returned are simulated runs by name, on the measured
+    axes, and what could not be rerun, and why.
     """
+    runs: dict[str, Trace] = {}
+    missing: list[str] = []
+    for experiment, prepare in (("compare", _compare), ("decouple", _decouple)):
+        if measured.file.part(experiment).runs:
+            try:
+                path, zeros = prepare(measured, base, name, folder)
+                runs |= simulated(path, zeros, measured.file, talk)
+            except TendonreproError as error:
+                hint = f"; {error.hint}" if error.hint else ""
+                missing.append(f"a rerun of {experiment}: {error.message}{hint}")
+    reference = measured.reference
+    for run, trace in measured.compare.runs.items():
+        if reference and (size := departure(trace, reference)):
+            other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
+            missing.append(f"residuals of {run}: its desired motion is {other}")
+    return runs, missing
 
-    measured: Measured
-    base: LoadedConfig
-    name: str
-    folder: Path
-    talk: Talk
-    runs: dict[str, Trace] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
 
-    def carry_out(self) -> None:
-        """Rerun both experiments, as far as they were measured."""
-        for experiment, rerun in (("compare", self._compare), ("decouple", self._decouple)):
-            if self.measured.file.part(experiment).runs:
-                try:
-                    rerun()
-                except TendonreproError as error:
-                    hint = f"; {error.hint}" if error.hint else ""
-                    self.missing.append(f"a rerun of {experiment}: {error.message}{hint}")
+def _compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Prepare the comparison on the recovered motion: all runs that followed it."""
+    reference, runs = measured.reference, measured.compare.runs
+    if reference is None:
+        raise DataMissingError(measured.unrecovered)
+    path = write_compare(base, reference, runs, name, folder)
+    followed = [trace for trace in runs.values() if not departure(trace, reference)]
+    return path, {trace.name: zero_of(trace, reference) for trace in followed}
 
-    def _compare(self) -> None:
-        """Rerun the comparison on the recovered motion: all runs that followed it."""
-        reference, runs = self.measured.reference, self.measured.compare.runs
-        if reference is None:
-            raise DataMissingError(self.measured.unrecovered)
-        apart = {run: np.rad2deg(departure(trace, reference)) for run, trace in runs.items()}
-        self.missing += [
-            f"residuals of {run}: its desired motion is {size:.3g} deg from that of {reference.run}"
-            for run, size in apart.items()
-            if size
-        ]
-        path = write_compare(self.base, reference, runs, self.name, self.folder)
-        self._simulate(path, {run: zero_of(runs[run], reference) for run in runs if not apart[run]})
 
-    def _decouple(self) -> None:
-        """Rerun the decoupling run on the motors measured in it, by the shipped model if none is given."""
-        trace, base = self.measured.file.part("decouple").runs.get("decouple"), self.base
-        if trace is None or trace.joint != (1, 2, 3):
-            raise DataMissingError("joints 1 to 3 of the run decouple")
-        if base.config.experiment != "decouple":
-            both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
-            base = load_config(None, "decouple", overrides=both)
-        path = write_decouple(base, trace, self.name, self.folder)
-        self._simulate(path, {trace.name: float(trace.time[0])})
+def _decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Prepare the decoupling run on its measured motors, by the shipped model if `base` is another's."""
+    trace = measured.file.part("decouple").runs.get("decouple")
+    if trace is None or trace.joint != (1, 2, 3):
+        raise DataMissingError("joints 1 to 3 of the run decouple")
+    if base.config.experiment != "decouple":
+        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
+        base = load_config(None, "decouple", overrides=both)
+    return write_decouple(base, trace, name, folder), {trace.name: float(trace.time[0])}
 
-    def _simulate(self, path: Path, zeros: Mapping[str, float]) -> None:
-        """Simulate the runs that a configuration has and that begin at measured times, s."""
-        # The folder it lies in has another name once the result is whole.
-        loaded = replace(load_config(path, None), origin=path.name)
-        known = dict(build_loops(loaded.config, loaded.folder))
-        chosen = [name for name in zeros if name in known]
-        with self.talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
-            traces = each(partial(simulate_run, loaded, ()), chosen, progress)
-        if traces:
-            file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
-            write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
-        measured = self.measured.file.runs
-        self.runs |= {one.name: aligned(one, measured[one.name], zeros[one.name]) for one in traces}
+
+def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk: Talk) -> dict[str, Trace]:
+    """Simulate the runs that a configuration has and that begin at measured times, s."""
+    # The folder it lies in has another name once the result is whole.
+    loaded = replace(load_config(path, None), origin=path.name)
+    chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
+    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
+        traces = each(partial(simulate_run, loaded, ()), chosen, progress)
+    if traces:
+        file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
+        write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
+    return {one.name: aligned(one, measured.runs[one.name], zeros[one.name]) for one in traces}
 
 
 def write_compare(
     base: LoadedConfig, reference: Reference, runs: Mapping[str, Trace], measured: str, folder: Path
 ) -> Path:
-    """Write the recovered reference as a trajectory file and a complete configuration; return its path.
+    """Write the recovered motion and a configuration that runs on it; return its path.
 
-    All of `base` is kept but its reference, and payloads that were measured with other masses.
+    All of `base` is kept except its reference, and payloads measured with other masses.
     """
     tree: dict[str, Any] = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the reference measured in {measured}"
@@ -126,13 +112,9 @@ def write_compare(
 
 
 def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> Path:
-    """Write the measured motion of the decoupling experiment in the same way.
-
-    The motors' angles drive the rerun where they were recorded, else the joints' encoders.
-    """
-    drives, variable = (
-        ("motors", "q_motor_encoder") if "q_motor_encoder" in trace else ("joints", "q_encoder")
-    )
+    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders."""
+    motors = "q_motor_encoder" in trace
+    drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     tree: dict[str, Any] = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
     knots = thinned(recorded(trace, variable))
@@ -157,9 +139,9 @@ def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, s
 
 
 def departure(trace: Trace, reference: Reference) -> float:
-    """Largest difference of a run's desired motion from one recovered of another run, rad.
+    """Largest difference of a run's desired motion from a recovered one, rad.
 
-    It is 0 where rounding, noise and one sample of time explain it, or it was not recorded.
+    It is 0 where rounding, noise and one sample of time explain it, or nothing was recorded.
     """
     record, ours = reference.record, trace.of_joints(reference.record.joint)
     if "q_d" not in ours or ours.joint != record.joint:
@@ -175,10 +157,9 @@ def departure(trace: Trace, reference: Reference) -> float:
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
-    """Put a rerun on the axes of its measured run: its time, and the start angles that were taken off.
+    """Put a rerun on the axes of its measured run: it begins at `zero`, s, and at the measured angles.
 
-    It begins at the measured time `zero`, s. In a comparison all its angles are moved by the start of `q_d`,
-    and its errors stay.
+    In a comparison all angles are moved by the start of `q_d`, and errors stay.
     """
     sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
     moved = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -12,24 +12,17 @@ from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.records import PlantRecord, Trace
 from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 
-Row: TypeAlias = dict[str, Any]
-"""A table row by column name; angles in degrees, None where a number cannot be told."""
-
 _METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
 _SMOOTH = 0.05
 """Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
 
-def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[Row]:
-    """Put a measured run beside its simulation on the measured axes, joint by joint.
+def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
+    """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
-    The simulation is interpolated on the measured times. Nothing is shifted to fit: the lag is an estimate of
-    its own, positive where the measurement is late.
-
-    Rows hold ``run``, ``joint``, ``status`` of the simulation, MAE of both tracking errors and their ratio,
-    ``e_*`` and ``q_*`` of measured less simulated with the samples they rest on, ``e_correlation``,
-    ``lag_s``, ``q_d_max_deg``; of the decoupling run the MAE of calculated less encoder, measured and
-    simulated. What was not recorded is left out.
+    The simulation is interpolated on the measured times, and not shifted to fit. ``e_*`` and ``q_*`` are of
+    measured less simulated. ``lag_s`` is positive where the measurement is late. What was not recorded is
+    left out.
     """
     joints = [joint for joint in measured.joint if joint in simulated.joint]
     ours, model = measured.of_joints(joints), simulated.of_joints(joints)
@@ -67,10 +60,10 @@ def at(trace: Trace, name: str, time: Array) -> Array:
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _row(columns: Mapping[str, Array], place: int) -> Row:
-    return {
-        name: values[place].item() if np.isfinite(values[place]) else None for name, values in columns.items()
-    }
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
+    """Numbers of one joint, None where one cannot be told."""
+    values = {name: column[place] for name, column in columns.items()}
+    return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _differences(prefix: str, apart: Array) -> Sizes:
@@ -94,17 +87,16 @@ def _rate(trace: Trace, time: Array) -> Array:
 
 
 def _lag(behind: Array, rate: Array) -> Array:
-    """Shift of the simulation that, with an offset, explains most of the difference to first order, s."""
+    """Shift that, with an offset, explains most of the difference to first order, s."""
     rate = np.where(np.isfinite(behind), rate, np.nan)
     behind, rate = behind - mean(behind), rate - mean(rate)
     return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
-def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[Row]:
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
     """Compare measured joint and motor angles of the decoupling run through the plant's ``S`` and ``S_inv``.
 
-    Rows hold ``what`` (joint or motor angle), ``number``, and MAE, RMS and largest difference, deg, as they
-    are and with the difference at the start taken off. There are none unless the motors were recorded too.
+    Differences are in degrees, as they are and with that at the start taken off.
     """
     if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
         return

@@ -49,6 +49,11 @@ _NUMBERS = {
 }
 
 
+def in_words(identifier: str) -> str:
+    """A claim in at most eight words, or what a number is of."""
+    return published().entries[identifier].short or number_in_words(identifier)
+
+
 def number_in_words(identifier: str) -> str:
     """What a number is of: which error, run and joint."""
     parts = identifier.split(".")
@@ -96,8 +101,7 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
         rows += [[f"{heading}:", "", "", "", ""]] if under else []
         for one in under:
             verdict = f"{VERDICTS[one.verdict]}{_marks(one)}"
-            words = published().entries[one.id].short or number_in_words(one.id)
-            rows.append([f"  {words}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
+            rows.append([f"  {in_words(one.id)}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
     more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]

@@ -202,8 +202,6 @@ class TestSlowError:
         ("changes", "pair", "tolerance"),
         [
             ((APPLIED, "manipulator.actuator.output_delay=1"), (1, 2), 0.006),
-            # A term that all laws share is 5 % of joint 3's load and takes part in 1.2 as well as in 1.
-            (("manipulator.actuator.output_delay=1",), (1, 2), 0.015),
             (("control.readings.phi_branch=power",), (2, 3), 0.02),
         ],
     )

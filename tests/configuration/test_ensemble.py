@@ -8,8 +8,8 @@ import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.shipped import init_config, shipped_folder
-from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.errors import ConfigError
 
 TEXT = (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")
 
@@ -50,14 +50,6 @@ def test_hash_covers_what_determines_results(override: str) -> None:
     changed = load_ensemble(None, overrides=[override])
     assert changed.sha256 != load_ensemble(None).sha256
     assert changed.base.overrides == (override,)
-
-
-def test_a_copy_is_complete_and_the_same(tmp_path: Path) -> None:
-    written = [path.name for path in init_config("ensemble", tmp_path)]
-    assert written == ["ensemble.yaml", "compare.yaml", "lumidouce_ii.yaml", "schema.json"]
-    copied = load_ensemble(tmp_path / "ensemble.yaml")
-    assert copied.sha256 == load_ensemble(None).sha256
-    assert {path.parent for path in copied.base.inputs} == {tmp_path}
 
 
 def test_seed_and_overrides_of_the_base() -> None:
@@ -119,10 +111,3 @@ def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="controller_1_payload") as raised:
         load_ensemble(path)
     assert raised.value.where == f"{path}:{line_of('base: compare')}"
-
-
-def test_what_is_no_ensemble_or_no_override_is_refused() -> None:
-    with pytest.raises(ConfigError, match="experiment: must be ensemble"):
-        load_ensemble("compare")
-    with pytest.raises(UsageError, match="is not of the form key=VALUE"):
-        load_ensemble(None, overrides=["seed"])

@@ -10,15 +10,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tendonrepro.configuration.fields.quantity import Quantity
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.kinds import json_schema
-from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
 
@@ -30,13 +27,6 @@ SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble",
 def compare() -> CompareConfig:
     config = load_config(None, "compare").config
     assert isinstance(config, CompareConfig)
-    return config
-
-
-@pytest.fixture(scope="module")
-def decouple() -> DecoupleConfig:
-    config = load_config(None, "decouple").config
-    assert isinstance(config, DecoupleConfig)
     return config
 
 
@@ -56,26 +46,6 @@ def test_printed_numbers(compare: CompareConfig) -> None:
     assert compare.sampling_period.si == 0.001
     assert compare.manipulator.encoders.joint.resolution.value == 0.022
     assert [compare.runs[name].payload.si for name in compare.runs] == [0, 0, 0, 0.2]
-
-
-def test_readings_are_the_first_choice(compare: CompareConfig) -> None:
-    schema = json_schema("compare")["$defs"]["Readings"]["properties"]
-    first = {name: choices["enum"][0] for name, choices in schema.items()}
-    assert compare.control.readings.model_dump() == first
-
-
-def test_decoupling_moves_the_same_arm_joint_by_joint(
-    compare: CompareConfig, decouple: DecoupleConfig
-) -> None:
-    assert compare.manipulator == decouple.manipulator
-    assert compare.posture.value == decouple.posture.value
-    assert (compare.joints, decouple.joints) == ((2, 3), (1, 2, 3))
-    reference, pull = decouple.runs["decouple"].reference, decouple.runs["pull_tendon_1"]
-    assert reference.kind == "minimum_jerk"
-    assert reference.turns == ((1,), (2,), (3,), (1, 2, 3))
-    assert (reference.cycle, reference.duration) == pytest.approx((7.6, 30.4), rel=1e-12)
-    assert pull.drives == "motors"
-    assert pull.reference.duration == pytest.approx(7.6, rel=1e-12)
 
 
 # ---- where a configuration comes from ----------------------------------------------------------------------
@@ -297,50 +267,6 @@ def test_controller_without_a_run(controllers: list[int]) -> None:
         load_config(None, "decouple", controllers=[1])
 
 
-@settings(max_examples=40)
-@given(
-    gains=st.lists(st.floats(1e-6, 1e6), min_size=2, max_size=2),
-    posture=st.lists(
-        st.floats(-360, 360).filter(lambda x: x == 0.0 or abs(x) > 1e-9) | st.integers(-360, 360),
-        min_size=3,
-        max_size=3,
-    ),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_any_valid_numbers_survive_the_round_trip(
-    gains: list[float], posture: list[float], seed: int
-) -> None:
-    overrides = [f"control.gains.lam={gains}", f"posture={posture}"]
-    loaded = load_config(None, "compare", overrides=overrides, seed=seed)
-    assert isinstance(loaded.config, CompareConfig)
-    assert loaded.config.control.gains.lam.si.tolist() == gains
-    assert loaded.config.posture.si.tolist() == np.deg2rad(posture).tolist()
-    assert loaded.config.seed.si == seed
-    assert load(loaded.yaml_text, "x").tree == loaded.tree
-
-
-SOURCE = "source: 'assumed: x'"
-PERIODS = f"periods: {{value: 2, unit: '1', {SOURCE}}}"
-HOLD = f"hold: {{value: 1, unit: s, {SOURCE}}}"
-AMPLITUDE = f"amplitude: {{value: [30, -10], unit: deg, {SOURCE}}}"
-PERIOD = f"period: {{value: 5, unit: s, {SOURCE}}}"
-
-
-@pytest.mark.parametrize(("reference", "duration"), [
-    (f"kind: raised_cosine, {AMPLITUDE}, {PERIOD}", 10.0),
-    (f"kind: raised_cosine, {AMPLITUDE}, {PERIOD}, turns: [[2], [3], [2, 3]]", 30.0),
-    (f"kind: minimum_jerk, {AMPLITUDE}, rise: {{value: 500, unit: ms, {SOURCE}}}, {HOLD}", 6.0),
-    # 30 deg at 20 deg/s with ramps of 0.5 s: a stroke of 2 s, which the shorter one waits for
-    (f"kind: trapezoidal, {AMPLITUDE}, {HOLD}, velocity: {{value: 20, unit: deg s-1, {SOURCE}}}, "
-     f"acceleration: {{value: 40, unit: deg s-2, {SOURCE}}}", 12.0),
-    (f"kind: sine, {AMPLITUDE}, {PERIOD}, offset: {{value: [0, 5], unit: deg, {SOURCE}}}, "
-     f"blend: {{value: 10, unit: s, {SOURCE}}}", 10.0),
-])  # fmt: skip
-def test_duration_of_a_reference(reference: str, duration: float) -> None:
-    found = changed(f"reference={{{reference}, {PERIODS}}}").reference.duration
-    assert found == pytest.approx(duration, rel=1e-12)
-
-
 # ---- copies and schema -------------------------------------------------------------------------------------
 
 
@@ -365,30 +291,6 @@ def test_experiments_share_a_folder_and_nothing_is_overwritten(tmp_path: Path) -
     with pytest.raises(UsageError, match="exists and is not overwritten"):
         init_config("compare", other)
     assert [path.name for path in other.iterdir()] == ["lumidouce_ii.yaml"]
-
-
-@pytest.mark.parametrize("name", ["compare", "decouple", "compare_cosine", "closest"])
-@pytest.mark.parametrize(("joints", "moving"), [(1, (1,)), (2, (1, 2)), (3, None)])
-def test_copy_for_an_arm_with_fewer_joints(
-    tmp_path: Path, name: str, joints: int, moving: tuple[int, ...] | None
-) -> None:
-    shipped = load_config(name, None)
-    init_config(name, tmp_path, joints)
-    copied = load_config(tmp_path / f"{name}.yaml", None)
-    routing = copied.config.manipulator.routing
-    kept = shipped.config.manipulator.routing.pulley_diameter.si[:joints, :joints]
-    np.testing.assert_array_equal(routing.pulley_diameter.si, kept)
-    assert copied.config.joints == (moving or shipped.config.joints)
-    assert (copied.sha256 == shipped.sha256) == (joints == 3)
-    before, after = ((folder / f"{name}.yaml").read_text() for folder in (shipped_folder(), tmp_path))
-    assert before.count("#") == after.count("#")
-
-
-def test_joints_that_the_shipped_arm_has_not(tmp_path: Path) -> None:
-    for name, joints in (("compare", 4), ("compare", 0), ("ensemble", 2)):
-        with pytest.raises(UsageError):
-            init_config(name, tmp_path, joints)
-    assert not list(tmp_path.iterdir())
 
 
 def test_unknown_names(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.fields.strict_yaml import Key, Node, dump, read_text
 from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
-from tendonrepro.configuration.messages import MOST_NAMED
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.errors import ConfigError
 
@@ -142,18 +141,6 @@ def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at
     assert first.startswith(f"{name}.yaml:{line}: {message}")
 
 
-def test_many_mistakes_are_counted_and_the_first_are_named(files: Files) -> None:
-    text = "".join(f"alpha_{k}: 1\n" for k in range(3000))
-    files.replace("compare", "seed:", f"{text}seed:")
-    with pytest.raises(ConfigError) as raised:
-        load_config(files.path("compare"), "compare")
-    count, *lines = str(raised.value).splitlines()
-    assert count == "3000 mistakes in the configuration"
-    assert len(lines) == MOST_NAMED + 1
-    assert lines[-1] == f"... and {3000 - MOST_NAMED} more"
-    assert "unknown key 'alpha_0'" in lines[0]
-
-
 def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
     files.replace("lumidouce_ii", "[0.77, 0.47, 0.22]", "[-0.7, 0.45, -0.2]")
     files.replace("lumidouce_ii", "side: negative", "side: left")
@@ -167,18 +154,6 @@ def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
     ]  # fmt: skip
     lines = [(place.split(":")[0], int(place.split(":")[1])) for place, _ in places]
     assert lines == sorted(lines)
-
-
-def test_sections_are_compared_once_each_is_right(files: Files) -> None:
-    files.replace("compare", "joints: [2, 3]", "joints: [3]")
-    files.replace("compare", "law: controller_3", "law: controller_4")
-    files.replace("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n")
-    assert [line.split(": ", 2)[1] for line in files.mistakes()] == [
-        "reference.amplitude.value",
-        *(f"control.gains.{name}.value" for name in CompareConfig.model_fields["control"].annotation
-          .model_fields["gains"].annotation.model_fields),
-        "runs.controller_3.law", "solver.max_step.value",
-    ]  # fmt: skip
 
 
 def test_gains_a_law_needs(files: Files) -> None:

@@ -73,11 +73,6 @@ def test_si_arrays_cannot_be_changed() -> None:
             quantity.si[0] = 5.0
 
 
-def test_rank_follows_the_type_not_the_size() -> None:
-    assert sample("lengths", [2], "m").si.shape == (1,)
-    assert isinstance(sample("count", 2, "1").si, float)
-
-
 @pytest.mark.parametrize(("field", "value", "found"), [
     ("lengths", [1, 2, 3], None), ("lengths", [1, 2], "3 entries"), ("torques", [1, 2], None),
     ("torques", [1], "2 entries"), ("table", [[1, 2, 3]] * 3, None), ("table", [[1, 2]] * 2, "3 entries"),

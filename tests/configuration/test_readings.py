@@ -112,7 +112,6 @@ def test_sides_of_the_tensioner() -> None:
 def test_variations_change_period_and_inertia() -> None:
     half = loops_under(parse_reading("sampling_period=0.5ms"))["controller_2"]
     assert half.L == half.solver.max_step == half.controller.law.L == 5e-4  # type: ignore[attr-defined]
-    assert half.reference.time[-1] == pytest.approx(printed_loops()["controller_2"].reference.time[-1])
     law = loops_under(parse_reading("M_bar=halved"))["controller_2"].controller.law  # type: ignore[attr-defined]
     np.testing.assert_allclose(law.M_bar, 0.005)
 

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 from support import ROOT
 
@@ -15,10 +16,8 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.reporting.answer import BOTH, STEPS, numbers
-from tendonrepro.reporting.figure_map import draw_map, printed_ratios
-from tendonrepro.reporting.figure_orders import draw_orders
-from tendonrepro.reporting.figure_ranges import draw_ranges
-from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, orders
+from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
+from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED
 from tendonrepro.results.paper_tables import table_data
 from tendonrepro.verdicts.judge import Sources, judge_all
 
@@ -113,7 +112,7 @@ def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> N
     assert printed["first_best"]["share"] < 0.01
     assert readings[BOTH]["in_order"]["share"] > 0.8
     assert round(1.0 / readings[STEPS]["in_order"]["share"]) == 9
-    assert readings["Delta_unit=deg"]["orders"]["share_c3_lt_c2_lt_c1"]["mae_and_rmse"] < 0.01
+    assert readings["Delta_unit=deg"]["in_reverse"]["share"] < 0.01
     assert extrapolating["smoother"]["share"] < 0.01
     assert readings["delay_time=two_periods"]["smoother"]["share"] < 0.25
     assert printed["ok"]["controller_1"] > max(printed["ok"][name] for name in CONTROLLERS[1:])
@@ -134,44 +133,47 @@ def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings:
 
 
 def test_picture_of_the_orders(readings: dict[str, Any]) -> None:
-    """A row for each reading that has a label, whose bars are its shares and fill the row."""
-    labels = AS_PUBLISHED | CHANGED
-    assert labels.keys() <= readings.keys()
-    found = orders(stored("ensemble"), labels)
-    assert [(one.reading, one.label) for one in found] == list(labels.items())
-    bars = [bar for bar in draw_orders(stored("ensemble")).axes[0].patches if bar.get_height() > 0.0]
-    widths = [bar.get_width() for bar in bars if bar.get_width() > 0.0]
-    assert widths == pytest.approx([share for one in found for share in one.shares.values() if share > 0.0])
-    for one in found:
-        assert sum(one.shares.values()) == pytest.approx(1.0)
-        assert one.shares["published"] == readings[one.reading]["in_order"]["share"]
+    """A bar for each kind of order of each reading that has a label; those of a reading fill its row."""
+    shown = [readings[name] for name in AS_PUBLISHED | CHANGED]
+    widths = [
+        [bar.get_width() for bar in bars] for bars in draw_orders(stored("ensemble")).axes[0].containers
+    ]
+    rows = [row for row in zip(*widths, strict=True) if sum(row)]
+    assert len(rows) == len(shown)
+    for (in_order, first, _, reverse), reading in zip(rows, shown, strict=True):
+        assert in_order == reading["in_order"]["share"]
+        assert in_order + first == pytest.approx(reading["first_best"]["share"])
+        assert reverse == reading["in_reverse"]["share"]
+    assert [sum(row) for row in rows] == pytest.approx([1.0] * len(shown))
 
 
 def test_picture_of_the_map(readings: dict[str, Any]) -> None:
     """A dot for each reading under which plants are stable, lines at 1 ± alpha, and Table 2."""
     for panel, joint in zip(draw_map(stored("ensemble")).axes, (2, 3), strict=True):
-        lines = [line.get_xydata() for line in panel.lines]
-        dots = {tuple(line[0]) for line in lines if len(line) == 1}
-        assert dots == {
+        (dots, named) = [line for line in panel.lines if line.get_marker() == "o"]
+        places = [
             (held["c1_c2"][f"joint_{joint}"]["median"], held["c2_c3"][f"joint_{joint}"]["median"])
             for held in readings.values()
-            if held["c1_c2"][f"joint_{joint}"]["median"] is not None
-        }
+        ]
+        assert dots.get_xydata().tolist() == [[*place] for place in places if None not in place]
+        assert {*map(tuple, named.get_xydata())} < {*places}
         alpha = published().number(f"gain.alpha.joint_{joint}")
-        upright = {line[0, 0] for line in lines if len(line) == 2 and line[0, 0] == line[1, 0]}
-        assert {1.0 - alpha, 1.0 + alpha} <= upright
-    mae, rmse = printed_ratios(2).T
-    assert mae == pytest.approx([0.261 / 0.289, 0.289 / 0.305])
-    assert rmse == pytest.approx([0.311 / 0.375, 0.375 / 0.436])
+        dashed = [line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == "--"]
+        assert dashed == [1.0 - alpha, 1.0 + alpha]
+        stars = np.array([line.get_xydata()[0] for line in panel.lines if line.get_marker() == "*"])
+        if joint == 2:
+            ratios = [[0.261 / 0.289, 0.289 / 0.305], [0.311 / 0.375, 0.375 / 0.436]]
+            assert stars == pytest.approx(np.array(ratios))
 
 
 def test_picture_of_the_ranges(readings: dict[str, Any]) -> None:
     """A bar from the 5th to the 95th percentile of each reading with a label, and Table 2 across."""
     ratio, joints = draw_ranges(stored("ensemble")).axes
-    bars = [list(line.get_xdata()) for line in ratio.lines if line.get_linewidth() == 1.4]
-    assert bars == [
+    bars = [segment[:, 0] for segment in ratio.collections[0].get_segments()]
+    ends = [
         [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")] for name in AS_PUBLISHED | CHANGED
     ]
+    assert np.array(bars) == pytest.approx(np.array(ends))
     across = [line.get_xdata()[0] for line in joints.lines if line.get_linestyle() == "--"]
     assert across == pytest.approx([0.219 / 0.261])
 

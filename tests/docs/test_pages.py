@@ -30,7 +30,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
-from tendonrepro.experiments.user_law import find_user_law
+from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae, status_of
@@ -400,7 +400,7 @@ def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     plan = run_experiments([Order("compare", request, [f"{law}:integral"])], Talk())["compare"]
     assert list(plan["samples"]) == ["controller_3", "integral"]
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
-    loops = all_loops(loaded, [find_user_law(f"{law}:integral")])
+    loops = all_loops(loaded, laws_of([f"{law}:integral"]))
     run = simulate(loops["integral"])
     assert run["time"].size == loops["integral"].reference.time.size
     # s holds the integral: without it the surface is Controller 3's, of the recorded error.
@@ -415,7 +415,7 @@ def test_law_that_knows_the_plant(tmp_path: Path) -> None:
     for masses in ("[1.0, 0.6, 0.3]", "[0.5, 0.3, 0.1]"):
         overrides = [*SHORT, f"manipulator.links.mass={masses}"]
         loaded = load_config(None, "compare", overrides=overrides, controllers=[1])
-        loops = all_loops(loaded, [find_user_law(f"{law}:pd")])
+        loops = all_loops(loaded, laws_of([f"{law}:pd"]))
         run = simulate(loops["pd"])
         weight = gravity_torque(run["q_encoder"][0], loops["pd"].plant.arm)
         np.testing.assert_allclose(run["tau_cmd"][0], weight)

@@ -14,6 +14,7 @@ from support.command import answer
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
 from tendonrepro.console import Talk
+from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, without_rounding
 from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered, read_logs, recovered
@@ -53,6 +54,12 @@ def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every:
     return replace(
         file, runs={name: Trace(name, trace.time[::every], trace.joint, variables, trace.attributes)}
     )
+
+
+@pytest.fixture
+def one_filter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search the cutoff of one filter, not of three: with logs that none of them made this takes longest."""
+    monkeypatch.setattr(fit, "FILTERS", fit.FILTERS[:1])
 
 
 def joints(file: TraceFile) -> list[Recovered]:
@@ -96,6 +103,7 @@ def test_a_reading_is_found(reading: str) -> None:
         assert one.weights == "interpolating"
 
 
+@pytest.mark.usefixtures("one_filter")
 @pytest.mark.parametrize("weights", [pytest.param("interpolating", marks=pytest.mark.slow), "extrapolating"])
 def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
     """One torque alone, in steps of 10 mN m, and angles to 0.001 deg, less than an encoder step."""
@@ -106,6 +114,7 @@ def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
         assert one.best.parameters[1] == pytest.approx(older, abs=max(3 * one.best.half[1], 0.002))
 
 
+@pytest.mark.usefixtures("one_filter")
 @pytest.mark.parametrize(
     "record", [{"torque": 2.0}, pytest.param({"angle_deg": 0.05}, marks=pytest.mark.slow), {"every": 10}]
 )
@@ -115,6 +124,7 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
         assert one.advice
 
 
+@pytest.mark.usefixtures("one_filter")
 def test_another_controller_is_none_of_these() -> None:
     """A feedback without any estimate."""
     trace = run().runs["controller_1"]

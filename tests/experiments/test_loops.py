@@ -26,19 +26,14 @@ from tendonrepro.simulation.stepper import simulate
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 
 
-UNITS = {
-    "amplitude": "deg",
-    "offset": "deg",
-    "velocity": "deg s-1",
-    "acceleration": "deg s-2",
-    "periods": "1",
-}
+UNITS = dict.fromkeys(("amplitude", "offset"), "deg") | {"velocity": "deg s-1", "acceleration": "deg s-2"}
 
 
 def motion(kind, amplitude, **others):
     """Override that sets the reference; times in s, angles in degrees."""
     parts = {"amplitude": amplitude, "periods": 1} | others
-    body = ", ".join(f"{name}: {quantity(value, UNITS.get(name, 's'))}" for name, value in parts.items())
+    units = UNITS | {"periods": "1"}
+    body = ", ".join(f"{name}: {quantity(value, units.get(name, 's'))}" for name, value in parts.items())
     return f"{{kind: {kind}, {body}}}"
 
 
@@ -166,19 +161,6 @@ class TestPlants:
 
 
 class TestReference:
-    def test_shipped_motion(self):
-        """Minimum jerk, 33 degrees, rise 2.3 s, hold 1.5 s, twice, both joints."""
-        found = reference()
-        assert found.time[-1] == pytest.approx(15.2, abs=1e-12)
-        np.testing.assert_allclose(np.diff(found.time), 1e-3, rtol=1e-9)
-        wanted = minimum_jerk(np.deg2rad(33.0), 2.3, 1.5)(found.time[:7600])
-        for ours, theirs in zip((found.q_d, found.dq_d, found.ddq_d), wanted, strict=True):
-            np.testing.assert_allclose(ours[:7600], theirs[:, np.newaxis] * np.ones(2), atol=1e-13)
-            # Times of the second period are rounded by 2e-15 s.
-            np.testing.assert_allclose(ours[7600:15200], ours[:7600], atol=1e-12)
-        assert np.rad2deg(found.dq_d.max()) == pytest.approx(1.875 * 33.0 / 2.3, rel=1e-6)
-        assert reference_period(loaded().config.reference) == pytest.approx(7.6)
-
     @pytest.mark.parametrize(
         ("text", "duration", "period"),
         [

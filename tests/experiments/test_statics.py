@@ -11,7 +11,6 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.experiments.statics.command import (
-    MAP_ANGLES,
     RESERVE,
     half_plane,
     run_statics,
@@ -84,13 +83,6 @@ def test_whole_half_plane(found):
         assert over["share_tense"] == 1.0
 
 
-def test_spring_pulls_as_hard_as_the_motor_where_the_arm_starts(found):
-    last = before = np.flatnonzero(np.isclose(np.rad2deg(MAP_ANGLES), 44.0))[0]
-    for name, maps in found.maps.items():
-        assert maps.least["spring"][last, before] == pytest.approx(maps.least["motor"][last, before], abs=0.5)
-        assert found.data["courses"][name]["half_plane"]["motor"]["pull_N"] == [17.0, 17.0]
-
-
 def test_friction_band_holds_the_frictionless_tension(found):
     for maps in found.maps.values():
         assert (maps.band[0] <= maps.least["motor"] + 1e-9).all()
@@ -104,22 +96,6 @@ def test_courses_that_differ(found):
     assert min(per_newton["negative"]) > 0.0
     assert np.sign(per_newton["distal_only"]).tolist() == [-1.0, 1.0, 1.0]
     assert per_newton["alternating"] == pytest.approx([0.0, 0.0, 1.0])
-
-
-def test_a_joint_held_rigidly_is_named():
-    held = survey(load_config(None, "decouple", overrides=TWO))
-    assert (held.data["joints"], held.data["held_joints"]) == ([2, 3], [1])
-    assert held.maps["negative"].least["motor"].shape == (91, 91)
-
-
-TWO = (
-    "joints=[2, 3]",
-    "position_loop.stiffness=[1700, 1700]",
-    "position_loop.damping=[19, 19]",
-    "runs.decouple.reference.amplitude=[33, 33]",
-    "runs.decouple.reference.turns=[[2], [3]]",
-    "runs.pull_tendon_1.reference.amplitude=[69, 0]",
-)
 
 
 def test_files(tmp_path):

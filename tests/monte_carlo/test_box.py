@@ -8,7 +8,7 @@ import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.box import MOTIONS
+from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import VARIATIONS, default_readings, under
 from tendonrepro.configuration.models.reference import MinimumJerk
@@ -127,7 +127,7 @@ def test_every_other_draw_takes_every_reading(first):
 
 
 def test_widest_draws_stay_in_the_workspace():
-    for motion in range(len(MOTIONS)):
+    for motion in range(len(WORDS["motion"])):
         for posture in (box().low, box().high):
             config = nominal_with(
                 motion=motion,
@@ -179,7 +179,7 @@ def test_effects_outside_the_equations_are_off_unless_drawn():
 
 
 def test_unequal_motion_moves_joint_2_two_thirds_as_far():
-    config = nominal_with(motion=MOTIONS.index("unequal"))
+    config = nominal_with(motion=WORDS["motion"].index("unequal"))
     loops = dict(build_loops(config, ensemble().base.folder))
     peak = np.rad2deg(loops["controller_1"].reference.q_d.max(axis=0))
     np.testing.assert_allclose(peak, [22.0, 33.0], rtol=1e-3)

@@ -1,4 +1,4 @@
-"""One folder of made-up results, hostile texts in it, and the page of it."""
+"""One folder of made-up results, texts like HTML in it, and the page of it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from support.html_page import Element, read_page
 from tendonrepro.reporting.page import page
 from tendonrepro.reporting.stored import Stored, stored_under
 
-HOSTILE = "<script>alert(1)</script><img src=//evil.example/x onerror=alert(2)>"
-"""What must stand on the page as it stands here, and do nothing."""
+LIKE_HTML = "a<b & <i>c</i>"
+"""What a user writes into a title, a source or a table stands on the page as it is."""
 
 
 def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
@@ -24,12 +24,12 @@ def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
         svg = f"<svg xmlns='http://www.w3.org/2000/svg'><script/>{about}</svg>"
         (folder / name / "figures" / f"{figure}.svg").write_text(svg, encoding="utf-8")
     for table in ("table1", "table2_paper", "table3_paper"):
-        text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {HOSTILE} | 2 |\n"
+        text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {LIKE_HTML} | 2 |\n"
         (folder / name / "tables" / f"{table}.md").write_text(text, encoding="utf-8")
-    mass = {"value": 1, "unit": "kg", "source": f"assumed: {HOSTILE}"}
+    mass = {"value": 1, "unit": "kg", "source": f"assumed: {LIKE_HTML}"}
     manifest = {
         "config": {"origin": name, "sha256": "0" * 64, "tree": {"mass": mass}},
-        "overrides": [f"title={HOSTILE}"],
+        "overrides": [f"title={LIKE_HTML}"],
         "created": "2027-01-02T03:04:05+00:00",
         "tendonrepro_version": "0.1.0",
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -12,51 +11,41 @@ import pytest
 from support import ROOT
 from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, whole
 
-from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.reporting.answer import BOTH, FINE_STEPS, STEPS
 from tendonrepro.reporting.command import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
-QUIET = Talk(quiet=True)
-
 
 def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path) -> None:
     folder = tmp_path / "reports"
     shutil.copytree(results, folder)
-    first = run_report(folder, None, QUIET, force=False)
+    first = run_report(folder, None, force=False)
     path = Path(first["path"])
     assert path == folder / "report.html"
     assert first["bytes"] == path.stat().st_size
-    assert first["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
     assert first["parts"] == {
         **{"decouple": "run", "compare": "run", "validate": "missing"},
         **{"claims": "shipped", "ensemble": "shipped"},
     }
-    assert first["inputs"]["compare/figures/fig14.svg"]
-    assert run_report(folder, None, QUIET, force=False) == first
+    assert run_report(folder, None, force=False) == first
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(UsageError):
-        run_report(folder, None, QUIET, force=False)
+        run_report(folder, None, force=False)
     assert path.read_text(encoding="utf-8") == "mine"
-    assert run_report(folder, None, QUIET, force=True) == first
-
-
-def test_folders_in_the_way_and_missing_ones(tmp_path: Path) -> None:
-    with pytest.raises(UsageError):
-        run_report(tmp_path, tmp_path, QUIET, force=True)
+    assert run_report(folder, None, force=True) == first
     with pytest.raises(DataMissingError):
-        run_report(tmp_path / "none", None, QUIET, force=False)
+        run_report(tmp_path / "none", None, force=False)
 
 
-@pytest.mark.parametrize("content", ["", "[1]", '{"a": ', "\0"])
+@pytest.mark.parametrize("content", ["", '{"a": '])
 @pytest.mark.parametrize("name", ["compare/manifest.json", "claims/claims.json"])
 def test_damage_is_one_error_that_names_the_file(name: str, content: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.parent.mkdir()
     path.write_text(content, encoding="utf-8")
     with pytest.raises(DataMissingError) as caught:
-        run_report(tmp_path, None, QUIET, force=False)
+        run_report(tmp_path, None, force=False)
     assert caught.value.where == str(path)
 
 
@@ -74,8 +63,8 @@ def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
     assert kept.keys() | {"physics_sha256"} == stored.keys()
     one, other = (held["populations"]["box"]["readings"][0] for held in (kept, stored))
     assert one.keys() == other.keys()
-    assert one["in_order"].keys() == other["in_order"].keys()
-    assert one["c1_c2"].keys() == other["c1_c2"].keys()
+    for key in ("in_order", "c1_c2"):
+        assert one[key].keys() == other[key].keys()
 
 
 @pytest.mark.parametrize(
@@ -95,6 +84,5 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(json.dumps(content), encoding="utf-8")
     found = stored_under(tmp_path)
-    assert found.origins["claims"] == "run"
-    assert found.origins["ensemble"] == origin
+    assert (found.origins["claims"], found.origins["ensemble"]) == ("run", origin)
     assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")

@@ -87,15 +87,12 @@ def stored(tmp_path_factory):
 @pytest.mark.parametrize(
     ("options", "key"),
     [
-        ({"out": "film.png"}, "--out"),
         ({"speed": 0.0}, "--speed"),
         ({"speed": float("nan")}, "--speed"),
         ({"speed": 1.0 / MOST_PICTURES}, "--speed"),
     ],
 )
 def test_what_is_refused(stored, options, key):
-    if "out" in options:
-        options = options | {"out": stored / options["out"]}
     with pytest.raises(UsageError) as caught:
         animate(stored, QUIET, **options)
     assert caught.value.where == key

@@ -103,8 +103,8 @@ class TestTension:
         tension = np.array([[30.0, 6.0], [20.0, 5.0], [25.0, 7.0]])
         assert tensions(*self.made(tension)) == pytest.approx(tension)
         sizes = tension_sizes(*self.made(tension))
-        assert sizes["least_tension_N"] == pytest.approx([20.0, 5.0])
-        assert sizes["least_tension_at_s"].tolist() == [0.5, 0.5]
+        assert sizes["least_N"] == pytest.approx([20.0, 5.0])
+        assert sizes["at_s"].tolist() == [0.5, 0.5]
         assert sizes["slack_s"].tolist() == [0.0, 0.0]
 
     def test_time_without_pull_counts_pushing_and_slack(self) -> None:
@@ -114,7 +114,7 @@ class TestTension:
 
     def test_a_run_that_ends_in_numbers_that_are_none(self) -> None:
         tension = np.array([[30.0, 6.0], [20.0, 5.0], [math.nan, 7.0]])
-        assert tension_sizes(*self.made(tension))["least_tension_N"] == pytest.approx([20.0, 5.0])
+        assert tension_sizes(*self.made(tension))["least_N"] == pytest.approx([20.0, 5.0])
         assert tension_sizes(*self.made(np.full((2, 2), math.nan))) == {}
 
     def test_unknown_without_the_torque(self) -> None:

@@ -8,8 +8,8 @@ import pytest
 from tendonrepro.arrays import Array
 from tendonrepro.simulation.streaming import (
     STATISTICS,
+    SUMS,
     Sample,
-    Sums,
     add_sample,
     finished,
     thresholds,
@@ -28,7 +28,7 @@ def signals() -> dict[str, Array]:
 
 def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
     phases = thresholds(x["dq_d"], x["ddq_d"], L, PERIOD)
-    sums = Sums(*(np.zeros(N) for _ in Sums._fields))
+    sums = {name: np.zeros(N) for name in SUMS}
     for k in range(T):
         sample = Sample(
             *(x[name][k] for name in ("e", "de", "dq_d", "ddq_d", "s", "tau")),

@@ -36,7 +36,7 @@ def operations(plant: Plant) -> set[str]:
     tape, rows, n = WithLibrary(), LaneRows(), plant.preload.size
     state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
     t: Any = tape.write("argument", "k")
-    slope = state_derivative(t, state, torque, rows.parameters(tape, "plant", stacked([plant])))
+    slope = state_derivative(t, state, torque, rows.parameters(tape, stacked([plant])))
     return {tape.lines[name][0] for name in needed(tape.lines, slope)}
 
 
@@ -52,7 +52,7 @@ def test_a_feature_that_is_off_leaves_no_trace(feature: str, trace: str) -> None
 def computed(function: Callable[[Array, Any], Array], x: Array, p: Any) -> Array:
     """What machine code makes of a function of variables and parameters."""
     tape, rows = LaneTape(), LaneRows()
-    results = function(rows.variables(tape, "x", x.size), rows.parameters(tape, "p", stacked([p])))
+    results = function(rows.variables(tape, "x", x.size), rows.parameters(tape, stacked([p])))
     places = rows.take("result", len(results))
     source = lane_code("f", tape, dict(zip(places, results, strict=True)), rows)
     w = aligned(np.zeros((rows.count, LANES)))

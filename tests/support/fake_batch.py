@@ -11,7 +11,6 @@ from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.command import load_study, run_study
 from tendonrepro.monte_carlo.shards import FOLDER, shard_files
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.store import unfinished
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -92,20 +91,19 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
     return run_study(study or small_study(), draws, folder, **arguments)
 
 
-def read_shard(path):
-    """Everything of a shard as bytes by name."""
-    with np.load(path) as stored:
-        return {name: values.tobytes() for name, values in stored.items()}
-
-
 def shards_in(folder):
     """Shards of a result, and of one that is not finished."""
-    return [path for above in (folder, unfinished(folder)) for path in shard_files(above / FOLDER)]
+    unfinished = folder.with_name(f".{folder.name}.partial")
+    return [path for above in (folder, unfinished) for path in shard_files(above / FOLDER)]
 
 
 def contents(folder):
-    """What every shard holds, by its name."""
-    return {path.name: read_shard(path) for path in shards_in(folder)}
+    """What every shard holds as bytes, by its name."""
+    found = {}
+    for path in shards_in(folder):
+        with np.load(path) as stored:
+            found[path.name] = {name: values.tobytes() for name, values in stored.items()}
+    return found
 
 
 def results(folder):

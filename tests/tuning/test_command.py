@@ -13,7 +13,7 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
-from tendonrepro.tuning import command, study
+from tendonrepro.tuning import command, report, search
 from tendonrepro.tuning.laws import LAWS
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
@@ -32,10 +32,10 @@ surface.bounds = {"M_bar": (1e-4, 0.1), "lam": (2.0, 200.0), "beta": (1.0, 100.0
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws under one condition, so that a tuning takes seconds."""
-    monkeypatch.setattr(command, "LAWS", tuple(law for law in LAWS if law.name in ("pid", "tsm", "ntsm")))
-    monkeypatch.setattr(command, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
-    monkeypatch.setattr(study, "CONDITIONS", (("none", False),))
-    monkeypatch.setattr("tendonrepro.tuning.report.CONDITIONS", (("none", False),))
+    monkeypatch.setattr(command, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
+    monkeypatch.setattr(report, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
+    monkeypatch.setattr(search, "CONDITIONS", (("none", False),))
+    monkeypatch.setattr(report, "CONDITIONS", (("none", False),))
 
 
 def run(folder: Path, **options: Any) -> dict[str, Any]:
@@ -49,24 +49,22 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
 ) -> None:
     whole = run(tmp_path / "whole")
     done: list[int] = []
-    tuned = study.Task.tuned
+    tuned = search.Task.tuned
 
-    def dying(task: study.Task, number: int) -> dict[str, Any]:
+    def dying(task: search.Task, number: int) -> dict[str, Any]:
         done.append(number)
         if len(done) == 2:
             raise KeyboardInterrupt
         return tuned(task, number)
 
-    monkeypatch.setattr(study.Task, "tuned", dying)
+    monkeypatch.setattr(search.Task, "tuned", dying)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert not (tmp_path / "killed").exists()
     again = run(tmp_path / "killed")
     assert len(done) == 3
     assert done[2] == done[1] != done[0]
-    assert {key: again[key] for key in ("laws", "by_plant")} == {
-        key: whole[key] for key in ("laws", "by_plant")
-    }
+    assert all(again[key] == whole[key] for key in ("laws", "by_plant"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "whole"]
 
 
@@ -89,7 +87,7 @@ def test_what_it_writes(tmp_path: Path) -> None:
     assert errors["surface"] == pytest.approx(errors["tsm"], rel=0.6)
     # What is kept of a plant is what its gains give.
     for row in found["by_plant"]:
-        if row["stable"] and row["cap"] in study.CAPS:
+        if row["stable"] and row["cap"] in search.CAPS:
             assert row["roughness"] > 0.0
             assert min(error for error in row["errors"] if error is not None) == pytest.approx(
                 math.log(row["error"]), abs=0.02

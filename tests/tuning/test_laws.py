@@ -19,7 +19,6 @@ from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
 from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step
 
-BY_NAME = {law.name: law for law in LAWS}
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
 LINEAR = {"M_bar": M_BAR, "K_d": [50.0], "K_p": [600.0]}
@@ -44,18 +43,18 @@ def nominal() -> Plants:
     box = make_box(loaded.config)
     plants = plants_of(loaded, box, box.nominal)
     ideal = Encoder(0.0, 0.0)
-    return replace(plants, loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
+    return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 
 
 def errors(law: str, gains: Gains, knows: str = "none", *, filtered: bool = False) -> Array:
-    found = measure(nominal(), [Candidate(BY_NAME[law], knows, filtered, gains)])
+    found = measure(nominal(), [Candidate(LAWS[law], knows, filtered, gains)])
     assert found.stable[:, :2].all() or law == "super_twisting"
     return found.mae[0, :2]
 
 
 def changed(step: Step) -> Gains:
     """Gains of the target, by way of the cube in which it is searched."""
-    law = BY_NAME[step.target]
+    law = LAWS[step.target]
     return law.values(law.unit(step.change(GOOD[step.source], nominal().alpha), 2), 2)
 
 
@@ -84,13 +83,13 @@ def test_without_the_change_of_gains_alpha_is_another_law() -> None:
 
 def test_every_law_keeps_its_gains_on_the_way_to_the_cube_and_back() -> None:
     for name, gains in GOOD.items():
-        back = BY_NAME[name].values(BY_NAME[name].unit(gains, 2), 2)
+        back = LAWS[name].values(LAWS[name].unit(gains, 2), 2)
         assert all(np.allclose(back[gain], gains[gain], rtol=1e-12) for gain in gains)
 
 
 def test_pid_is_the_textbooks() -> None:
     """An independent program: proportional, integral and derivative parts as they are taught."""
-    loop = loops_of(nominal(), Candidate(BY_NAME["pid"], "none", False, GOOD["pid"]))[0]
+    loop = loops_of(nominal(), Candidate(LAWS["pid"], "none", False, GOOD["pid"]))[0]
     law = loop.controller.law
     total = []
 
@@ -109,7 +108,7 @@ def test_pid_is_the_textbooks() -> None:
 
 
 def test_super_twisting_on_lanes_is_the_function_itself() -> None:
-    candidate = Candidate(BY_NAME["super_twisting"], "gravity", True, GOOD["super_twisting"])
+    candidate = Candidate(LAWS["super_twisting"], "gravity", True, GOOD["super_twisting"])
     alone = simulate(loops_of(nominal(), candidate)[1])
     assert np.allclose(np.abs(alone["e"]).mean(axis=0), measure(nominal(), [candidate]).mae[0, 1], rtol=1e-4)
 
@@ -120,7 +119,7 @@ def test_what_is_known_need_not_be_estimated(law: str) -> None:
     plants = nominal()
     smooth = tuple(replace(loop, plant=frictionless(loop.plant)) for loop in plants.loops)
     motions = smooth[0].reference, smooth[-1].reference
-    plants = replace(plants, loops=smooth, known=known_along(smooth[0].plant, motions))
-    found = measure(plants, [Candidate(BY_NAME[law], knows, False, GOOD[law]) for knows in CLASSES])
+    plants = plants._replace(loops=smooth, known=known_along(smooth[0].plant, motions))
+    found = measure(plants, [Candidate(LAWS[law], knows, False, GOOD[law]) for knows in CLASSES])
     none, _, full = found.mae[:, 0].mean(axis=1)
     assert full < 0.15 * none

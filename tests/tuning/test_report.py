@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.tuning.report import FEWEST, comparisons
-from tendonrepro.tuning.study import CAPS, CONDITIONS
+from tendonrepro.tuning.search import CAPS, CONDITIONS
 
 DRAWS = 2 * FEWEST
 
@@ -40,7 +40,7 @@ def rows(ratio: float, spread: float = 0.0, scatter: float = 0.0, draws: int = D
 )
 def test_verdict(made: list[dict[str, Any]], verdict: str) -> None:
     found = list(comparisons(made, [("a", "b")], 0))
-    assert {one.verdict for one in found} == {verdict}
+    assert {one["verdict"] for one in found} == {verdict}
     assert len(found) == len(CONDITIONS) * len(CAPS)
 
 
@@ -50,12 +50,13 @@ def test_a_draw_without_gains_is_left_out() -> None:
         if row["draw"] == 0 and row["law"] == "a":
             row["stable"] = False
     found = next(comparisons(made, [("a", "b")], 0))
-    assert (found.draws, found.ratio, found.held_out) == (DRAWS - 1, pytest.approx(0.5), pytest.approx(0.5))
+    assert found["draws"] == DRAWS - 1
+    assert (found["ratio"], found["held_out"]) == pytest.approx((0.5, 0.5))
 
 
 def test_the_interval_is_that_of_the_median() -> None:
     found = next(comparisons(rows(0.8, spread=0.2, draws=64), [("a", "b")], 0))
     # The median of 64 normal numbers has a standard error of 1.25 times that of the mean.
-    width = np.log(found.high / found.low)
+    width = np.log(found["high"] / found["low"])
     assert width == pytest.approx(2 * 1.96 * 1.25 * 0.2 / 8.0, rel=0.4)
-    assert found.low < found.ratio < found.high
+    assert found["low"] < found["ratio"] < found["high"]

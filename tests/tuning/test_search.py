@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +12,10 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 
 from tendonrepro.physics.control import Surface
-from tendonrepro.tuning.bench import Candidate, Measured
+from tendonrepro.tuning import search
+from tendonrepro.tuning.bench import Candidate, Measured, Plants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Effort, Key, Search, tune
+from tendonrepro.tuning.search import Seen, Tuning, best, costs
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -27,40 +30,57 @@ def cost(K_d: float, K_p: float) -> float:
     return float(P[0, 0])
 
 
-def measure(candidates: Sequence[Candidate]) -> Measured:
+def measured(_: Plants, candidates: Sequence[Candidate]) -> Measured:
     gains = [(float(one.gains["K_d"][0]), float(one.gains["K_p"][0])) for one in candidates]
     costs = np.array([cost(*pair) for pair in gains])
     stable = np.ones((len(gains), 3), dtype=bool)
     return Measured(np.tile(costs[:, None, None], (1, 3, 2)), np.array([K_p for _, K_p in gains]), stable)
 
 
-def searched(cap: float, generations: int = 40) -> list[Search]:
-    found = tune([PD], [("none", False)], [cap], measure, np.zeros(2), Effort(4, generations, 8), (1, 0))
-    return [found[Key("pd", "none", False, k)] for k in range(4)]
+@pytest.fixture(autouse=True)
+def _on_the_unit_mass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "measure", measured)
+
+
+def searched(cap: float, generations: int = 40) -> list[list[Seen]]:
+    plants: Any = SimpleNamespace(alpha=np.zeros(2))
+    effort = {"searches": 4, "generations": generations, "population": 8}
+    return [*Tuning({"pd": PD}, [cap], plants, effort, (1, 0)).run([("none", False)]).values()]
 
 
 def test_every_search_finds_the_optimum_of_riccati() -> None:
     P = solve_continuous_are(A, B, np.diag([1.0, 0.0]), np.array([[PRICE]]))
     K_p, K_d = (B.T @ P / PRICE)[0]
-    for search in searched(np.inf):
-        place = search.best(np.inf)
-        assert place is not None
-        gains = PD.values(search.units[place], 2)
-        assert search.smallest(np.inf) == pytest.approx(np.log(P[0, 0]), abs=1e-4)
-        assert gains["K_p"] == pytest.approx(K_p, rel=0.03)
-        assert gains["K_d"] == pytest.approx(K_d, rel=0.03)
+    for seen in searched(np.inf):
+        found = best(seen, np.inf)
+        assert found is not None
+        gains = PD.values(found.unit, 2)
+        assert found.error == pytest.approx(np.log(P[0, 0]), abs=1e-4)
+        assert (gains["K_p"], gains["K_d"]) == pytest.approx((K_p, K_d), rel=0.03)
 
 
 def test_under_a_cap_the_optimum_lies_on_it() -> None:
     cap = 100.0
-    best = minimize_scalar(lambda K_d: cost(K_d, cap), bounds=(1.0, 100.0), method="bounded")
-    for search in searched(cap):
-        place = search.best(cap)
-        assert place is not None
-        assert search.smallest(cap) == pytest.approx(np.log(best.fun), abs=5e-3)
-        assert 0.97 * cap < search.roughness[place] <= cap
-        assert not search.gains_without_margin(cap)
+    lowest = minimize_scalar(lambda K_d: cost(K_d, cap), bounds=(1.0, 100.0), method="bounded")
+    for seen in searched(cap):
+        found = best(seen, cap)
+        assert found is not None
+        assert found.error == pytest.approx(np.log(lowest.fun), abs=5e-3)
+        assert 0.97 * cap < found.roughness <= cap
 
 
 def test_the_same_seed_searches_the_same() -> None:
-    assert [one.error for one in searched(np.inf, 4)] == [one.error for one in searched(np.inf, 4)]
+    first, again = ([[one.error for one in seen] for seen in searched(np.inf, 4)] for _ in range(2))
+    assert first == again
+    assert first[0] != first[1]
+
+
+def test_an_unstable_place_is_never_the_best_and_costs_more_than_any_error() -> None:
+    good, bad = (
+        Seen(np.zeros(1), error, 1.0, np.array([True, True, is_stable]))
+        for error, is_stable in ((0.0, True), (-5.0, False))
+    )
+    assert best([bad, good], np.inf) is good
+    assert best([bad], np.inf) is best([good], 0.5) is None
+    (cheap,), (dear,), (rough,) = costs([good], 1.0), costs([bad], 1.0), costs([good], 0.5)
+    assert cheap < rough < dear

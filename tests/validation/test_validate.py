@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, printed_file
+from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.load import load_config
@@ -65,17 +65,6 @@ class TestMeasuredTables:
         assert windows.rows[2]["printed_deg"] == windows.rows[2]["measured_deg"] == 0.375
 
 
-def test_a_file_of_both_experiments_has_the_runs_of_each(tmp_path: Path) -> None:
-    compare, decouple = make_compare_file(source="measured"), make_decouple_file(source="measured")
-    runs = {**compare.runs, **decouple.runs}
-    write_traces(tmp_path / "SYNTHETIC.h5", replace(compare, experiment="both", runs=runs))
-    file = read_traces(tmp_path / "SYNTHETIC.h5")
-    assert file.experiment == "both"
-    assert set(file.part("compare").runs) == {*CONTROLLERS, LOADED}
-    assert set(file.part("decouple").runs) == {"decouple", "pull_tendon_1"}
-    assert not file.part("compare").part("decouple").runs
-
-
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
@@ -119,12 +108,9 @@ class TestValidate:
 
     def test_tables_are_those_of_the_errors(self, found: dict[str, Any], shipped: Path) -> None:
         data = paper_tables.table_data(read_traces(shipped))
-        for table, run, size in (
-            ("table2", "controller_1", "mae_deg"),
-            ("table2", "controller_2", "mae_deg"),
-            ("table3", "with_load", "rmse_deg"),
-        ):
-            assert found[table][run]["measured"][size] == pytest.approx(data[table][run][size])
+        for table, run in (("table2", "controller_1"), ("table2", "controller_2"), ("table3", "with_load")):
+            for size in ("mae_deg", "rmse_deg"):
+                assert found[table][run]["measured"][size] == pytest.approx(data[table][run][size])
         assert found["table2"]["controller_1"]["agree"]["mae_deg"] == [False, False]
         assert found["table2"]["controller_2"]["printed"]["rmse_deg"] == [0.375, 0.292]
 
@@ -137,37 +123,22 @@ class TestValidate:
 
     def test_every_file_is_there_and_in_the_manifest(self, found: dict[str, Any], shipped: Path) -> None:
         out = Path(found["out"])
+        stored = json.loads((out / "validate.json").read_text())
+        assert stored == json.loads(json.dumps({key: found[key] for key in stored}))
+        assert stored["sources"] == [INPUT]
         manifest = json.loads((out / "manifest.json").read_text())
-        for name, digest in manifest["outputs"].items():
-            assert sha256_of(out / name) == digest
         assert manifest["inputs"][str(shipped)] == sha256_of(shipped)
-        expected = {"reference.csv", "compare.yaml", "simulated_compare.h5", "validation.json"}
+        expected = {"reference.csv", "compare.yaml", "simulated_compare.h5"}
         expected |= {f"tables/{name}" for name in ("residuals.csv", "windows.csv", "table2.tex", "claims.md")}
         assert expected | {"figures/fig13.pdf", "figures/fig16.png"} <= set(manifest["outputs"])
         told = (out / "tables" / "controllers.csv").read_text().splitlines()
-        rows = [[str(row[key]) for key in ("run", "joint", "answer")] for row in found["controllers"]]
-        assert [line.split(",")[:3] for line in told[1:]] == rows != []
+        assert [line.split(",")[2] for line in told] == ["answer", "recovered", "cannot tell"]
         assert load_config(out / "compare.yaml", "compare").config.title.endswith("SYNTHETIC.h5")
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
-
-    def test_the_stored_results_are_those_returned(self, found: dict[str, Any]) -> None:
-        stored = json.loads((Path(found["out"]) / "validation.json").read_text())
-        assert stored == json.loads(json.dumps({key: found[key] for key in stored}))
-        assert found.keys() - stored.keys() == {"text", "manifest"}
-        assert stored["schema_version"] == 1
-        assert stored["sources"] == [INPUT]
-
-    def test_other_results_are_not_overwritten(self, found: dict[str, Any], shipped: Path) -> None:
-        before = sha256_of(Path(found["out"]) / "validation.json")
-        with pytest.raises(UsageError, match="another configuration"):
-            validate(shipped, Path(found["out"]), "manipulator.gravity=9.8")
-        assert validate(shipped, Path(found["out"]), "manipulator.gravity=9.8", dry_run=True)["dry_run"]
-        assert sha256_of(Path(found["out"]) / "validation.json") == before
 
     def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
-        assert str(shipped) in plan["text"]
         assert not (tmp_path / "out").exists()
 
 
@@ -222,10 +193,8 @@ def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides() 
     larger[first.time >= PERIOD, 0] *= 1.02
     runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
     measured = measured_of(replace(file, runs=runs), published())
-    closest = closest_window(measured)
+    closest = closest_window(measured.tables)
     assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
     agree = table_data(closest, published())["table2"]
     assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
     assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
-    names = {table.name for table in measured_tables(measured, published(), "SYNTHETIC.h5")}
-    assert {"table2", "table3", "best_table2", "best_table3", "windows"} <= names

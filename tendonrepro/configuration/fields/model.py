@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from typing import Annotated, Literal, NoReturn, TypeAlias
+from typing import Annotated, Literal, NoReturn, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from tendonrepro.configuration.fields.strict_yaml import Key
@@ -23,24 +23,29 @@ class Model(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        refuse_all(self._mistakes())
+        return self
 
-def refuse(message: str, *at: str | int) -> NoReturn:
-    """Raise a single mistake at a path relative to the value being validated."""
-    raise _error([(at, message)])
+    def _mistakes(self) -> Mistakes:
+        """What is wrong although every field by itself is right, at paths below this model."""
+        return ()
+
+
+def refuse(message: str) -> NoReturn:
+    """Raise a mistake of the value being validated."""
+    raise PydanticCustomError("problem", "{text}", {"text": message})
 
 
 def refuse_all(mistakes: Mistakes) -> None:
     """Raise mistakes together, each at its path relative to the value being validated; or none."""
-    if found := list(mistakes):
-        raise _error(found)
-
-
-def _error(mistakes: Mistakes) -> ValidationError:
     details = [
         InitErrorDetails(type=PydanticCustomError("problem", "{text}", {"text": message}), loc=at, input=None)
         for at, message in mistakes
     ]
-    return ValidationError.from_exception_data("configuration", details)
+    if details:
+        raise ValidationError.from_exception_data("configuration", details)
 
 
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]

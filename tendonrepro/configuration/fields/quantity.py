@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -51,21 +50,21 @@ def to_si(value: Any, unit: str) -> Any:
     return value * known.factor / known.divisor
 
 
-Size: TypeAlias = Literal["one", "pair", "joints", "moving"]
+Size: TypeAlias = Literal["any", "joints", "moving"]
 
 
 class Quantity(Model):
     """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
 
     rank: ClassVar[int]
-    size: ClassVar[Size] = "one"
+    size: ClassVar[Size] = "any"
     value: Any
     unit: str
     source: Source
 
 
 def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
-    """Every single number of a model with its place."""
+    """Every number of a model with its place."""
     if isinstance(held, float):
         yield path, held
     elif isinstance(held, tuple | Model):
@@ -123,8 +122,6 @@ class Moving(Vector):
 class Pair(Vector):
     """A lower and an upper number."""
 
-    size = "pair"
-
 
 class Matrix(_Several):
     """A list of rows of numbers, one per joint of the manipulator both ways."""
@@ -138,7 +135,6 @@ LARGEST = 1e30
 """Largest size of a quantity, and of its inverse unless it is 0, SI: products of some stay finite."""
 
 PER_ENTRY: Mapping[Size, str] = {
-    "pair": "lowest first",
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
 }
@@ -151,22 +147,16 @@ _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
 }
 
 
-@dataclass(frozen=True)
 class Physical:
     """What a field with a unit means and allows, as metadata in ``Annotated``.
 
-    ``unit`` is the SI unit, of the limits too; the file may use every unit that converts to it. ``above`` and
-    ``below`` exclude the limit itself.
+    ``unit`` is the SI unit, of the limits too. The limits are ``at_least`` and ``at_most``, or ``above`` and
+    ``below``, which exclude the limit itself.
     """
 
-    unit: str
-    about: str
-    _: KW_ONLY
-    above: float | None = None
-    at_least: float | None = None
-    below: float | None = None
-    at_most: float | None = None
-    whole: bool = False
+    def __init__(self, unit: str, about: str, *, whole: bool = False, **limits: float) -> None:
+        self.about, self.whole, self.limits = about, whole, limits
+        self.units = [name for name, known in UNITS.items() if known.si == unit]
 
     def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
         schema: Any = Field(description=self.about)
@@ -174,17 +164,9 @@ class Physical:
             schema = WithJsonSchema(self._json_schema(source))
         return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
 
-    @cached_property
-    def _units(self) -> list[str]:
-        return [name for name, unit in UNITS.items() if unit.si == self.unit]
-
-    @cached_property
-    def _limits(self) -> dict[str, float]:
-        return {name: limit for name in _LIMITS if (limit := getattr(self, name)) is not None}
-
     def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
         if not isinstance(raw, dict | Model):
-            example = f"{{value: ..., unit: {self._units[0]}, source: 'assumed: ...'}}"
+            example = f"{{value: ..., unit: {self.units[0]}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         held = handler(raw)
         refuse_all(self._out_of_range(held))
@@ -193,18 +175,17 @@ class Physical:
     def _out_of_range(self, held: Any) -> Mistakes:
         """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
         unit = held.unit
-        unit_words = "" if unit == "1" else f" {unit}"
-        if unit not in self._units:
-            yield ("unit",), f"must be {' or '.join(self._units)}, found {describe(unit)}"
+        if unit not in self.units:
+            yield ("unit",), f"must be {' or '.join(self.units)}, found {describe(unit)}"
             return
         for place, value in _numbers(held):
             si = to_si(value, unit)
-            if not all(_LIMITS[name][1](si, limit) for name, limit in self._limits.items()):
+            if not all(_LIMITS[name][1](si, limit) for name, limit in self.limits.items()):
                 allowed = " and ".join(
                     f"{name.replace('_', ' ')} {limit / to_si(1.0, unit):.12g}"
-                    for name, limit in self._limits.items()
+                    for name, limit in self.limits.items()
                 )
-                yield place, f"must be {allowed}{unit_words}, found {value:.12g}"
+                yield place, f"must be {allowed}{'' if unit == '1' else f' {unit}'}, found {value:.12g}"
             elif si and not 1.0 / LARGEST <= abs(si) <= LARGEST:
                 yield place, f"is too near to 0 or too large to compute with: {value:g}"
             elif self.whole and not value.is_integer():
@@ -212,20 +193,19 @@ class Physical:
 
     def _json_schema(self, kind: type[Quantity]) -> dict[str, Any]:
         value: dict[str, Any] = {"type": "integer" if self.whole else "number"}
-        for name, limit in self._limits.items():
+        for name, limit in self.limits.items():
             # A schema knows no units, so it can only state limits that are the same number in all of them.
-            if limit == 0.0 or len(self._units) == 1:
+            if limit == 0.0 or len(self.units) == 1:
                 value[_LIMITS[name][0]] = limit
-        length = {"minItems": 2, "maxItems": 2} if kind.size == "pair" else {"minItems": 1}
         for _ in range(kind.rank):
-            value = {"type": "array", "items": value} | length
-        size = f"; {PER_ENTRY[kind.size]}" if kind.rank else ""
+            value = {"type": "array", "items": value, "minItems": 1}
+        size = f"; {PER_ENTRY[kind.size]}" if kind.size in PER_ENTRY else ""
         return {
             "type": "object",
-            "description": f"{self.about}{size}; unit {' or '.join(self._units)}",
+            "description": f"{self.about}{size}; unit {' or '.join(self.units)}",
             "properties": {
                 "value": value,
-                "unit": {"enum": self._units},
+                "unit": {"enum": self.units},
                 "source": {"type": "string", "pattern": SOURCE_PATTERN},
             },
             "required": ["value", "unit", "source"],

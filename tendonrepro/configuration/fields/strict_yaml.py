@@ -1,15 +1,11 @@
-"""YAML without surprises: numbers are numbers, keys are unique, every entry knows its line.
-
-Mappings, lists and scalars of YAML 1.2 are read; what only YAML 1.1 takes for something else stays text,
-such as ``on`` or ``1:30``. Tags mean nothing.
-"""
+"""YAML 1.2 without surprises: ``on`` and ``1:30`` are text, keys are unique, every entry knows its line."""
 
 from __future__ import annotations
 
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
@@ -20,7 +16,6 @@ from tendonrepro.errors import ConfigError
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | None"
 Key: TypeAlias = tuple[str | int, ...]
 
-MAX_BYTES = 1 << 20
 STDIN = "<stdin>"
 
 _CONSTANTS: Mapping[str, bool | None] = {"null": None, "~": None, "": None, "true": True, "false": False}
@@ -47,7 +42,7 @@ class Document:
     """A YAML text as plain Python values, with the place of every key and list item."""
 
     tree: Any
-    places: dict[Key, Place] = field(default_factory=dict)
+    places: dict[Key, Place]
 
     def place(self, path: Key) -> Place:
         """Place of an entry, or of its nearest ancestor that is written in the text."""
@@ -57,41 +52,21 @@ class Document:
 
 
 def read_text(path: Path | None, hint: str | None = None) -> str:
-    """Read a YAML file of at most 1 MiB as UTF-8 text, None is standard input.
-
-    Raises
-    ------
-    ConfigError
-        When the file is missing, a folder, unreadable (then the hint is said), too large or not UTF-8.
-    """
+    """Read a file as UTF-8 text, None is standard input; the hint is for a file that cannot be read."""
     name = STDIN if path is None else str(path)
     try:
-        if path is None:  # a process without a terminal may have no standard input
-            raw = sys.stdin.buffer.read(MAX_BYTES + 1) if sys.stdin else b""
-        else:
-            with path.open("rb") as stream:
-                raw = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a NUL inside the path
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None
-    if len(raw) > MAX_BYTES:
-        hint = "Samples of a motion stand in a file of their own: reference: {kind: sampled, file: FILE.csv}."
-        raise ConfigError("is larger than 1 MiB, so it is not a configuration", where=name, hint=hint)
-    try:
+        raw = path.read_bytes() if path else sys.stdin.buffer.read()
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise ConfigError("is not UTF-8 text", where=f"{name}:{line}") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL inside the path
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None
 
 
 def load(text: str, name: str) -> Document:
-    """Read one YAML document; messages call it `name`.
-
-    Raises
-    ------
-    ConfigError
-        With ``name:line``, for a syntax error, an empty text, and a key that is given twice.
-    """
+    """Read one YAML document, which messages call `name`; a key that is given twice is refused."""
     try:
         root = yaml.compose(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair

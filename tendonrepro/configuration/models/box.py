@@ -1,34 +1,36 @@
-"""The rows of the box: what is unknown about the plant and its motion, each between bounds with a source.
-
-A configuration gives the bounds; the fields of `BoxConfig` say what each unknown is, in which unit, and what
-its bounds may be at most.
-"""
+"""The rows of the box: what is unknown about plant and motion, each between bounds with a source."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, Field, GetCoreSchemaHandler, model_validator
-from pydantic_core import CoreSchema
+from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Model, Number, refuse, refuse_all
+from tendonrepro.configuration.fields.model import Mistakes, Model, Number
 from tendonrepro.configuration.fields.quantity import Physical, Source, nonneg, positive, to_si
 from tendonrepro.configuration.models.readings import ERROR_RATES
 
-SWITCH = ("off", "on")
-FRICTION_SIDES = ("none", "link", "winch", "both")
-CLEARANCES = ("none", "both", "distal")
-DISTURBANCES = ("none", "sine", "noise")
-MOTIONS = ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine")
+_SWITCH = ("off", "on")
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "clearance_at": ("none", "both", "distal"),
+    "friction_sides": ("none", "link", "winch", "both"),
+    "pulley_loss_acts": _SWITCH,
+    "reducer_loss_acts": _SWITCH,
+    "transmission_error_acts": _SWITCH,
+    "torque_resolution_acts": _SWITCH,
+    "torque_noise_acts": _SWITCH,
+    "error_rate": ERROR_RATES,
+    "disturbance": ("none", "sine", "noise"),
+    "motion": ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine"),
+}
+"""What rows of words may choose from; a draw holds the place of a word here, from 0."""
 
 Confidence: TypeAlias = Literal["high", "medium", "low"]
 
 
 class _Known(Model):
-    """What every row says of itself."""
-
     confidence: Confidence
     source: Source
 
@@ -52,29 +54,23 @@ class BoxRange(_Known):
         """The upper bound, SI."""
         return float(to_si(self.high, self.unit))
 
-    @model_validator(mode="after")
-    def _check_order(self) -> Self:
+    def _mistakes(self) -> Mistakes:
         if self.low >= self.high:
-            refuse(f"must be below high, {self.high:g}, found {self.low:g}", "low")
-        if not self.low <= self.nominal <= self.high:
-            refuse(f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}", "nominal")
-        if self.scale == "log" and self.low <= 0.0:
-            refuse(f"must be above 0 on a log scale, found {self.low:g}", "low")
-        return self
+            yield ("low",), f"must be below high, {self.high:g}, found {self.low:g}"
+        elif not self.low <= self.nominal <= self.high:
+            yield ("nominal",), f"must be from {self.low:g} to {self.high:g}, found {self.nominal:g}"
+        elif self.scale == "log" and self.low <= 0.0:
+            yield ("low",), f"must be above 0 on a log scale, found {self.low:g}"
 
 
 class _OneOf(_Known):
-    """An unknown that is one of a few things."""
-
     choices: tuple[Any, ...]
     nominal: Any
 
-    @model_validator(mode="after")
-    def _check_choices(self) -> Self:
+    def _mistakes(self) -> Mistakes:
         if self.nominal not in self.choices:
             known = ", ".join(map(str, self.choices))
-            refuse(f"must be one of the choices, {known}, found {self.nominal}", "nominal")
-        return self
+            yield ("nominal",), f"must be one of the choices, {known}, found {self.nominal}"
 
 
 class Choice(_OneOf):
@@ -93,24 +89,6 @@ class Words(_OneOf):
 
 
 BoxRow: TypeAlias = BoxRange | Choice | Words
-
-
-@dataclass(frozen=True)
-class Among:
-    """The words that a row may choose from; a draw holds the place of a word here, from 0."""
-
-    about: str
-    words: tuple[str, ...]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        checked = Annotated[source, AfterValidator(self._check), Field(description=self.about)]
-        return handler.generate_schema(checked)
-
-    def _check(self, row: Words) -> Words:
-        known = f"must be one of {', '.join(self.words)}"
-        unknown = [(i, word) for i, word in enumerate(row.choices) if word not in self.words]
-        refuse_all((("choices", i), f"{known}, found {word!r}") for i, word in unknown)
-        return row
 
 
 class BoxConfig(Model):
@@ -132,9 +110,9 @@ class BoxConfig(Model):
     tendon_stiffness_3: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 3 at joint 3")]
     tendon_damping_2: Annotated[BoxRange, nonneg("N m s rad-1", "damping of tendon 2 at joint 2")]
     tendon_damping_3: Annotated[BoxRange, nonneg("N m s rad-1", "damping of tendon 3 at joint 3")]
-    clearance_at: Annotated[Words, Among("joints whose tendons have clearance", CLEARANCES)]
+    clearance_at: Annotated[Words, Field(description="joints whose tendons have clearance")]
     clearance: Annotated[BoxRange, nonneg("m", "slack that a tendon takes up before it pulls")]
-    friction_sides: Annotated[Words, Among("sides on which dry friction acts", FRICTION_SIDES)]
+    friction_sides: Annotated[Words, Field(description="sides on which dry friction acts")]
     link_coulomb: Annotated[BoxRange, nonneg("N m", "Coulomb friction of a joint")]
     link_viscous: Annotated[BoxRange, nonneg("N m s rad-1", "viscous friction of a joint")]
     link_static_ratio: Annotated[BoxRange, Physical("1", "static over Coulomb friction, joint", at_least=1.0)]
@@ -144,27 +122,27 @@ class BoxConfig(Model):
         BoxRange, Physical("1", "static over Coulomb friction, winch", at_least=1.0)
     ]
     winch_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, winch")]
-    pulley_loss_acts: Annotated[Words, Among("whether guide pulleys lose tension", SWITCH)]
+    pulley_loss_acts: Annotated[Words, Field(description="whether guide pulleys lose tension")]
     pulley_loss: Annotated[BoxRange, nonneg("1", "share of the tension lost at a guide pulley", below=1.0)]
-    reducer_loss_acts: Annotated[Words, Among("whether the reducer loses torque", SWITCH)]
+    reducer_loss_acts: Annotated[Words, Field(description="whether the reducer loses torque")]
     reducer_efficiency: Annotated[BoxRange, positive("1", "efficiency of the reducer", at_most=1.0)]
     tensioner_force: Annotated[BoxRange, nonneg("N", "force of tendon 4")]
-    transmission_error_acts: Annotated[Words, Among("whether the reducer has angle errors", SWITCH)]
+    transmission_error_acts: Annotated[Words, Field(description="whether the reducer has angle errors")]
     transmission_error: Annotated[BoxRange, nonneg("rad", "peak-to-peak angle error at the winch")]
     torque_limit: Annotated[BoxRange, positive("N m", "saturation at the winch")]
-    torque_resolution_acts: Annotated[Words, Among("whether torque comes in steps", SWITCH)]
+    torque_resolution_acts: Annotated[Words, Field(description="whether torque comes in steps")]
     torque_resolution: Annotated[BoxRange, nonneg("N m", "step of the torque at the winch")]
-    torque_noise_acts: Annotated[Words, Among("whether torque is noisy", SWITCH)]
+    torque_noise_acts: Annotated[Words, Field(description="whether torque is noisy")]
     torque_noise: Annotated[BoxRange, nonneg("N m", "RMS noise of the torque at the winch")]
     encoder_count: Annotated[Choice, nonneg("rad", "angle of one count of the joint encoders")]
     output_delay: Annotated[Choice, nonneg("1", "delay of the command in samples", at_most=100.0)]
-    error_rate: Annotated[Words, Among("how the error's rate is obtained", ERROR_RATES)]
+    error_rate: Annotated[Words, Field(description="how the error's rate is obtained")]
     filter_cutoff: Annotated[BoxRange, positive("Hz", "cutoff of the low-pass error rate")]
-    disturbance: Annotated[Words, Among("kind of the disturbance", DISTURBANCES)]
+    disturbance: Annotated[Words, Field(description="kind of the disturbance")]
     disturbance_torque: Annotated[BoxRange, nonneg("N m", "amplitude of the sine, RMS of the noise")]
     disturbance_frequency: Annotated[BoxRange, positive("Hz", "frequency of the sine")]
     posture: Annotated[BoxRange, Physical("rad", "joint 1 from hanging", above=0.0, below=math.pi)]
-    motion: Annotated[Words, Among("kind of the reference motion", MOTIONS)]
+    motion: Annotated[Words, Field(description="kind of the reference motion")]
     amplitude: Annotated[BoxRange, positive("rad", "largest angle of the reference, a joint")]
     period: Annotated[BoxRange, Physical("s", "period of raised cosine and sine", at_least=0.02)]
     rise: Annotated[BoxRange, Physical("s", "duration of a minimum-jerk stroke", at_least=0.02)]
@@ -172,17 +150,13 @@ class BoxConfig(Model):
     velocity: Annotated[BoxRange, positive("rad s-1", "largest velocity, trapezoidal")]
     acceleration: Annotated[BoxRange, positive("rad s-2", "acceleration of the ramps, trapezoidal")]
 
-    @model_validator(mode="after")
-    def _check_workspace(self) -> Self:
-        """Links stay between 0 and 180 degrees from hanging in every draw: link 3 reaches posture + 2 A."""
+    def _mistakes(self) -> Mistakes:
+        for name, known in WORDS.items():
+            for i, word in enumerate(getattr(self, name).choices):
+                if word not in known:
+                    yield (name, "choices", i), f"must be one of {', '.join(known)}, found {word!r}"
+        # Link 3 reaches posture + 2 amplitudes.
         reached = self.posture.highest + 2.0 * self.amplitude.highest
         if reached >= math.pi:
             found = f"it would reach {math.degrees(reached):.6g} deg"
-            refuse(f"must keep link 3 below 180 deg from hanging, {found}", "amplitude", "high")
-        return self
-
-
-def rule_of(name: str) -> Physical | Among:
-    """What a row's field asks: unit and bounds, or its words."""
-    (rule,) = (item for item in BoxConfig.model_fields[name].metadata if isinstance(item, Physical | Among))
-    return rule
+            yield ("amplitude", "high"), f"must keep link 3 below 180 deg from hanging, {found}"

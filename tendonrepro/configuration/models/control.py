@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model
 from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
@@ -48,23 +47,18 @@ class LawChoice(Model):
     estimator: Literal["alpha_tde", "tde"]
 
 
-@dataclass(frozen=True)
-class At:
-    """Where a reading stands in the paper, and the runs it changes.
-
-    All its alternatives change the same `runs`, except those that `only` names.
-    """
+class At(NamedTuple):
+    """Place of a reading in the paper, and runs it changes; `only` is for alternatives that change others."""
 
     place: str
     runs: tuple[str, ...] = RUNS
-    only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    only: Mapping[str, tuple[str, ...]] = {}
 
 
 class Readings(Model):
     """How the paper's text is read where it can be read in more than one way; the first value is printed.
 
-    This is the one list of them. The order is that of settings in a reading's name. A reading that files do
-    not know yet takes the printed value as its default, and they stay the same.
+    The order is that of settings in a reading's name. A new reading has the printed value as its default.
     """
 
     phi_negative: Annotated[Literal["odd", "even"], At("Eq. (12)", TERMINAL)]
@@ -132,11 +126,6 @@ class Control(Model):
     filter_cutoff: (
         Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
-
-    @model_validator(mode="after")
-    def _check_needs(self) -> Self:
-        refuse_all(self._mistakes())
-        return self
 
     def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, StrictInt, model_validator
+from pydantic import ConfigDict, Field, StrictInt
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion
 from tendonrepro.configuration.fields.quantity import Joints, Moving, Pair, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig
+from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled
 
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""
@@ -76,9 +75,8 @@ class StatusLimits(Model):
 
 def _or_file(schema: dict[str, Any]) -> None:
     """State in the JSON schema that a file may name the manipulator instead of holding it."""
-    held = dict(schema)
-    schema.clear()
-    schema["anyOf"] = [{"type": "string", "description": "file beside this one, or a shipped one"}, held]
+    file = {"type": "string", "description": "file beside this one, or a shipped one"}
+    schema["anyOf"] = [file, {"$ref": schema.pop("$ref")}]
 
 
 def _or_base(schema: dict[str, Any]) -> None:
@@ -105,11 +103,9 @@ class Experiment(Model):
     solver: SolverConfig
     status: StatusLimits
 
-    @model_validator(mode="after")
-    def _check_together(self) -> Self:
+    def _mistakes(self) -> Mistakes:
         assert isinstance(self, CompareConfig | DecoupleConfig)
-        refuse_all(_misfits(self))
-        return self
+        return _misfits(self)
 
 
 class CompareRun(Model):
@@ -165,7 +161,7 @@ def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
 def _misfits(config: Config) -> Mistakes:
     """Mistakes that only show when sections are compared."""
     last, moving = config.manipulator.joints, config.joints
-    yield from wrong_sizes(config, {"joints": last, "moving": len(moving), "pair": 2})
+    yield from wrong_sizes(config, {"joints": last, "moving": len(moving)})
     if moving != tuple(range(last - len(moving) + 1, last + 1)):
         yield ("joints",), f"must be the last joints in order, up to {last}, found {list(moving)}"
     period, step = config.sampling_period, config.solver.max_step
@@ -177,8 +173,9 @@ def _misfits(config: Config) -> Mistakes:
         case StepDisturbance(start=start) if start.si > 0.0 and not _is_multiple(start.si, period.si):
             message = f"must be a multiple of the sampling period, {period}, found {start}"
             yield ("disturbance", "start", "value"), message
-        case NoiseDisturbance(band=band) if list(band.value) != sorted(set(band.value)):
-            yield ("disturbance", "band", "value"), f"must rise, found {list(band.value)}"
+        case NoiseDisturbance(band=band) if len(band.value) != 2 or band.value[0] >= band.value[1]:
+            message = f"must be two frequencies, the lower one first, found {list(band.value)}"
+            yield ("disturbance", "band", "value"), message
     for path, reference in references_of(config).items():
         for at, message in _unfit(reference, moving, period):
             yield (*path, *at), message
@@ -199,7 +196,7 @@ def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) 
     for i, turn in enumerate(reference.turns or () if isinstance(reference, InTurns) else ()):
         if not set(turn) <= set(joints):
             yield ("turns", i), f"must name joints that move, {list(joints)}, found {list(turn)}"
-    duration = reference.duration
+    duration = 0.0 if isinstance(reference, Sampled) else reference.duration
     if duration and duration > MOST_SAMPLES * period.si:
         yield (), f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
     elif duration and not _is_multiple(duration, period.si):
@@ -209,4 +206,4 @@ def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) 
 def _is_multiple(duration: float, step: float) -> bool:
     """Whether a duration is a whole number, from one, of steps, within rounding (1e-9 relative)."""
     count = duration / step
-    return math.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count
+    return round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Model, SchemaVersion, refuse_all
+from tendonrepro.configuration.fields.model import Mistakes, Model, SchemaVersion
 from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 
@@ -21,15 +21,14 @@ class Routing(Model):
         Physical("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
     ]
 
-    @field_validator("pulley_diameter", "sign")
-    @classmethod
-    def _check_triangle(cls, matrix: Matrix) -> Matrix:
+    def _mistakes(self) -> Mistakes:
         below = "must be 0, as the tendon of this column does not pass the joint of this row"
         above = "must not be 0, else the coupling matrix is singular"
-        entries = [(i, j, entry) for i, row in enumerate(matrix.value) for j, entry in enumerate(row)]
-        wrong = [(i, j) for i, j, entry in entries if (entry == 0.0) != (i > j)]
-        refuse_all((("value", i, j), below if i > j else above) for i, j in wrong)
-        return matrix
+        for name, matrix in (("pulley_diameter", self.pulley_diameter), ("sign", self.sign)):
+            for i, row in enumerate(matrix.value):
+                for j, entry in enumerate(row):
+                    if (entry == 0.0) != (i > j):
+                        yield (name, "value", i, j), below if i > j else above
 
 
 class Links(Model):
@@ -76,15 +75,11 @@ class LinkFriction(DryFriction):
     viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous friction of a joint")]
 
 
-class WinchFriction(DryFriction):
-    """Dry friction of motor and reducer, per winch; its viscous part is D_m of the winches."""
-
-
 class FrictionConfig(Model):
     """All friction of the mechanism."""
 
     link: LinkFriction
-    winch: WinchFriction
+    winch: Annotated[DryFriction, Field(description="motor and reducer; the viscous part is winches.viscous")]
     per_pulley: Annotated[
         Scalar, nonneg("1", "share of the tension lost at each guide pulley; 0 is off", below=1.0)
     ]
@@ -146,10 +141,8 @@ class Manipulator(Model):
     encoders: Encoders
     actuator: ActuatorConfig
 
-    @model_validator(mode="after")
-    def _check_sizes(self) -> Self:
-        refuse_all(wrong_sizes(self, {"joints": self.joints}))
-        return self
+    def _mistakes(self) -> Mistakes:
+        return wrong_sizes(self, {"joints": self.joints})
 
     @property
     def joints(self) -> int:

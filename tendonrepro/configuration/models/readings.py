@@ -1,17 +1,13 @@
-"""Readings of the paper's ambiguous places, one named axis each, and what-ifs that are addressed like them.
-
-A reading changes a configuration that stands as printed; a drawn plant stays the same under all of them.
-"""
+"""Readings of the paper's ambiguous places, one named axis each, and what-ifs addressed like them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar, get_args
+from typing import NamedTuple, TypeVar, get_args
 
 from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.fields.quantity import Scalar
-from tendonrepro.configuration.models.control import RUNS, At, Readings
+from tendonrepro.configuration.models.control import At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.errors import UsageError
 
@@ -23,7 +19,6 @@ ERROR_RATES = ("backward_difference", "low_pass")
 
 _SOURCE = "assumed: the reading that is being run"
 _OUTPUT_DELAY = "manipulator.actuator.output_delay"
-_TENSIONER = "manipulator.tensioner"
 _ENCODER = "manipulator.encoders.joint.resolution"
 _QUANTITIES = {  # unit and dotted keys of an axis whose values are numbers
     "output_delay": ("1", _OUTPUT_DELAY),
@@ -34,28 +29,22 @@ _QUANTITIES = {  # unit and dotted keys of an axis whose values are numbers
 _M = TypeVar("_M", bound=Model)
 
 
-@dataclass(frozen=True)
-class ReadingAxis:
-    """One place that can be read in more than one way.
-
-    `printed` is the value that stands in the paper, or is assumed where it is silent; `affects` holds the
-    runs that an alternative changes, by alternative; `place` is where in the paper, `about` one sentence.
-    """
+class ReadingAxis(NamedTuple):
+    """One place that can be read in more than one way; `printed` is assumed where the paper is silent."""
 
     name: str
     printed: str
-    affects: Mapping[str, tuple[str, ...]]
-    place: str
+    alternatives: Sequence[str]
+    at: At
     about: str
 
     @property
-    def alternatives(self) -> tuple[str, ...]:
-        """The other values."""
-        return tuple(self.affects)
+    def affects(self) -> dict[str, tuple[str, ...]]:
+        """Runs that each alternative changes."""
+        return {value: self.at.only.get(value, self.at.runs) for value in self.alternatives}
 
 
-@dataclass(frozen=True)
-class Reading:
+class Reading(NamedTuple):
     """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
 
     The name is ``printed``, or the settings as ``axis=value`` joined by ``+``.
@@ -65,58 +54,46 @@ class Reading:
     settings: tuple[tuple[str, str], ...]
 
 
-def _axis(name: str, printed: str, others: str, runs: tuple[str, ...], place: str, about: str) -> ReadingAxis:
-    return ReadingAxis(name, printed, dict.fromkeys(others.split(), runs), place, about)
-
-
 def _held() -> dict[str, ReadingAxis]:
     """Axes of the readings that a configuration holds."""
     axes = {}
     for name, held in Readings.model_fields.items():
         printed, *others = get_args(held.annotation)
         (at,) = (item for item in held.metadata if isinstance(item, At))
-        affects = {other: at.only.get(other, at.runs) for other in others}
-        axes[name] = ReadingAxis(name, printed, affects, at.place, held.description or "")
+        axes[name] = ReadingAxis(name, printed, others, at, held.description or "")
     return axes
 
 
-_HARDWARE = _axis(
-    "hardware", "printed", "drawn", RUNS, "Section 5.1",
+_HARDWARE = ReadingAxis(
+    "hardware", "printed", ["drawn"], At("Section 5.1"),
     "Whether encoder, output delay and filter are as printed or as the draw has them.",
 )  # fmt: skip
 _INSTRUMENTS = (
-    _axis("output_delay", "0", "1 2", RUNS, "Eq. (17)",
-          "Samples between a command and its torque; the equations hold none."),
-    _axis("encoder", "0.022", "0.045 0.088 ideal", RUNS, "Section 5.1",
-          "Count of the joint encoders in degrees; parts of the named family give 0.045 or 0.088."),
-    _axis("torque_step", "drawn", "none 0.0032 0.016", RUNS, "Section 5.1",
-          "Step of the drives' torque at the winch in N m; 16-bit and 11-bit inputs give 0.0032 and 0.016."),
-    _axis("tensioner", "negative", "distal_only alternating absent", RUNS, "Section 2.2",
-          "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
+    ReadingAxis("output_delay", "0", ["1", "2"], At("Eq. (17)"),
+        "Samples between a command and its torque; the equations hold none."),
+    ReadingAxis("encoder", "0.022", ["0.045", "0.088", "ideal"], At("Section 5.1"),
+        "Count of the joint encoders in degrees; parts of the named family give 0.045 or 0.088."),
+    ReadingAxis("torque_step", "drawn", ["none", "0.0032", "0.016"], At("Section 5.1"),
+        "Step of the drives' torque at the winch in N m; 16-bit and 11-bit inputs give 0.0032 and 0.016."),
+    ReadingAxis("tensioner", "negative", ["distal_only", "alternating", "absent"], At("Section 2.2"),
+        "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
 )  # fmt: skip
 _LAW = _held()
 _RATE = _LAW.pop("error_rate")  # what is said of it replaces what the draw's hardware has
-_AXES = (*_LAW.values(), _HARDWARE, _RATE, *_INSTRUMENTS)
-AXES: Mapping[str, ReadingAxis] = {axis.name: axis for axis in _AXES}
+AXES: Mapping[str, ReadingAxis] = _LAW | {axis.name: axis for axis in (_HARDWARE, _RATE, *_INSTRUMENTS)}
 """The axes of readings, by name."""
 
 _WHAT_IFS = (
-    _axis("sampling_period", "1ms", "0.5ms 2ms", ("controller_2",), "Remark 2",
-          "Sampling period and delay time of the law."),
-    _axis("M_bar", "printed", "halved", ("controller_2",), "Section 4.2",
-          "Constant inertia of the law."),
-)  # fmt: skip
-_EVERY_AXIS: Mapping[str, ReadingAxis] = {axis.name: axis for axis in (*_AXES, *_WHAT_IFS)}
+    ReadingAxis(
+        "sampling_period", "1ms", ["0.5ms", "2ms"], At("Remark 2", ("controller_2",)), "L of the law."
+    ),
+    ReadingAxis("M_bar", "printed", ["halved"], At("Section 4.2", ("controller_2",)), "M_bar of the law."),
+)
+_EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **{axis.name: axis for axis in _WHAT_IFS}}
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
-    """Make a reading of values by axis; values as printed are left out.
-
-    Raises
-    ------
-    UsageError
-        For an unknown axis or value.
-    """
+    """Make a reading of values by axis; a UsageError for an unknown axis or value."""
     for name, value in settings.items():
         axis = _EVERY_AXIS.get(name)
         if axis is None:
@@ -130,13 +107,7 @@ def reading(settings: Mapping[str, str]) -> Reading:
 
 
 def parse_reading(text: str) -> Reading:
-    """Read the name of a reading: ``printed``, or settings like ``weights=extrapolating`` joined by ``+``.
-
-    Raises
-    ------
-    UsageError
-        When it is no reading.
-    """
+    """Read the name of a reading; a UsageError when it is none."""
     if text == PRINTED:
         return reading({})
     settings = [[part.strip() for part in setting.split("=")] for setting in text.split("+")]
@@ -150,13 +121,7 @@ def parse_reading(text: str) -> Reading:
 
 
 def named_readings(text: str) -> tuple[Reading, ...]:
-    """Read the names of readings, with commas between.
-
-    Raises
-    ------
-    UsageError
-        When one is no reading of the paper.
-    """
+    """Read names with commas between; a UsageError when one is no reading of the paper."""
     found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
     for held in found:
         if any(axis not in AXES for axis, _ in held.settings):
@@ -166,7 +131,7 @@ def named_readings(text: str) -> tuple[Reading, ...]:
 
 def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:
     """As printed, each alternative alone, and settings ``axis=value`` that are run together."""
-    single = [reading({axis.name: value}) for axis in _AXES for value in axis.alternatives]
+    single = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]
     together = [parse_reading("+".join(pair)) for pair in pairs]
     return tuple(dict.fromkeys([reading({}), *single, *together]))
 
@@ -188,8 +153,7 @@ def case_of(reading_: Reading, run: str) -> Reading:
 def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
     """Apply a reading or a variation to a configuration that stands as printed, without validating it.
 
-    What does not change is shared. `draw` holds the value of every row of the box, SI, for
-    ``hardware=drawn``.
+    `draw` holds the value of every row of the box, SI, for ``hardware=drawn``.
     """
     for name, value in reading_.settings:
         for path, new in _changes(name, value, config, draw).items():
@@ -227,7 +191,11 @@ def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, fl
         }
     if name == "tensioner":
         absent = value == "absent"
-        return {f"{_TENSIONER}.force": _scalar(0.0, "N")} if absent else {f"{_TENSIONER}.side": value}
+        return (
+            {"manipulator.tensioner.force": _scalar(0.0, "N")}
+            if absent
+            else {"manipulator.tensioner.side": value}
+        )
     if name == "M_bar":
         M_bar = config.control.gains.M_bar
         half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, StrictInt, model_validator
+from pydantic import Field, StrictInt
 
-from tendonrepro.configuration.fields.model import Model, refuse, refuse_all
+from tendonrepro.configuration.fields.model import Mistakes, Model
 from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive, whole
 from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -36,14 +36,14 @@ class Periodic(Model):
 
 
 class InTurns(Periodic):
-    """A periodic motion in which the joints may take turns; a period is then all turns once."""
+    """A motion in which the joints may take turns; a period is then all turns once."""
 
     turns: Annotated[tuple[Turn, ...] | None, Field(min_length=1)] = None
     """joints that move in each turn; absent: all at once"""
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s."""
+        """Of the whole motion, s."""
         return self.cycle * self.periods.si * len(self.turns or ((),))
 
 
@@ -56,7 +56,7 @@ class RaisedCosine(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         return self.period.si
 
 
@@ -70,7 +70,7 @@ class MinimumJerk(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
 
 
@@ -85,7 +85,7 @@ class Trapezoidal(InTurns):
 
     @property
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
         longest = float(abs(self.amplitude.si).max())
         _, rise = trapezoid_times(longest, self.velocity.si, self.acceleration.si)
         return 2.0 * (rise + self.hold.si)
@@ -102,14 +102,12 @@ class Sine(Periodic):
 
     @property
     def cycle(self) -> float:
-        """Duration of one period, s."""
+        """Of one period, s."""
         return self.period.si
 
-    @model_validator(mode="after")
-    def _check_blend(self) -> Self:
+    def _mistakes(self) -> Mistakes:
         if self.blend.si > self.duration:
-            refuse(f"must end within the motion, which lasts {self.duration:g} s", "blend", "value")
-        return self
+            yield ("blend", "value"), f"must end within the motion, which lasts {self.duration:g} s"
 
 
 class Sampled(Model):
@@ -117,10 +115,6 @@ class Sampled(Model):
 
     kind: Literal["sampled"]
     file: Annotated[str, Field(min_length=1, description="path, relative to the configuration's folder")]
-
-    @property
-    def duration(self) -> None:
-        """Unknown until the file is read."""
 
 
 Single: TypeAlias = Annotated[RaisedCosine | MinimumJerk | Trapezoidal | Sine, Field(discriminator="kind")]
@@ -133,17 +127,15 @@ class PerJoint(Model):
     references: Annotated[tuple[Single, ...], Field(min_length=1)]
     """one motion per moving joint, its vectors with one entry"""
 
-    @model_validator(mode="after")
-    def _check_each(self) -> Self:
+    def _mistakes(self) -> Mistakes:
         for i, reference in enumerate(self.references):
-            place = "references", i
-            refuse_all(((*place, *at), words) for at, words in wrong_sizes(reference, {"moving": 1}))
+            for at, words in wrong_sizes(reference, {"moving": 1}):
+                yield ("references", i, *at), words
             if isinstance(reference, InTurns) and reference.turns:
-                refuse("one joint cannot take turns; leave this out", *place, "turns")
+                yield ("references", i, "turns"), "one joint cannot take turns; leave this out"
             if not math.isclose(reference.duration, self.duration):
                 first = f"the first one {self.duration:g} s; make them equal"
-                refuse(f"lasts {reference.duration:g} s, {first}", *place)
-        return self
+                yield ("references", i), f"lasts {reference.duration:g} s, {first}"
 
     @property
     def duration(self) -> float:

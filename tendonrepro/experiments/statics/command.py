@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.load import Config, LoadedConfig
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError
-from tendonrepro.experiments.rig import Experiment, build_arm, coupling, start_angles
+from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
 from tendonrepro.physics.statics import SLACK, Spring
@@ -37,9 +37,6 @@ STRETCH = 0.1
 
 MAP_ANGLES = np.linspace(0.0, np.pi, 91)
 """Angles along each side of a map, rad from hanging, (A,)."""
-
-_MOST_POSTURES = 5e4
-_FINEST = 36
 
 
 class Mechanism(NamedTuple):
@@ -82,31 +79,19 @@ class Mechanism(NamedTuple):
         return float(np.ptp(self.stretch(corners)))
 
 
-class Case(NamedTuple):
-    """What an arm carries, and what pulls tendon 4."""
-
-    arm: Arm
-    spring: Spring
-
+Case: TypeAlias = tuple[Arm, Spring]
+"""What an arm carries, and what pulls tendon 4."""
 
 WEIGHT_ALONE = Spring(0.0, 0.0)
 """Tendon 4 does not pull."""
 
 
 class Maps(NamedTuple):
-    """What a course of tendon 4 gives over the angles of the last two links, N.
+    """What a course of tendon 4 gives over the angles of the last two links, N, (A, A).
 
-    Attributes
-    ----------
-    least : mapping of str to array (A, A)
-        Smallest tension of any tendon, by case.
-    band : array (2, A, A)
-        Lowest and highest such tension of the case ``motor`` with friction of the guide pulleys.
-    needed : array (A, A)
-        Least force of tendon 4 that leaves the reserve to every tendon it can reach.
-    room : array (A, A)
-        Below zero where no force leaves the reserve to all: by how much too little some tendon has that
-        tendon 4 does not reach, or by how much the least force is above the largest.
+    `least` is the smallest tension of any tendon, by case; `band` (2, A, A) its range for ``motor`` with
+    friction of the guide pulleys. `needed` is the least force of tendon 4 that leaves the reserve to every
+    tendon it can reach; no force does so for all where `room` is below zero.
     """
 
     least: Mapping[str, Array]
@@ -124,23 +109,7 @@ class Survey(NamedTuple):
 
 
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
-    """Survey the tensions of a configuration and write numbers, tables, figures and manifest.
-
-    Parameters
-    ----------
-    request : Request
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints, ``text``, ``out`` and ``manifest``.
-
-    Raises
-    ------
-    TendonreproError
-        If fewer than two joints move or results cannot be written.
-    """
+    """Survey the tensions of a configuration and write numbers, tables, figures and manifest."""
     loaded = request.load("decouple")
     return run_study("statics", loaded, request, lambda: study_statics(loaded), talk)
 
@@ -155,13 +124,7 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
 
 
 def survey(loaded: LoadedConfig) -> Survey:
-    """Work out tensions over the half-plane.
-
-    Raises
-    ------
-    ConfigError
-        If fewer than two joints move.
-    """
+    """Work out tensions over the half-plane; a ConfigError if fewer than two joints move."""
     config = loaded.config
     n, joints = len(config.joints), list(config.joints)
     if n < 2:
@@ -171,10 +134,10 @@ def survey(loaded: LoadedConfig) -> Survey:
     loss, loss_source = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
     payload = published().number("hardware.payload")
     arm, motor = build_arm(config, 0.0), Spring(force, 0.0)
-    cases = {
-        "motor": Case(arm, motor),
-        "payload": Case(build_arm(config, payload), motor),
-        "spring": Case(arm, Spring(force, force / STRETCH)),
+    cases: dict[str, Case] = {
+        "motor": (arm, motor),
+        "payload": (build_arm(config, payload), motor),
+        "spring": (arm, Spring(force, force / STRETCH)),
     }
     grid, everywhere = map_postures(config), half_plane(n)
     routes = {course: mechanism(config, course) for course in COURSES}
@@ -209,7 +172,7 @@ def survey(loaded: LoadedConfig) -> Survey:
 
 
 def _value_or_box(configured: float, row: str) -> tuple[float, str]:
-    """A value of the configuration or, where that switches the effect off, the nominal of the box."""
+    """A value of the configuration, or the nominal of the box where that is off."""
     if configured > 0.0:
         return configured, "as configured"
     held = dict(load_ensemble(None).config.box)[row]
@@ -217,8 +180,8 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
 
 
-def mechanism(config: Experiment, course: str) -> Mechanism:
-    """Routing of the moving joints with tendon 4 on a course; sides follow from the signs of Eq. (1)."""
+def mechanism(config: Config, course: str) -> Mechanism:
+    """Routing of the moving joints with tendon 4 on a course, Eq. (1)."""
     manipulator, n = config.manipulator, len(config.joints)
     routing, tendon_4 = manipulator.routing, statics.tensioner_side(course, manipulator.joints)
     side = np.column_stack([statics.sign_of_side(routing.sign.si), tendon_4])
@@ -232,22 +195,22 @@ def mechanism(config: Experiment, course: str) -> Mechanism:
     )
 
 
-def map_postures(config: Experiment) -> Array:
-    """Link angles of a map, (n, A, A), rad: the last link upwards, the one before across, the others held."""
+def map_postures(config: Config) -> Array:
+    """Link angles of a map, (n, A, A), rad: the last two links, the others held."""
     last, before = np.meshgrid(MAP_ANGLES, MAP_ANGLES, indexing="ij")
     held = start_angles(config)[:-2]
     return np.stack([*(np.full_like(last, angle) for angle in held), before, last])
 
 
 def half_plane(n: int) -> Array:
-    """Link angles of n links spread evenly over the half-plane, (n, P), rad: centres of cells, no edges."""
-    cells = min(_FINEST, int(_MOST_POSTURES ** (1.0 / n)))
+    """Link angles spread evenly over the half-plane, (n, P), rad: centres of cells."""
+    cells = min(36, int(5e4 ** (1.0 / n)))
     centres = (np.arange(cells) + 0.5) * np.pi / cells
     return np.stack(np.meshgrid(*[centres] * n, indexing="ij")).reshape(n, -1)
 
 
 def _maps(grid: Array, cases: Mapping[str, Case], route: Mechanism, loss: float) -> Maps:
-    weight, per_newton = route.tension(grid, cases["motor"].arm, WEIGHT_ALONE), route.per_newton()
+    weight, per_newton = route.tension(grid, cases["motor"][0], WEIGHT_ALONE), route.per_newton()
     reached = per_newton != 0.0
     needed, largest = statics.force_window(weight[reached], per_newton[reached], RESERVE)
     beyond = np.min(weight[~reached] - RESERVE, axis=0, initial=np.inf)
@@ -262,11 +225,11 @@ def _maps(grid: Array, cases: Mapping[str, Case], route: Mechanism, loss: float)
 def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Array:
     """Lowest and highest of the smallest tension, N, (2, ...), over all ways in which pulleys may hold rope.
 
-    Between its ends the tension of a tendon is monotonic in what each pulley passes on, so the extremes are
-    where every tendon is on the point of moving one way or the other.
+    Tension is monotonic in what each pulley passes on, so extremes are where every tendon is about to move.
     """
-    weight = gravity_torque(joint_angles(phi, route.phi_0), motor.arm)
-    pull = np.full(weight.shape[1:], motor.spring.force)
+    arm, spring = motor
+    weight = gravity_torque(joint_angles(phi, route.phi_0), arm)
+    pull = np.full(weight.shape[1:], spring.force)
     smallest = []
     for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
         passed_on = 1.0 + loss * np.array(senses)
@@ -291,9 +254,10 @@ def _course(
 
 
 def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> dict[str, Any]:
-    """Smallest tension of any tendon over postures (n, P): value, tendon, posture; share that are tense."""
-    tension, pull = route.tension(phi, *case), statics.spring_force(route.stretch(phi), case.spring)
-    lowest, highest = statics.force_window(route.tension(phi, case.arm, WEIGHT_ALONE), route.per_newton())
+    """Smallest tension over postures (n, P), and share of them that are tense."""
+    arm, spring = case
+    tension, pull = route.tension(phi, arm, spring), statics.spring_force(route.stretch(phi), spring)
+    lowest, highest = statics.force_window(route.tension(phi, arm, WEIGHT_ALONE), route.per_newton())
     least = tension.min(axis=0)
     place = int(least.argmin())
     return {
@@ -314,13 +278,15 @@ def _weight(data: dict[str, Any]) -> str:
 
 
 def _tables(found: Survey) -> list[Table]:
-    """Tensions over the whole half-plane by course and case, and what a course does on the maps."""
+    """Tensions over the half-plane by course and case, and what a course does on the maps."""
     data = found.data
-    tensions, courses = [], []
-    for name, course in data["courses"].items():
-        half_plane = course["half_plane"].items()
-        tensions += [{"course": name, "case": case} | over for case, over in half_plane]
-        courses.append({"course": name} | {key: x for key, x in course.items() if not isinstance(x, dict)})
+    named = [{"course": name} | course for name, course in data["courses"].items()]
+    courses = [{key: x for key, x in course.items() if not isinstance(x, dict)} for course in named]
+    tensions = [
+        {"course": course["course"], "case": case} | over
+        for course in named
+        for case, over in course["half_plane"].items()
+    ]
     everywhere = (
         f"Tensions at rest over the working half-plane, {data['postures']} postures ({found.origin}). "
         f"Tendon 4 pulls with {data['tensioner_force_N']:g} N ({data['sources']['force']})."

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tendonrepro.configuration.fields.strict_yaml import Node, load
-from tendonrepro.configuration.load import (
-    CompareConfig,
-    LoadedConfig,
-    config_digest,
-    find_source,
-    load_config,
-)
+from tendonrepro.configuration.load import LoadedConfig, config_digest, find_source, load_config
+from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
@@ -51,12 +46,8 @@ IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "
 """What else is kept, under the batch's names."""
 
 
-@dataclass(frozen=True)
-class Point:
-    """One configuration of a sweep with its closed loops.
-
-    `label` spells its values as the command line does; `places` is the index of each key's value.
-    """
+class Point(NamedTuple):
+    """One configuration of a sweep with its closed loops; `places` is the index of each key's value."""
 
     label: str
     values: Mapping[str, Node]
@@ -65,8 +56,7 @@ class Point:
     loops: Mapping[str, Loop]
 
 
-@dataclass(frozen=True)
-class Sweep:
+class Sweep(NamedTuple):
     """A sweep that is ready to run; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
@@ -75,26 +65,7 @@ class Sweep:
 
 
 def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Run the comparison over values of one or two keys, and write tables, figure and manifest.
-
-    Parameters
-    ----------
-    request : Request
-        The same at every point.
-    over : sequence of str
-        One or two of ``dotted.key=a,b,c``, values in YAML.
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints; ``diverged`` lists the runs that did, which asks for exit code 5.
-
-    Raises
-    ------
-    TendonreproError
-        When a value cannot be used or results cannot be written.
-    """
+    """Run the comparison over one or two of ``dotted.key=a,b,c``, and write tables, figure and manifest."""
     sweep = load_sweep(request, over)
     return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
 
@@ -109,19 +80,28 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
 
 
 def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
-    """Read a configuration and make those of all points."""
+    """Read a configuration and make those of all points; the last key's values change fastest."""
     axes = parse_over(over)
     if request.seed is not None and not {"seed", "seed.value"}.isdisjoint(axes):
         raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
     # Standard input can be read only once.
     source = find_source(request.config, "compare")
     load_one = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
-
-    def load_changed(changes: list[str]) -> LoadedConfig:
-        return load_one(overrides=[*request.overrides, *changes])
-
-    base = load_changed([])
-    points = sweep_points(load_changed, axes, base.config.sampling_period.unit)
+    base = load_one(overrides=request.overrides)
+    points = []
+    for places in product(*(range(len(listed)) for listed in axes.values())):
+        values = {key: axes[key][place] for key, place in zip(axes, places, strict=True)}
+        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
+        changed = _following_step(values, base.config.sampling_period.unit) | values
+        changes = [f"{key}={json.dumps(value)}" for key, value in changed.items()]
+        try:
+            loaded = load_one(overrides=[*request.overrides, *changes])
+            points.append(Point(label, values, [*places], loaded, all_loops(loaded)))
+        except ConfigError as error:
+            raise ConfigError(str(error), where=f"{OPTION} {label}") from None
+    if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
+        message = "all points of a sweep must move the same joints and have the same runs"
+        raise UsageError(message, where=OPTION)
     base = replace(
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
@@ -154,35 +134,6 @@ def text_of(value: Node) -> str:
     return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
 
 
-def sweep_points(load_changed: Callable[[list[str]], LoadedConfig], axes: Axes, unit: str) -> list[Point]:
-    """Make the configurations of a sweep; the last key's values change fastest.
-
-    `load_changed` loads one with overrides; `unit` is that of its sampling period.
-
-    Raises
-    ------
-    ConfigError
-        If one of them cannot be used.
-    UsageError
-        If they differ in joints or runs.
-    """
-    points = []
-    for numbered in product(*(enumerate(values) for values in axes.values())):
-        values = {key: value for key, (_, value) in zip(axes, numbered, strict=True)}
-        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
-        changed = _following_step(values, unit) | values
-        try:
-            loaded = load_changed([f"{key}={json.dumps(value)}" for key, value in changed.items()])
-            loops = all_loops(loaded)
-        except ConfigError as error:
-            raise ConfigError(str(error), where=f"{OPTION} {label}") from None
-        points.append(Point(label, values, [place for place, _ in numbered], loaded, loops))
-    if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
-        message = "all points of a sweep must move the same joints and have the same runs"
-        raise UsageError(message, where=OPTION)
-    return points
-
-
 def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
     """Let the other solver's longest step, which has to divide the sampling period, follow it."""
     period = chosen.get(_PERIOD, chosen.get(f"{_PERIOD}.value"))
@@ -203,10 +154,9 @@ def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
 
 
 def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
-    """Place of every value on an axis of numbers, for each of the n moving joints, the last of `total`.
+    """Values as numbers for each of the n moving joints, the last of `total`.
 
-    None where a value is no number and no list with an entry for each joint, or where two values are the
-    same for a joint.
+    None where a value is no number and no list with an entry for each joint, or two are the same for a joint.
     """
     rows = [value if isinstance(value, list) else [value] * n for value in values]
     numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
@@ -217,7 +167,7 @@ def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[f
 
 
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
-    """Simulate every run of every point; what does not exist is NaN, which JSON writes as null."""
+    """Simulate every run of every point; what does not exist is NaN."""
     total = sum(len(point.loops) for point in sweep.points)
     with talk.bar(f"simulating {total} runs", total) as progress:
         points = [_simulate_point(point, progress) for point in sweep.points]
@@ -265,7 +215,7 @@ def _simulate_point(point: Point, progress: Callable[[int], None]) -> dict[str, 
 
 
 def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dict[str, Any]:
-    """Ratios of MAE where both runs lasted, and of errors under a slow load, which no plant enters."""
+    """Ratios of MAE where both runs lasted, and of errors under a slow load."""
     e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
     ratio, predicted = {}, {}
     for pair, names in PAIRS.items():
@@ -281,7 +231,7 @@ def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dic
 
 
 def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
-    """A row per point and joint for the terminal, and a row per point, run and joint with every number."""
+    """A short table for the terminal, and one with every number."""
     swept = f"{data['config']} over {' and '.join(axis['key'] for axis in data['keys'])}"
     points = f"{swept}: MAE of each run, deg, and ratios of MAE."
     every = f"{swept}, sweep {data['config_sha256'][:12]}. A diverged run has its numbers up to its end."

@@ -34,7 +34,6 @@ MOST_PICTURES = 1000
 """Of a film, all of which are held in memory."""
 
 _DPI = 110
-_EDGE = "#777777"
 
 
 def animate(
@@ -51,16 +50,16 @@ def animate(
     Parameters
     ----------
     source : Path
-        Trace file, or a results folder that holds one.
+        Trace file, or a results folder.
     talk : Talk
     run : str, optional
-        Name of a run; the first one if not given.
+        The first one if not given.
     speed : float
         Seconds of the run in one second of the film.
     out : Path, optional
-        File to write, else beside the traces, with the name of the run.
+        File to write, ending in .gif, else beside the traces by the run's name.
     force : bool
-        Overwrite a file that is there.
+        Overwrite a file.
 
     Returns
     -------
@@ -77,10 +76,7 @@ def animate(
     file = stored_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
-    target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
-    if target.suffix != ".gif":
-        message = f"a film ends in .gif, found {target.name!r}"
-        raise UsageError(message, where="--out")
+    target = (out or (source if source.is_dir() else source.parent) / name).with_suffix(".gif")
     refuse_existing(target, force=force)
     places = _places(scene.trace.time, speed)
     film = []
@@ -122,7 +118,10 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     figure.colorbar(colours, ax=arm, orientation="horizontal", label=label, shrink=0.8, pad=0.02)
     _draw_frame(arm, scene)
     (links,) = arm.plot([], [], color="#D8D8D8", linewidth=7.0, solid_joinstyle="round", zorder=2.0)
-    discs = [_disc(arm, abs(radius)) for path in scene.paths for radius in path.radius]
+    look = {"facecolor": "none", "edgecolor": "#777777", "linewidth": 0.6, "zorder": 3.0}
+    discs = [Circle((0.0, 0.0), abs(radius), **look) for path in scene.paths for radius in path.radius]
+    for disc in discs:
+        arm.add_patch(disc)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
     cursors = [_draw_curves(panels[name], scene, name) for name in ("q_encoder", "e")]
     imprint(figure, origin)
@@ -159,12 +158,6 @@ def _draw_frame(axes: Axes, scene: Scene) -> None:
     axes.set_axis_off()
     axes.plot([left, left + 0.1], [bottom] * 2, color="black", linewidth=1.0)
     axes.text(left + 0.05, bottom + 0.01, "0.1 m", ha="center", va="bottom", fontsize=7)
-
-
-def _disc(axes: Axes, radius: float) -> Circle:
-    disc = Circle((0.0, 0.0), radius, facecolor="none", edgecolor=_EDGE, linewidth=0.6, zorder=3.0)
-    axes.add_patch(disc)
-    return disc
 
 
 def _draw_curves(axes: Axes, scene: Scene, name: str) -> Any:

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.figures.compare import (
-    MEAN_WINDOW,
-    RIPPLE_WINDOW,
-    ZOOM,
-    draw_law,
-    draw_motors,
-    draw_payload,
-    draw_tracking,
-)
-from tendonrepro.results.figures.decouple import draw_joint, draw_motor_angles, draw_pull
+from tendonrepro.results.figures import compare, decouple
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
@@ -33,30 +24,27 @@ _ERRORS = "Where errors are of the size of encoder steps, their mean in a band o
 class FigureSpec:
     """What a figure shows and needs.
 
-    `runs` are its runs by name; none stands for all that carry no payload. Those are drawn that hold all
-    `joints` and ``all`` of the variables it `needs`, or ``any``, as `enough` says; the plant record must hold
-    the values of `plant`.
+    `runs` are its runs by name; none stands for all of the comparison without payload. Of them those are
+    drawn that hold all `joints` and all variables it `needs`, or `some`; the plant record must hold `plant`.
     """
 
-    caption: str
-    experiment: str
-    runs: tuple[str, ...]
-    needs: tuple[str, ...]
     draw: Callable[[TraceFile, list[Trace]], Canvas]
-    enough: Callable[[Iterable[bool]], bool] = all
+    caption: str
+    needs: tuple[str, ...]
+    runs: tuple[str, ...] = ()
+    some: bool = False
     plant: tuple[str, ...] = ()
     joints: tuple[int, ...] = ()
 
     def traces(self, file: TraceFile) -> list[Trace]:
         """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
-        held = file.part(self.experiment).runs
-        names = self.runs or [name for name in held if not name.endswith(PAYLOAD)]
+        unloaded = [name for name in file.part("compare").runs if not name.endswith(PAYLOAD)]
+        enough = any if self.some else all
         return [
-            held[name]
-            for name in names
-            if name in held
-            and self.enough(variable in held[name] for variable in self.needs)
-            and set(self.joints) <= set(held[name].joint)
+            trace
+            for trace in (file.runs[name] for name in self.runs or unloaded if name in file.runs)
+            if enough(variable in trace for variable in self.needs)
+            and set(self.joints) <= set(trace.joint)
             and set(self.plant) <= set(file.plant.values)
         ]
 
@@ -121,81 +109,67 @@ def origin_of(file: TraceFile) -> str:
 
 
 def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
-    made = "Simulated" if file.source == "simulated" else "Measured"
-    told = {"diverged": "diverged at {:.2f} s.", "ringing": "is ringing."}
-    ends = [
-        f"Run {trace.name} {told[trace.status].format(trace.attributes['status_time'])}"
-        for trace in traces
-        if trace.status in told
-    ]
-    origin = f"{made}; tendonrepro {file.tendonrepro_version}, configuration {file.config_sha256[:12]}."
+    ends = [f"Run {trace.name}: {trace.told_status}." for trace in traces if trace.status != "ok"]
+    made = f"{file.source.capitalize()}; tendonrepro {file.tendonrepro_version}"
+    origin = f"{made}, configuration {file.config_sha256[:12]}."
     return " ".join([f"{title_of(name)}. {FIGURES[name].caption}", *ends, origin])
 
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
+        partial(decouple.draw_angles, variables=("q_motor_encoder", "q_encoder")),
         "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
-        "3.1 the opposite way. Postures at the start and where joint 1 turned furthest, by the encoders.",
-        "decouple",
-        ("pull_tendon_1",),
+        "3.1 the opposite way.",
         ("q_motor_encoder", "q_encoder"),
-        draw_pull,
+        ("pull_tendon_1",),
         plant=("S",),
         joints=(1, 2),
     ),
     "fig09": FigureSpec(
+        partial(decouple.draw_angles, variables=("q_motor_encoder",)),
         "Angles of the three motors.",
-        "decouple",
-        ("decouple",),
         ("q_motor_encoder",),
-        draw_motor_angles,
+        ("decouple",),
     ),
     **{
         f"fig{9 + joint:02d}": FigureSpec(
+            partial(decouple.draw_joint, joint=joint),
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
-            "decouple",
-            ("decouple",),
             ("q_calculated", "q_encoder"),
-            partial(draw_joint, joint=joint),
+            ("decouple",),
             joints=(joint,),
         )
         for joint in (1, 2, 3)
     },
     "fig13": FigureSpec(
+        compare.draw_motors,
         "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
         "The paper does not say with which controller: here Controller 1.",
-        "compare",
-        ("controller_1",),
         ("q_encoder", "q_d"),
-        draw_motors,
+        ("controller_1",),
         plant=("S_inv",),
     ),
     "fig14": FigureSpec(
+        compare.draw_tracking,
         f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
-        "compare",
-        (),
         ("q_encoder", "e"),
-        draw_tracking,
-        enough=any,
+        some=True,
     ),
     "fig15": FigureSpec(
+        compare.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"centred {MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
-        f"{RIPPLE_WINDOW:g} s; below raw samples of {ZOOM * 1e3:g} ms, at the grey line.",
-        "compare",
-        (),
+        f"centred {compare.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
+        f"{compare.RIPPLE_WINDOW:g} s; below raw samples of {compare.ZOOM * 1e3:g} ms, at the grey line.",
         ("s", "H_hat", "tau_m"),
-        draw_law,
-        enough=any,
+        some=True,
     ),
     "fig16": FigureSpec(
+        compare.draw_payload,
         "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
         f"{_MAE}. {_ERRORS}",
-        "compare",
-        ("controller_1", "controller_1_payload"),
         ("q_encoder", "e"),
-        draw_payload,
-        enough=any,
+        ("controller_1", "controller_1_payload"),
+        some=True,
     ),
 }
 """Every figure that can be drawn; those of the paper are named by their numbers."""

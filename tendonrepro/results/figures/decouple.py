@@ -2,68 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae
-from tendonrepro.physics.tendon_path import joint_positions
 from tendonrepro.results.figures.panels import Canvas
-from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, Stroke, stroke_of
+from tendonrepro.results.figures.style import COLUMN_MM, REFERENCE, stroke_of
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.tables import rounded
 
-_LINKS = Stroke("#000000", (), 1.4)
-_CARRIED = Stroke("#228833", (3.0, 1.5), 1.0)
+_ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
 
 
-def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 6: motor 1 alone turns; slope of joint 2 over joint 1 beside the coupling's; two postures."""
+def draw_angles(file: TraceFile, traces: list[Trace], *, variables: Sequence[str]) -> Canvas:
+    """Figures 6 and 9: angles of all motors; where motor 1 turns alone those of all joints, too."""
     (trace,) = traces
-    labels = [
-        [("Motors", "Motor angle (deg)")],
-        [("Joints", "Joint angle (deg)")],
-        [("Postures, to scale", "Height (m)")],
-    ]
-    canvas = Canvas(COLUMN_MM, 150.0, labels, apart=("Position (m)",))
-    for joint in trace.joint:
-        label, stroke = f"Motor/joint {joint}", stroke_of(joint)
-        for letter, what, angle in (("a", "Motor", "q_motor_encoder"), ("b", "Joint", "q_encoder")):
-            values = _degrees(trace, angle, joint)
-            canvas.curve(letter, f"{what} {joint}", trace.time, values, stroke, label=label)
+    names = [_ANGLES[variable] for variable in variables]
+    canvas = Canvas(
+        COLUMN_MM, 18.0 + 40.0 * len(names), [[(f"{name}s", f"{name} angle (deg)")] for name in names]
+    )
+    for letter, name, variable in zip(canvas.axes, names, variables, strict=True):
+        for joint in trace.joint:
+            values, label = _degrees(trace, variable, joint), f"{'/'.join(names).capitalize()} {joint}"
+            canvas.curve(letter, f"{name} {joint}", trace.time, values, stroke_of(joint), label=label)
+    if "q_encoder" in variables:
+        canvas.note("b", _slope(file, trace))
+    return canvas
+
+
+def _slope(file: TraceFile, trace: Trace) -> str:
+    """Slope of joint 2 over joint 1, beside the coupling's."""
     S = file.plant.matrix("S", (1, 2))
     first, second = (_degrees(trace, "q_encoder", joint) for joint in (1, 2))
     first, second = first - first[0], second - second[0]
-    if first.any():
-        slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
-        canvas.note("b", f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}")
-    _draw_postures(canvas, "c", file.plant, trace)
-    return canvas
-
-
-def _draw_postures(canvas: Canvas, letter: str, plant: PlantRecord, trace: Trace) -> None:
-    """Draw the links at the start and where joint 1 turned furthest, and link 2 as Fig. 6 is worded."""
-    if not {"length", "posture"} <= plant.values.keys():
-        canvas.not_recorded(letter)
-        return
-    length, posture = (plant.values[name].value for name in ("length", "posture"))
-    q = trace["q_encoder"]
-    furthest = int(np.abs(np.nan_to_num(q[:, 0] - q[0, 0])).argmax())
-    start, turned = (joint_positions(length, np.cumsum(posture + q[place])) for place in (0, furthest))
-    carried = turned[1] + start[[1, 2]] - start[1]
-    canvas.chain(letter, "Start", start, REFERENCE, label="Links at the start")
-    canvas.chain(letter, "Turned", turned, _LINKS, label="Links, motor 1 turned")
-    canvas.chain(letter, "Carried", carried, _CARRIED, label="Link 2, were it only translated")
-
-
-def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 9: angles of all motors."""
-    (trace,) = traces
-    canvas = Canvas(COLUMN_MM, 58.0, [[("", "Motor angle (deg)")]])
-    for joint in trace.joint:
-        values = _degrees(trace, "q_motor_encoder", joint)
-        canvas.curve("a", f"Motor {joint}", trace.time, values, stroke_of(joint))
-    return canvas
+    if not first.any():
+        return ""
+    slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
+    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}"
 
 
 def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:

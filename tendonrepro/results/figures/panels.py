@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,15 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
-from tendonrepro.results.figures.style import (
-    Drawing,
-    Stroke,
-    imprint,
-    letter_panels,
-    open_figure,
-    paler,
-    settle,
-)
+from tendonrepro.results.figures import style
+from tendonrepro.results.figures.style import Drawing, Stroke
 
 # No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
 _ENVELOPE_COLUMNS = 600
@@ -36,32 +29,20 @@ class FigureArtists(Drawing):
 
     Attributes
     ----------
-    lines : dict
-        Curves by panel letter and name, such as ``("c", "Controller 1")``.
-    bands : dict
-        Bands below the curves that are means, by the same keys.
+    lines, bands : dict
+        By panel letter and name, such as ``("c", "Controller 1")``.
     """
 
     lines: dict[tuple[str, str], Line2D]
     bands: dict[tuple[str, str], Polygon]
 
 
-@dataclass
-class _Frame:
-    """Values that set the y range of a panel, those that may leave it, and ends of diverged runs."""
-
-    framing: list[Array] = field(default_factory=list)
-    loose: list[Array] = field(default_factory=list)
-    ends: list[tuple[float, float, str]] = field(default_factory=list)
-
-
 class Canvas:
     """A figure under construction, width and height in mm printed.
 
-    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Each title gets its
-    letter; a single panel needs none. The last rows of panels may have an x axis of their own, shared within
-    a column: `apart` are their labels, empty where the axis stands below the next row. `places` are row and
-    title, up to a comma, of every panel by letter: what it shows.
+    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Panels get letters.
+    The last rows may have an x axis of their own, shared within a column: `apart` are their labels. `places`
+    are row and title, up to a comma, of every panel.
     """
 
     def __init__(
@@ -71,15 +52,16 @@ class Canvas:
         labels: Sequence[Sequence[tuple[str, str]]],
         apart: Sequence[str] = (),
     ) -> None:
-        self.figure = open_figure(width_mm, height_mm)
+        self.figure = style.open_figure(width_mm, height_mm)
         self.places: dict[str, tuple[int, str]] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._legend: dict[str, Artist] = {}
         grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
-        self.axes = letter_panels(grid.flat, [title for title, _ in texts])
-        self._frames = {letter: _Frame() for letter in self.axes}
+        self.axes = style.letter_panels(grid.flat, [title for title, _ in texts])
+        self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
+        self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
         x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
         for (letter, axes), ((row, column), _), (title, y_label) in zip(
@@ -106,48 +88,37 @@ class Canvas:
     ) -> None:
         """Draw a curve (T,), in the panel's units, under the key `name`; `held` samples as steps.
 
-        The legend lists equal labels once; the label is `name` unless given, nothing when empty. Of a
-        diverged run the last sample is marked, and the range of the y axis is left to the other curves.
+        The legend lists equal labels once, an empty one not at all. A diverged run ends in a mark and does
+        not set the range of the y axis.
         """
         x, y = thin(time, values)
         (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
-        self._keep(letter, name, line, label)
-        frame = self._frames[letter]
-        (frame.loose if diverged else frame.framing).append(y)
-        if diverged and len(y):
-            frame.ends.append((float(x[-1]), float(y[-1]), stroke.colour))
-
-    def chain(self, letter: str, name: str, corners: Array, stroke: Stroke, label: str) -> None:
-        """Draw links as sticks through corners (K, 2), m, to scale."""
-        axes = self.axes[letter]
-        (line,) = axes.plot(*corners.T, **stroke.line, marker="o", markersize=1.5 + stroke.width)
-        line.set_solid_joinstyle("round")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(0.1)
-        self._keep(letter, name, line, label)
-
-    def _keep(self, letter: str, name: str, line: Line2D, label: str | None) -> None:
         self.lines[letter, name] = line
         text = name if label is None else label
         if text:
             line.set_label(text)
             self._legend.setdefault(text, line)
+        if not diverged:
+            self._framing[letter].append(y)
+        elif len(y):
+            self._diverged[letter].append(line)
 
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
-        """Draw the band between a lower and an upper edge, below all curves, under the key `name`.
+        """Draw the band between a lower and an upper edge (T,), below all curves.
 
-        Time and edges (T,), in the panel's units. Bands are opaque and the first lies on top: where they
-        overlap their colours do not mix, and their edges, above all of them, tell them apart.
+        Bands are opaque, the first on top, so colours do not mix; edges lie above all of them.
         """
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set(zorder=0.5 / (1 + len(self._bands)), facecolor=paler(stroke.colour, _INSIDE), linewidth=0.0)
+        band.set(
+            zorder=0.5 / (1 + len(self._bands)), facecolor=style.paler(stroke.colour, _INSIDE), linewidth=0.0
+        )
         self.axes[letter].add_patch(band)
-        look = replace(stroke, colour=paler(stroke.colour, _EDGE), width=0.5).line
+        look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
-        self._frames[letter].framing.extend(edges)
+        self._framing[letter].extend(edges)
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
@@ -157,27 +128,24 @@ class Canvas:
         """Write a remark above a panel, at its right end."""
         self.axes[letter].set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
-    def not_recorded(self, letter: str) -> None:
-        """Say in an empty panel that its variable was not recorded."""
-        axes = self.axes[letter]
-        axes.set_yticks([])
-        axes.text(
-            0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color="#666666"
-        )
-
     def explain_bands(self, label: str) -> None:
         """Add a legend entry that stands for the bands of all curves."""
         self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
 
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
+        drawn = {letter for letter, _ in self.lines}
         for letter, axes in self.axes.items():
-            _frame_values(axes, self._frames[letter])
+            if letter not in drawn:
+                axes.set_yticks([])
+                at = axes.transAxes
+                axes.text(0.5, 0.5, "not recorded", transform=at, ha="center", va="center", color="#666666")
+            _frame_values(axes, self._framing[letter], self._diverged[letter])
         if len(self._legend) > 1:
             self._draw_legend()
-        imprint(self.figure, origin)
+        style.imprint(self.figure, origin)
         self.figure.align_ylabels()
-        settle(self.figure)
+        style.settle(self.figure)
         return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
 
     def _draw_legend(self) -> None:
@@ -191,24 +159,26 @@ class Canvas:
             legend.remove()
 
 
-def _frame_values(axes: Axes, frame: _Frame) -> None:
-    """Fit the y axis to the framing values, else to the loose ones, and mark where diverged runs end."""
-    framing = np.concatenate([np.zeros(0), *(frame.framing or frame.loose)])
-    if framing.size:
-        low, high = float(framing.min()), float(framing.max())
+def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> None:
+    """Fit the y axis to values, else to the diverged runs, and mark where these end."""
+    courses = [np.array(line.get_data()) for line in diverged]
+    shown = np.concatenate([np.zeros(0), *(framing or [values for _, values in courses])])
+    if shown.size:
+        low, high = float(shown.min()), float(shown.max())
         # A constant curve needs some room, too.
         margin = _MARGIN * (high - low) or 0.05 * abs(low) or 0.05
         axes.set_ylim(low - margin, high + margin)
-    for time, value, colour in frame.ends:
-        shown = np.clip(value, *axes.get_ylim())
-        axes.plot([time], [shown], "x", markersize=4.0, markeredgewidth=1.0, color=colour, clip_on=False)
+    for line, (time, values) in zip(diverged, courses, strict=True):
+        end = np.clip(values[-1], *axes.get_ylim())
+        (mark,) = axes.plot(time[-1], end, "x", color=line.get_color(), clip_on=False)
+        mark.set(markersize=4.0, markeredgewidth=1.0)
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
     """Reduce a curve to what can be seen, keeping every spike.
 
-    Samples are taken in as many equal groups as a panel has columns; of each group the smallest and the
-    largest stay, at their own times, and of the whole curve both ends. Non-finite samples are dropped first.
+    Of each of equal groups of samples the extremes stay, at their own times, and both ends of the curve.
+    Non-finite samples are dropped.
     """
     finite = np.isfinite(values)
     time, values = time[finite], values[finite]

@@ -1,17 +1,7 @@
 """The canvas of every figure: journal style, sizes, strokes that survive grey print, letters, and files.
 
-A room draws in three steps, all of them under `journal_style`, which also decorates a function::
-
-    @journal_style()
-    def draw_something(data) -> Drawing:
-        figure = open_figure(PAGE_MM, 100.0)
-        panels = figure.subplots(2, 3, squeeze=False)
-        letter_panels(panels.flat, titles)
-        ...
-        return Drawing("stem", figure, panels, "What is shown.")
-
-and its command ends with ``save_drawing(draw_something(data), folder)``. The same figure gives the same
-bytes.
+A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`, and written by `save_drawing`. The
+same figure gives the same bytes.
 """
 
 from __future__ import annotations
@@ -118,9 +108,9 @@ def settle(figure: Figure) -> None:
 
 
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
-    """Entitle panels with "(a) ...", "(b) ..." in their order, and return them by letter.
+    """Entitle panels with "(a) ...", "(b) ...", unless there is one alone, and return them by letter.
 
-    A panel that is alone needs no title. After (z) comes (aa), then (bb).
+    After (z) comes (aa), then (bb).
     """
     named = list(zip(panels, titles, strict=True))
     letters = [ascii_lowercase[place % 26] * (place // 26 + 1) for place in range(len(named))]
@@ -137,12 +127,12 @@ class Drawing:
     Attributes
     ----------
     stem : str
-        Name of its files, and the title kept in them.
+        Name of its files, and their title.
     figure : Figure
     axes : mapping or sequence of Axes
-        Its panels, for whoever looks into them.
+        Its panels.
     caption : str
-        What is shown and where it comes from; kept in the files.
+        Kept in the files.
     origin : str
         Printed below the panels.
     """
@@ -161,9 +151,7 @@ def title_of(name: str) -> str:
 
 
 def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
-    """Write a figure as PDF, SVG and PNG with title and caption kept in the files.
-
-    An origin is printed below the panels, unless the figure is laid out already.
+    """Write a figure as PDF, SVG and PNG, title and caption in the files, an origin below the panels.
 
     Raises
     ------

@@ -116,34 +116,26 @@ class LaneRows:
             return self.take(name, size)
         return list(range(self.named[name], self.named[name] + size))
 
-    def parameters(self, tape: LaneTape, name: str, record: Any) -> Any:
+    def parameters(self, tape: LaneTape, record: Any) -> Any:
         """Replace the numbers of a stacked record, lanes last, by symbols.
 
         Numbers that are exactly zero, or exactly one, in every experiment stay numbers, and so do whole
-        numbers and booleans, which choose between branches and are the same for all. A named tuple may hold
-        others.
+        numbers and booleans, which choose between branches and are the same for all.
         """
-        if isinstance(record, tuple):
-            parts = [
-                self.parameters(tape, f"{name}.{key}", part)
-                for key, part in zip(_keys(record), record, strict=True)
-            ]
-            return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
-        if isinstance(record, bool | int):
-            return record
-        return self._leaf(tape, name, np.asarray(record))
 
-    def _leaf(self, tape: LaneTape, name: str, leaf: Array) -> Any:
-        cells = np.empty(leaf.shape[:-1], dtype=object)
-        for index in np.ndindex(cells.shape):
-            values = leaf[index]
-            if (plain := _plain(values)) is not None:
-                cells[index] = plain
-                continue
-            (row,) = self.known(f"{name}{list(index)}", 1)
-            self.constants[row] = values
-            cells[index] = tape.row(row, parameter=True)
-        return cells if cells.shape else cells[()]
+        def symbols(leaf: Any) -> Any:
+            if isinstance(leaf, bool | int):
+                return leaf
+            cells = np.empty(leaf.shape[:-1], dtype=object)
+            for index in np.ndindex(cells.shape):
+                cells[index] = _plain(leaf[index])
+                if cells[index] is None:
+                    (row,) = self.take(f"parameter {self.count}", 1)
+                    self.constants[row] = leaf[index]
+                    cells[index] = tape.row(row, parameter=True)
+            return cells if cells.shape else cells[()]
+
+        return mapped(symbols, record)
 
     def holding(self, record: Any) -> LaneRows:
         """Return the same rows for another record of the same :func:`signature`."""
@@ -156,13 +148,20 @@ def _plain(values: Array) -> float | None:
     return first if first in (0.0, 1.0) and (values == first).all() else None
 
 
-def _leaves(record: Any) -> Iterator[Any]:
+def mapped(function: Callable[..., Any], *records: Any) -> Any:
+    """Nested tuples of one structure, each leaf a function's value of theirs."""
+    first = records[0]
+    if not isinstance(first, tuple):
+        return function(*records)
+    parts = [mapped(function, *leaves) for leaves in zip(*records, strict=True)]
+    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+
+
+def _leaves(record: Any) -> list[Any]:
     """Leaves of nested tuples in the order in which they become rows."""
-    if isinstance(record, tuple):
-        for part in record:
-            yield from _leaves(part)
-    else:
-        yield record
+    found: list[Any] = []
+    mapped(found.append, record)
+    return found
 
 
 def _varying(record: Any) -> Iterator[Array]:
@@ -200,27 +199,20 @@ def remembered(write: Writer) -> Writer:
     return code
 
 
-def _keys(record: tuple[Any, ...]) -> Iterable[str]:
-    return getattr(record, "_fields", None) or map(str, range(len(record)))
-
-
 def stacked(records: list[Any]) -> Any:
     """Records of one structure as one, experiments as its leaves' last axis; whole numbers must agree."""
-    first = records[0]
-    if isinstance(first, tuple):
-        parts = [stacked([record[k] for record in records]) for k in range(len(first))]
-        return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
-    if isinstance(first, bool | int):
-        return first
-    return np.ascontiguousarray(np.moveaxis(np.array(records, dtype=np.float64), 0, -1))
+
+    def stack(*leaves: Any) -> Any:
+        if isinstance(leaves[0], bool | int):
+            return leaves[0]
+        return np.ascontiguousarray(np.moveaxis(np.array(leaves, dtype=np.float64), 0, -1))
+
+    return mapped(stack, *records)
 
 
 def part_of(record: Any, chosen: slice) -> Any:
     """Some experiments of a stacked record."""
-    if isinstance(record, tuple):
-        parts = [part_of(leaf, chosen) for leaf in record]
-        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
-    return record[..., chosen] if isinstance(record, np.ndarray) else record
+    return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
 def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 FUNCTIONS = {
     np.sin: "sin",
@@ -24,6 +25,7 @@ FUNCTIONS = {
     np.absolute: "abs",
     np.floor: "floor",
     np.exp2: "exp2",
+    np.negative: "negative",
 }
 OPERATORS = {
     np.add: "+",
@@ -84,7 +86,7 @@ def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
     return [name for name in lines if name in wanted]
 
 
-class Symbol:
+class Symbol(NDArrayOperatorsMixin):
     """A number that is not known yet; arithmetic and NumPy functions on it go on its tape."""
 
     def __init__(self, tape: Tape, name: str) -> None:
@@ -93,7 +95,8 @@ class Symbol:
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """NumPy functions of a symbol, also where the other operand is a NumPy number."""
-        if method != "__call__" or kwargs:
+        # ``x += y`` names x as output; it becomes a new symbol.
+        if method != "__call__" or kwargs.get("out", (self,))[0] is not self:
             return NotImplemented
         # A NumPy number compares itself as an array without axes.
         inputs = tuple(operand[()] if isinstance(operand, np.ndarray) else operand for operand in inputs)
@@ -127,54 +130,6 @@ class Symbol:
         """Refuse: the code that is recorded takes one branch for all numbers."""
         message = "a number that is not known yet is neither true nor false"
         raise TypeError(message)
-
-    def __abs__(self) -> Any:
-        return self.tape.function(np.absolute, self)
-
-    def __pow__(self, other: Any) -> Any:
-        return self.tape.binary("**", self, other)
-
-    def __rpow__(self, other: Any) -> Any:
-        return self.tape.binary("**", other, self)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.tape.binary(">", self, other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.tape.binary("<=", self, other)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.tape.binary("<", self, other)
-
-    def __add__(self, other: Any) -> Any:
-        return self.tape.binary("+", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self.tape.binary("+", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self.tape.binary("-", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self.tape.binary("-", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self.tape.binary("*", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self.tape.binary("*", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self.tape.binary("/", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self.tape.binary("/", other, self)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.tape.binary(">=", self, other)
-
-    def __neg__(self) -> Any:
-        return self.tape.write("negative", self)
 
 
 def as_operand(value: Any) -> str | float:

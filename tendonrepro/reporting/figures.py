@@ -1,0 +1,180 @@
+"""Pictures of findings.md and the report, from a stored ensemble as in ``docs/results/ensemble.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from tendonrepro.configuration.published import COMPARED, published
+from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
+from tendonrepro.reporting.answer import by_name
+from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, labelled
+from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
+
+_BLUE, _PALE, _RED, _GREY = "#004488", "#8FA3B8", "#B5405A", "#999999"
+
+# Told apart in grey print by lightness: dark, light, lightest, middle.
+_LOOKS = {
+    "published order: 1, 2, 3": (_BLUE, "white"),
+    "Controller 1 first": ("#9CC3EA", "black"),
+    "another order": ("#EDEDED", "black"),
+    "reverse order: 3, 2, 1": ("#8A8A8A", "black"),
+}
+_LABELLED = 0.08
+"""Shares from here on have their number in the bar."""
+
+
+@journal_style()
+def draw_orders(summary: Mapping[str, Any]) -> Drawing:
+    """Draw the shares of the orders of the controllers, a row for each reading that has a label."""
+    groups = {"Equations as published": AS_PUBLISHED, "Equations changed": CHANGED}
+    rows: list[tuple[str, Any]] = []
+    for title, names in groups.items():
+        rows += [(title, None), *labelled(summary, names)]
+    labels, readings = zip(*rows, strict=True)
+    figure = open_figure(PAGE_MM, 22.0 + 5.6 * len(rows))
+    panel = figure.subplots()
+    counts = [f"{reading['in_order']['plants']:,}" if reading else "" for reading in readings]
+    counts[0] = f"stable plants\nof {summary['populations']['box']['plants']:,}"
+    panel.set(xlim=(0.0, 1.0), xticks=np.linspace(0.0, 1.0, 5), ylim=(len(rows) - 0.5, -0.6))
+    panel.set_xlabel("share of the plants on which all three controllers are stable")
+    panel.xaxis.set_major_formatter(lambda share, _: f"{100.0 * share:.0f} %")
+    for axis, side, texts in ((panel, "left", labels), (panel.secondary_yaxis("right"), "right", counts)):
+        axis.set_yticks(range(len(rows)), texts)
+        axis.tick_params("y", length=0.0)
+        axis.spines[side].set_visible(False)
+    for tick in panel.get_yticklabels():
+        tick.set_fontweight("bold" if tick.get_text() in groups else "normal")
+    shares = np.array([order_shares(reading) if reading else [0.0] * 4 for reading in readings]).T
+    left = np.zeros(len(rows))
+    for (label, (colour, ink)), share in zip(_LOOKS.items(), shares, strict=True):
+        bars = panel.barh(range(len(rows)), share, 0.7, left=left, label=label, fc=colour, ec="white", lw=0.5)
+        texts = [f"{100.0 * part:.0f} %" if part >= _LABELLED else "" for part in share]
+        panel.bar_label(bars, texts, label_type="center", color=ink, fontsize=7)
+        left += share
+    figure.legend(loc="outside upper center", ncols=4, handlelength=1.4)
+    return Drawing("orders", figure, [panel], "Order of the controllers by their errors, the smallest first.")
+
+
+def order_shares(reading: Mapping[str, Any]) -> list[float]:
+    """Shares of the four kinds of order; their sum is 1, or 0 where no plant is stable."""
+    if not reading["in_order"]["plants"]:
+        return [0.0] * len(_LOOKS)
+    published, first, reverse = (reading[key]["share"] for key in ("in_order", "first_best", "in_reverse"))
+    return [published, first - published, 1.0 - first - reverse, reverse]
+
+
+@journal_style()
+def draw_ranges(summary: Mapping[str, Any]) -> Drawing:
+    """Draw how far plants spread in two ratios without scale: Controllers 1 over 2, and joints 3 over 2."""
+    labels, readings = zip(*labelled(summary, AS_PUBLISHED | CHANGED), strict=True)
+    figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
+    panels = figure.subplots(1, 2, sharey=True)
+    joint_2, joint_3 = (published().number(f"table2.controller_1.mae.joint_{joint}") for joint in COMPARED)
+    printed = (printed_ratios((0, 1), "mae", [2])[0], joint_3 / joint_2)
+    ratios = (("c1_c2", "joint_2"), ("joint_3_over_2", "controller_1"))
+    ticks = ((0.3, 0.4, 0.6, 0.8, 1.0, 1.4), (0.05, 0.1, 0.2, 0.4, 0.8))
+    for panel, value, (ratio, of), places in zip(panels, printed, ratios, ticks, strict=True):
+        quantiles = [[held[ratio][of][name] for name in ("q05", "median", "q95")] for held in readings]
+        low, middle, high = np.array(quantiles, dtype=np.float64).T
+        look: dict[str, Any] = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
+        look["label"] = "stable plants: median and 90 %"
+        panel.errorbar(middle, range(len(labels)), xerr=(middle - low, high - middle), **look)
+        panel.axvline(value, color=_RED, linewidth=1.0, linestyle="--", label="Table 2")
+        _logarithmic(panel, "x", (0.8 * places[0], 1.3 * places[-1]), places)
+        panel.set_xlabel("ratio of mean absolute errors")
+    panels[0].axvline(1.0, color=_GREY, linewidth=0.6)
+    panels[0].set_yticks(range(len(labels)), labels)
+    panels[0].invert_yaxis()
+    letter_panels(panels, ["Controller 1 over 2, joint 2", "Joint 3 over joint 2, Controller 1"])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return Drawing("ranges", figure, panels, "Two ratios of errors over the plants, and from Table 2.")
+
+
+_NAMED = {
+    "printed": ("as published", 5.0),
+    "Delta_unit=deg": ("Δ in degrees", 5.0),
+    "gain_unit=phi_in_degrees": ("φ in degrees", 5.0),
+    "weights=extrapolating": ("(1 + α, −α)", -5.0),
+    "weights=extrapolating+Delta_unit=deg": ("both", -5.0),
+    "stored_torque=applied+output_delay=1": ("applied\ntorque,\nlate", 5.0),
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016": ("torque in steps", -5.0),
+}
+"""Readings that have their name in the map, and on which side, pt; the others are small dots."""
+
+_REGIONS = {
+    (0.45, 0.82): "1, 2, 3",
+    (0.45, 1.26): "1, 3, 2",
+    (0.9, 1.26): "3, 1, 2",
+    (1.5, 1.26): "3, 2, 1",
+    (1.6, 0.82): "2, 3, 1",
+    (1.08, 0.82): "2, 1, 3",
+}
+"""Orders of the controllers by their errors, the smallest first, and where their region has room."""
+
+
+@journal_style()
+def draw_map(summary: Mapping[str, Any]) -> Drawing:
+    """Draw the six orders over the two ratios that decide them, a panel for each joint.
+
+    Under a slow load no plant enters: the first ratio is that of the ages of the estimates, the second that
+    of the softness of the surfaces.
+    """
+    figure = open_figure(PAGE_MM, 88.0)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for panel, joint in zip(panels, COMPARED, strict=True):
+        _draw_regions(panel)
+        alpha = published().number(f"gain.alpha.joint_{joint}")
+        for age, label in ((1.0 - alpha, "1 ± α, by theory"), (1.0 + alpha, None)):
+            panel.axvline(age, color=_BLUE, linewidth=0.7, linestyle="--", zorder=1.5, label=label)
+        _draw_readings(panel, summary, f"joint_{joint}")
+        for metric, label in (("mae", "Table 2 (MAE, RMSE)"), ("rmse", None)):
+            place = [printed_ratios(pair, metric, [joint]) for pair in RATIOS.values()]
+            panel.plot(*place, "*", color=_RED, markersize=7.0, label=label)
+        panel.set_xlabel("error of Controller 1 over 2")
+    letter_panels(panels, [f"Joint {joint}" for joint in COMPARED])
+    panels[0].set_ylabel("error of Controller 2 over 3")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return Drawing("map", figure, panels, "The six orders over the two ratios of errors that decide them.")
+
+
+def _draw_regions(panel: Axes) -> None:
+    across, upwards = (0.35, 2.0), (0.8, 1.3)
+    _logarithmic(panel, "x", across, (0.4, 0.6, 0.8, 1.0, 1.2, 1.6))
+    _logarithmic(panel, "y", upwards, (0.8, 0.9, 1.0, 1.1, 1.2, 1.3))
+    panel.fill_between((across[0], 1.0), upwards[0], 1.0, color="#E4EAF1", linewidth=0.0)
+    even, diagonal = (1.0, 1.0), (1.0 / across[0], 1.0 / across[1])
+    # The diagonal is straight, since both axes are logarithmic.
+    for line in ((across, even), (even, upwards), (across, diagonal)):
+        panel.plot(*line, color=_GREY, linewidth=0.6, zorder=1.0)
+    for (x, y), order in _REGIONS.items():
+        ground = {"facecolor": "white", "edgecolor": "none", "pad": 1.0} if order != "1, 2, 3" else None
+        panel.text(x, y, order, ha="center", va="center", color="#555555", fontsize=7, bbox=ground)
+
+
+def _draw_readings(panel: Axes, summary: Mapping[str, Any], joint: str) -> None:
+    """A dot at the medians of each reading under which plants are stable, a larger one where it is named."""
+    medians = {
+        name: (reading["c1_c2"][joint]["median"], reading["c2_c3"][joint]["median"])
+        for name, reading in by_name(summary).items()
+        if reading["in_order"]["plants"]
+    }
+    named = {name: medians[name] for name in _NAMED if name in medians}
+    look: dict[str, Any] = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0}
+    panel.plot(*zip(*medians.values(), strict=True), color=_PALE, markersize=2.2, **look)
+    look |= {"label": "interpretation, median", "zorder": 4.0}
+    panel.plot(*zip(*named.values(), strict=True), color=_BLUE, markersize=3.8, **look)
+    for name, place in named.items():
+        text, side = _NAMED[name]
+        look = {"ha": "left" if side > 0.0 else "right", "va": "center", "fontsize": 6.5}
+        panel.annotate(text, place, (side, 0.0), textcoords="offset points", **look)
+
+
+def _logarithmic(panel: Axes, axis: str, limits: tuple[float, float], ticks: tuple[float, ...]) -> None:
+    """Give an axis, ``x`` or ``y``, a logarithmic scale with these ticks alone."""
+    panel.set(**{f"{axis}scale": "log", f"{axis}lim": limits})
+    panel.set(**{f"{axis}ticks": ticks, f"{axis}ticklabels": [f"{tick:g}" for tick in ticks]})
+    panel.minorticks_off()

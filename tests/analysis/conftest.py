@@ -1,0 +1,14 @@
+"""A coarse map of stability: its borders are found by halving, wherever the grid lies."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tendonrepro.analysis import maps
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _coarse_map() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maps, "MAP_POINTS", 5)
+        yield
