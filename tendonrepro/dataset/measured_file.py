@@ -27,7 +27,8 @@ def read_measured(path: Path) -> TraceFile:
     try:
         file = read_traces(path)
     except DataMissingError as error:
-        raise DataMissingError(error.message, where=error.where, hint=_THE_WAY) from error
+        message = error.message if path.exists() else "there is no measured trace file"
+        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     return file
