@@ -24,7 +24,7 @@ def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool =
     from tendonrepro.dataset.inspection import run_inspect
 
     target = None if mapping is None else Path(mapping)
-    return run_inspect([*map(Path, paths)], target, force=force, talk=Talk())
+    return run_inspect([*map(Path, paths)], target, force=force)
 
 
 def ingest(

@@ -69,7 +69,7 @@ def inspect(
     """
     from tendonrepro.dataset.inspection import inspect_text, run_inspect
 
-    found = run_inspect(paths, mapping if suggest else None, force=force, talk=terminal.talk)
+    found = run_inspect(paths, mapping if suggest else None, force=force)
     terminal.show(found, inspect_text(found))
 
 

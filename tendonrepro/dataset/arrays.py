@@ -1,4 +1,4 @@
-"""What is read: tables of named columns, and nested arrays of MATLAB and HDF5 files as such."""
+"""Tables of named columns, and nested arrays of MATLAB and HDF5 files."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FEWEST = 8
 
 
 class Unreadable(Exception):
-    """A file that holds no signals, or cannot be read; its text says why."""
+    """A file that holds no signals, or cannot be read."""
 
 
 class Columns(dict[str, NDArray[Any]]):
-    """Columns of N rows by name, numbers or words; a unit that is stored apart stands behind its name."""
+    """Columns of N rows by name, numbers or words."""
 
     def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
-        """Add a column; of those of one name all but the first are numbered."""
+        """Add a column; a second one of a name is numbered."""
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
         number, free = 1, full
         while free in self:
@@ -37,20 +37,15 @@ class Columns(dict[str, NDArray[Any]]):
 
 
 class Series(Columns):
-    """Samples of one signal behind their times; those of one clock that lie together are one table."""
+    """Samples of one signal behind their times."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """One table.
 
-    Attributes
-    ----------
-    name : str
-        As the mapping names it: the file, and within it after a colon the sheet or struct.
-    columns : Columns
-    file : dict
-        ``name``, ``size`` in bytes and ``md5`` of its file.
+    `name` is that of the mapping: the file, and after a colon the sheet or struct; `file` has ``name``,
+    ``size`` in bytes and ``md5``.
     """
 
     name: str
@@ -65,7 +60,7 @@ class Source:
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
-    """Yield the tables of a tree with their paths: what lies together and has as many rows, or one clock."""
+    """Yield tables with their paths: what lies together and has as many rows, or one clock."""
     groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Tree]] = []
     for name, value in tree.items():
@@ -92,13 +87,10 @@ def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
 
 
 def _rows(value: Any) -> NDArray[np.float64] | None:
-    """Samples in rows of an array of numbers (N, m); None of what is none."""
+    """Samples in rows of an array of numbers, (N, m); None of what is none."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
         return None
     array = np.squeeze(value)
-    if array.ndim == 3:
-        # One matrix a sample, along the first or the last axis.
-        array = np.moveaxis(array, int(np.argmax(array.shape)), 0).reshape(max(array.shape), -1)
     array = np.atleast_2d(array)
     array = array.T if array.shape[0] < array.shape[1] else array
     is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS
@@ -106,7 +98,7 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
 
 
 def read_hdf5(path: Path) -> Tree:
-    """Read the datasets of an HDF5 or netCDF-4 file by their groups, with their attribute ``units``."""
+    """Read the datasets of an HDF5 or netCDF-4 file, with their ``units``."""
     import h5py
 
     tree: Tree = {}

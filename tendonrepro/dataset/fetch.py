@@ -1,4 +1,4 @@
-"""The command that brings the paper's data set onto this machine, and proves that it is there."""
+"""The command that brings the paper's data set onto this machine."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of, to_json, write_atomically
+from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
@@ -42,26 +43,9 @@ _TRIES = 10
 def run_fetch(
     record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
 ) -> dict[str, Any]:
-    """Bring the files of a record into a folder, or show that they are there.
+    """Bring the files of a record into a folder, or show that they are there; the lock is beside it.
 
-    Parameters
-    ----------
-    record : str
-        Number, DOI or address.
-    out : Path
-        Folder for the files; the lock is written beside it.
-    base_url : str or None
-        Another site than zenodo.org; else the environment may name one.
-    force : bool
-        Replace files that were altered, and another record.
-    dry_run : bool
-        Ask and compare, write nothing.
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+    `record` is a number, DOI or address; `base_url` another site, which the environment may name, too.
 
     Raises
     ------
@@ -70,8 +54,8 @@ def run_fetch(
     DataMissingError
         If the record or its files cannot be had.
     """
-    number, folder = record_number(record), out.resolve()
-    held = folder.with_name(f"{folder.name}.lock.json")
+    number = record_number(record)
+    held = out.resolve().with_name(f"{out.resolve().name}.lock.json")
     lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
     if number not in {lock.get("record"), lock.get("requested")}:
         if lock and not force:
@@ -80,12 +64,7 @@ def run_fetch(
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
-        path = out / file["key"]
-        if not path.resolve().is_relative_to(folder):
-            raise DataMissingError(f"the record has a file outside its folder: {path}", hint=BY_HAND)
-        if path.exists() and not force:
-            hint = "move it away, or say --force to replace it"
-            raise UsageError("is not the file of the record", where=str(path), hint=hint)
+        refuse_existing(out / file["key"], force=force)
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(held, to_json(lock))
@@ -94,14 +73,14 @@ def run_fetch(
 
 
 def fetch_text(found: dict[str, Any]) -> str:
-    """Title, version, licence and the files of a record, for a terminal."""
+    """What a terminal shows of a record."""
     head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
     shown = ("key", "size", "action")
     return Table("files", f"{head}; in {found['out']}", found["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:
-    """Read how a user names a record: by number, DOI or address.
+    """Number of a record that is named by number, DOI or address.
 
     >>> record_number("https://doi.org/10.5281/zenodo.19467931")
     '19467931'
@@ -118,7 +97,7 @@ def _is_same(path: Path, file: Entry) -> bool:
 
 
 def _described(site: str, number: str) -> dict[str, Any]:
-    """Ask for a record: what it is, and its files."""
+    """Ask what a record is, and for its files."""
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
     with _asked(_session(), url) as response:
@@ -149,7 +128,7 @@ def _described(site: str, number: str) -> dict[str, Any]:
 
 
 def _session() -> Session:
-    """Ask as who we are, again where the site is busy, and no sooner than it says."""
+    """Ask again where the site is busy, no sooner than it says."""
     session = Session()
     session.headers.update({"User-Agent": AGENT, "Accept-Encoding": "identity"})
     busy = (429, 500, 502, 503, 504)
@@ -160,7 +139,7 @@ def _session() -> Session:
 
 
 def _asked(session: Session, url: str, start: int = 0) -> Response:
-    """Get an answer that can be used; else a DataMissingError that says what to do."""
+    """Get an answer, or raise a DataMissingError that says what to do."""
     headers = {"Range": f"bytes={start}-"} if start else {}
     try:
         response = session.get(url, headers=headers, timeout=_TIMEOUT, stream=True)
@@ -172,9 +151,8 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
         return response
     response.close()
     said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
-    message = f"the site answers {said}"
     hint = f"check the number and --base-url, try again later, {BY_HAND}"
-    raise DataMissingError(message, where=url, hint=hint)
+    raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
 def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
@@ -203,7 +181,7 @@ def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> 
 
 
 def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:
-    """Get one file of so many bytes; what an earlier try left of it is used."""
+    """Get one file of so many bytes, from where an earlier try ended."""
     part.touch()
     for _ in range(_TRIES):
         start = part.stat().st_size

@@ -1,7 +1,4 @@
-"""A mapping guessed from the names of tables and columns, to be checked by a person.
-
-Every guess that is not plain says what was found, what was assumed, and what to write if that is wrong.
-"""
+"""A mapping guessed from the names of tables and columns, with what a person is to check."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.arrays import Source
-from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
+from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, SCHEMA_VERSION, Use, kind_of
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
 
 Lines: TypeAlias = dict[str, tuple[str, str]]
@@ -26,14 +23,12 @@ _USUAL = {"rate": "deg/s", "torque": "N m"}
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
-_LOOP_STEPS = 5e-5, 0.1
-"""Sampling steps of a control loop, s."""
 _PAPERS_PAYLOAD = 0.2
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What one column is taken for, in which run, and what a person is to check about it."""
+    """What one column is taken for, in which run, and what to check."""
 
     source: Source
     column: str
@@ -44,13 +39,13 @@ class Guess:
 
 
 def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
-    """Guess which column is which variable; what the table of words does not tell is left to the reader.
+    """Guess which column is which variable.
 
     Returns
     -------
     dict
-        ``suggestion``, the text of a mapping file; ``runs``, their numbers of columns, times not counted; and
-        ``left``, the line that would use a column that nobody could tell, and why it is not there.
+        ``suggestion``, the text of a mapping file; ``runs``, their numbers of columns; and ``left``, the line
+        that would use a column that could not be told, and why.
     """
     runs: dict[str, list[Guess]] = {}
     left: list[str] = []
@@ -73,7 +68,7 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
 
 
 def _of_table(source: Source) -> Iterator[Guess | str]:
-    """What each column of a table is, or why that is not told and the line to write."""
+    """Guess what each column is, or give the line to write and why it is not told."""
     around = [meaning_of(part) for part in _around(source.name)]
     said = {column: meaning_of(re.sub(r"\[\d+\]| #\d+$", "", column)) for column in source.columns}
     variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
@@ -99,7 +94,7 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
 
 
 def _number_of(column: str, telling: Sequence[Meaning]) -> int:
-    """Number of a column's joint: of the nearest name that has one, else its place in an array, else 0."""
+    """Number of a column's joint, of the nearest name that has one; else its place in an array."""
     place = re.search(r"\[(\d+)\]", column)
     said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
     return said if said is not None else int(place[1]) if place else 0
@@ -115,7 +110,7 @@ def _around(name: str) -> list[str]:
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
-    """What a name says, with role and quantity of the names around it where it has none of its own."""
+    """What a name says, with role and quantity of the names around where it has none."""
     if said.says & (KINDS | ROLES):
         return said.says
     wanted = ROLES | {"torque", "motor"}
@@ -124,7 +119,7 @@ def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
 
 
 def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
-    """What keeps a column from being guessed; empty where nothing does."""
+    """What keeps a column from being guessed."""
     if kind != "f":
         return "words, by which `where` of a run can choose rows"
     if said.unknown:
@@ -138,12 +133,12 @@ def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
 
 
 def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
-    """Unit of a column, as its name says, else by the size of its numbers, which are then told."""
+    """Unit of a column, as its name says, else by the size of its numbers, which is told."""
     kind = kind_of(variable)
     if kind is None or said in FACTORS[kind]:
         return said or "", ""
     if kind == "time":
-        low, high = _LOOP_STEPS
+        low, high = LOOP_STEPS
         step = float(np.nanmedian(np.diff(values)))
         unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
         return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
@@ -154,7 +149,7 @@ def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
 
 
 def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
-    """What was found and assumed about a column, and the line to write if that is wrong."""
+    """What was assumed about a column, and the line to write if that is wrong."""
     if sized:
         yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
     if use.variable == "q_motor_encoder":
@@ -168,7 +163,7 @@ def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
 
 
 def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None]:
-    """Name of a column's run and its payload: from the nearest name that says it, else after its table."""
+    """Run of a column and its payload, from the nearest name that says it; else after its table."""
     telling = [said, *around]
     controller = next((m.controller for m in telling if m.controller is not None), None)
     payload = next((m.payload for m in telling if m.payload is not None), None)
@@ -180,7 +175,7 @@ def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, f
 
 
 def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str) -> Iterator[str]:
-    """Lines of the mapping file: columns that all runs share, runs, and what was left."""
+    """Lines of the mapping file."""
     shared: Lines = {}
     apart: dict[str, Lines] = {}
     seen: set[str] = set()
@@ -207,7 +202,7 @@ def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str)
 
 
 def _columns_of(guesses: Sequence[Guess]) -> Lines:
-    """Lines of a run; where two of its tables have a column of one name, by table and column."""
+    """Lines of a run, with the table where two have a column of one name."""
     found: Lines = {}
     for guess in guesses:
         others = [one for one in guesses if one.column == guess.column and one.use != guess.use]

@@ -38,27 +38,9 @@ def run_ingest(
     talk: Talk,
     confirm: bool = False,
 ) -> dict[str, Any]:
-    """Convert measured files, folders and archives to a trace file.
+    """Convert measured files, folders and archives to a trace file `out`.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-    mapping : Path
-        Which column is which variable.
-    out : Path
-        Trace file to write.
-    force : bool
-        Overwrite it.
-    dry_run : bool
-        Write nothing.
-    talk : Talk
-    confirm : bool
-        Take every guess in the mapping for right, and delete its mark.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+    `confirm` takes every guess in the mapping for right, and deletes its mark.
 
     Raises
     ------
@@ -74,7 +56,7 @@ def run_ingest(
     text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
     loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))
-    sources, unread = read_files(paths, talk)
+    sources, unread = read_files(paths)
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, unread, loaded, S)
     runs = assembly.runs()
@@ -140,9 +122,8 @@ def _described(trace: Trace) -> dict[str, Any]:
 def ingest_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows of an ingestion."""
     rows = [{"run": name} | run for name, run in found["runs"].items()]
-    columns = {name: (name, ".3f") for name in ("run", "joints", "samples", "step_s", "status")}
-    columns |= {name: (name, ".3f") for name in ("mae_deg", "rmse_deg")}
-    lines = [Table("runs", found["title"], rows, columns).text()]
+    names = ("run", "joints", "samples", "step_s", "status", "mae_deg", "rmse_deg")
+    lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
         lines.append(f"  {len(found['guesses'])} guesses: check the mapping, then say --confirm")

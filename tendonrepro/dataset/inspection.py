@@ -8,31 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.console import Talk
 from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.read import read_files
-from tendonrepro.errors import UsageError
 from tendonrepro.files import write_atomically
+from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.tables import Table
 
 
-def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, talk: Talk) -> dict[str, Any]:
-    """List what is in files, folders and archives.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-    mapping : Path, optional
-        Mapping file to write.
-    force : bool
-        Overwrite it.
-    talk : Talk
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> dict[str, Any]:
+    """List what is in files, folders and archives, and write a mapping file where one is named.
 
     Raises
     ------
@@ -41,10 +26,9 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool, tal
     DataMissingError
         If a path is missing.
     """
-    if mapping is not None and mapping.exists() and not force:
-        hint = "choose another --mapping, or overwrite it with --force"
-        raise UsageError("is there already and may hold work of yours", where=str(mapping), hint=hint)
-    sources, unread = read_files(paths, talk)
+    if mapping is not None:
+        refuse_existing(mapping, force=force)
+    sources, unread = read_files(paths)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
         write_atomically(mapping, guessed["suggestion"])

@@ -32,6 +32,8 @@ from tendonrepro.results.records import VARIABLES
 CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
 SCHEMA_VERSION = 2
+LOOP_STEPS = 5e-5, 0.1
+"""Sampling steps of a control loop, s; beyond them the unit of the times is in doubt."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _USE = re.compile(
@@ -61,13 +63,13 @@ class Use:
         return FACTORS.get(kind_of(self.variable) or "", {}).get(self.unit, 1.0)
 
     def __str__(self) -> str:
-        """As the mapping writes it, without factor and offset."""
+        """As the mapping writes it."""
         joint = "" if self.variable == "time" else f" {self.joint}"
         return f"{self.variable}{joint} {self.unit}".rstrip()
 
 
 def kind_of(variable: str) -> str | None:
-    """Kind of quantity of a variable: a key of `FACTORS`, or None where numbers are taken as they are."""
+    """Key of `FACTORS`, or None where numbers are taken as they are."""
     if variable == "time":
         return "time"
     return {"rad": "angle", "rad s-1": "rate", "N m": "torque"}.get(VARIABLES[variable][0])
@@ -95,22 +97,17 @@ Number: TypeAlias = Annotated[float, Field(strict=True)]
 
 
 class Run(Model):
-    """Tables of a run and what to do with them.
+    """Tables of a run and what to do with them; a variable is taken from the first that has it.
 
     Attributes
     ----------
-    sources : list of str
-        Names of tables; a variable is taken from the first that has it.
-    columns : dict, optional
-        Of this run alone, instead of those that all runs share. ``source:column`` names one of several.
-    where : dict
+    columns
+        Instead of those that all runs share; ``source:column`` names one of several.
+    where
         Column -> value that the rows to take have there.
-    payload_mass_kg : float, optional
-    period_s : float, optional
-        Of the motion.
-    from_s, to_s : float
+    from_s, to_s
         Part to keep, in the file's own time.
-    step_s : float, optional
+    step_s
         Where there are no times.
     """
 
@@ -141,7 +138,7 @@ class _Tree(Model):
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A checked mapping, the guesses in it that nobody has confirmed, and the place of each run."""
+    """A checked mapping, with its guesses and the place of each run."""
 
     title: str
     runs: Mapping[str, Run]
@@ -150,14 +147,7 @@ class MappingFile:
 
 
 def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check a mapping.
-
-    Parameters
-    ----------
-    text, name : str
-        Of its file.
-    payload : float
-        Mass of a run called ``..._payload`` that names none, kg.
+    """Check a mapping; `payload`, kg, is that of a run called ``..._payload`` that names none.
 
     Raises
     ------

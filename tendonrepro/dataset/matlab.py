@@ -1,4 +1,4 @@
-"""MATLAB files of every version: structs, tables, timeseries and Simulink's logs as nested plain values."""
+"""MATLAB files of every version as nested plain values."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _DAMAGED = 0xDD000000
 
 
 def read_matlab(path: Path) -> Tree:
-    """Read all variables of a MATLAB file.
+    """Read the variables of a MATLAB file that can be read.
 
     Raises
     ------
     Unreadable
-        If no variable can be read. One that cannot is left out.
+        If none can.
     """
     found, reasons = {}, []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -63,7 +63,7 @@ def _names(path: Path) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers as arrays, tables and timeseries as `Columns`, all else that has members as a dict."""
+    """Numbers as arrays, tables as `Columns`, all else that has members as a dict."""
     if isinstance(value, pd.DataFrame | Mapping):
         return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
     if hasattr(value, "properties") and hasattr(value, "classname"):
@@ -80,12 +80,12 @@ def _plain(value: Any) -> Any:
 
 
 def _items(items: list[Any]) -> Any:
-    """Elements of a struct or cell array by number; the only one as itself."""
+    """Elements of a struct or cell array by number; an only one as itself."""
     return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
 
 
 def _members(members: Any) -> Tree:
-    """Members of a struct, object or map; of Simulink's structure with time, its labelled signals."""
+    """Members of a struct, object or map; of Simulink's structure with time, its signals."""
     if not isinstance(members, Mapping):
         return {}
     tree = {str(name): _plain(value) for name, value in members.items()}
@@ -98,7 +98,7 @@ def _members(members: Any) -> Tree:
 
 
 def _object(kind: str, tree: Tree) -> Any:
-    """An object of MATLAB: timeseries, elements and data sets of Simulink's logs; others by their members."""
+    """Timeseries, elements and data sets of Simulink's logs; other objects by their members."""
     if kind == "timeseries":
         return _timeseries(tree)
     series = tree.get("Values")
@@ -135,8 +135,9 @@ def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _timeseries(tree: Tree) -> Series | None:
-    """Time and samples of a ``timeseries``, from its properties as they are stored."""
-    info, about, storage = (_dict(tree.get(key)) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    """Time and samples of a ``timeseries``."""
+    held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    info, about, storage = (part if isinstance(part, dict) else {} for part in held)
     # Streamed logs lie elsewhere.
     data = next(
         (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
@@ -159,10 +160,6 @@ def _timeseries(tree: Tree) -> Series | None:
     for k, column in enumerate(samples.T, start=1):
         found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
     return found
-
-
-def _dict(value: Any) -> Tree:
-    return value if isinstance(value, dict) else {}
 
 
 def _is_filled(value: Any) -> bool:

@@ -9,7 +9,7 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
 
 MEASURED = Path("data") / "measured.h5"
-"""Where it is unless a command says otherwise."""
+"""Where it is by default."""
 
 _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
@@ -27,8 +27,7 @@ def read_measured(path: Path) -> TraceFile:
     try:
         file = read_traces(path)
     except DataMissingError as error:
-        message = error.message if path.exists() else "there is no measured trace file"
-        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
+        raise DataMissingError(error.message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     return file

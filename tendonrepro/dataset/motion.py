@@ -1,4 +1,4 @@
-"""The desired motion behind measured runs: where it begins, when it repeats, and samples to run it again."""
+"""The desired motion behind measured runs."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ class Recorded:
     Attributes
     ----------
     time : array (T,)
-        s, 0 at the run's first sample.
+        s, from 0.
     q : array (T, n)
-        Displacement from the first angles, rad; gaps are bridged.
+        Displacement from `start_angle`, rad; gaps are bridged.
     joint : tuple of int
     start_angle : array (n,)
         rad.
     rounding : float
-        Step to which the record itself is rounded, rad; 0 if it is not.
+        Step to which the record is rounded, rad; 0 if it is not.
     """
 
     time: Array
@@ -68,11 +68,11 @@ class Recorded:
         return float(self.time[1] - self.time[0])
 
     def at(self, time: Array) -> Array:
-        """Displacement at other times (T,), s: (T, n) rad, that of the nearer end beyond the record."""
+        """Displacement at times (T,), s: (T, n) rad; beyond the record that of its end."""
         return np.column_stack([np.interp(time, self.time, column) for column in self.q.T])
 
     def moving(self) -> tuple[int, int]:
-        """First and last sample of the motion: rest before it and after it are left out."""
+        """First and last sample of the motion."""
         tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
         left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
         ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
@@ -83,20 +83,16 @@ class Recorded:
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """Samples for a trajectory file.
+    """Samples for a trajectory file: `time` (N,), s, and `angle` (N, n), rad, from 0.
 
     Attributes
     ----------
-    time : array (N,)
-        s, from 0.
-    angle : array (N, n)
-        rad, from 0.
     spacing : float
         s.
     tolerance, deviation : float
         Largest deviation of their spline from the record, allowed and found, rad.
     braked : bool
-        A stroke to rest was added after the end of the record.
+        A stroke to rest was added.
     """
 
     time: Array
@@ -109,20 +105,9 @@ class Knots:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A recovered reference.
+    """A reference recovered from a run.
 
-    Attributes
-    ----------
-    run : str
-        Run it was read from.
-    record : Recorded
-        The desired angles.
-    knots : Knots
-        What a trajectory file holds.
-    period : float
-        s; 0 where it does not repeat.
-    begin, end : float
-        First and last instant of the motion, s after the first sample.
+    `period`, s, is 0 where it does not repeat; `begin` and `end` of the motion are s after the first sample.
     """
 
     run: str
@@ -190,19 +175,19 @@ def rounding_step(angles: Array) -> float:
 
 
 def noise(record: Recorded) -> float:
-    """Standard deviation of white noise, from the median fourth difference, rad; 0 where it is rounding."""
+    """Standard deviation of white noise, rad; 0 where it is rounding."""
     fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
     found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
     return found if found > 0.6 * record.rounding else 0.0
 
 
 def noise_peak(record: Recorded) -> float:
-    """Largest deviation that noise is expected to cause among all samples, that of the first added, rad."""
+    """Largest deviation that noise causes among all samples, rad."""
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
 
 def recover(file: TraceFile) -> Reference:
-    """Recover the reference of a measured comparison from the first run that recorded it for both joints.
+    """Recover the reference from the first run that recorded it for both joints.
 
     Raises
     ------
@@ -219,17 +204,16 @@ def recover(file: TraceFile) -> Reference:
 
 
 def _complete(trace: Trace) -> bool:
-    """Whether a run recorded the desired angles of both joints of the comparison."""
+    """Whether a run recorded q_d of joints 2 and 3."""
     if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
         return False
     return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
 
 
 def onset(record: Recorded) -> float:
-    """When a motion begins, s: earlier than it is first seen, since it begins slowly.
+    """When a motion begins, s: earlier than it is first seen.
 
-    A motion from rest leaves its start by a power of time, the second or the third. When it passes three
-    levels tells which, and when it began.
+    It leaves its start by the second or third power of time. When it passes three levels tells which.
     """
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
@@ -244,7 +228,7 @@ def onset(record: Recorded) -> float:
 
 
 def _passes(time: Array, q: Array, level: float) -> float:
-    """When an angle first passes a level, between two samples, s."""
+    """When an angle first passes a level, s."""
     after = int(np.argmax(q > level))
     before = max(after - 1, 0)
     share = (level - q[before]) / (q[after] - q[before]) if q[after] > q[before] else 0.0
@@ -252,11 +236,7 @@ def _passes(time: Array, q: Array, level: float) -> float:
 
 
 def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
-    """Start and period of the motion of every run of a comparison.
-
-    A run's own start is told by its desired angles against those of the reference. The period is the one a
-    run states, else that of the reference.
-    """
+    """Start and period of the motion of every run; a period that a run states goes first."""
     found = {}
     for name, trace in file.part("compare").runs.items():
         start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
@@ -267,7 +247,7 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 
 def zero_of(trace: Trace, reference: Reference) -> float:
-    """Time on a run's own axis at which a rerun on the recovered reference begins, s."""
+    """Time of a run at which a rerun of the reference begins, s."""
     from scipy.optimize import minimize_scalar
 
     other, first = reference.record, float(trace.time[0])
@@ -287,7 +267,7 @@ def zero_of(trace: Trace, reference: Reference) -> float:
 
 
 def derivatives(trace: Trace) -> tuple[Array, Array]:
-    """Desired velocity and acceleration at a run's samples, (T, n): recorded, else of the smoothed motion.
+    """Desired velocity and acceleration, (T, n): recorded, else of the smoothed motion.
 
     Raises
     ------
@@ -304,8 +284,8 @@ def derivatives(trace: Trace) -> tuple[Array, Array]:
 def repeat_after(record: Recorded) -> float:
     """Time after which the motion repeats, s; 0 if it does not.
 
-    It is the first lag, after the motion has once been unlike itself, at which all of it, or at least its
-    last half period, is like itself a lag earlier.
+    The first lag, once the motion was unlike itself, at which all of it or its last half period is like
+    itself a lag earlier.
     """
     first, last = record.moving()
     q = record.q[first : last + 1]
@@ -328,7 +308,7 @@ def repeat_after(record: Recorded) -> float:
 
 
 def _misfit(x: Array, lag: int, every: int) -> float:
-    """Difference of a motion from itself a lag earlier, over its size; infinite where nothing tells."""
+    """Difference of a motion from itself a lag earlier, over its size; infinite where that tells nothing."""
     late = x[lag::every]
     difference = late - x[: len(x) - lag : every]
     size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
@@ -342,10 +322,10 @@ def _misfit(x: Array, lag: int, every: int) -> float:
 
 
 def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
-    """Lay a quintic least-squares spline through a recorded motion, and say the spacing of its knots, s.
+    """Quintic least-squares spline through a recorded motion, and the spacing of its knots, s.
 
-    Of all spacings the one with the smallest Bayesian information criterion is taken. A residual as small as
-    the record's rounding or noise is not reduced any further.
+    The spacing has the smallest Bayesian information criterion, where a residual below rounding or noise
+    counts as these.
     """
     from scipy.interpolate import make_lsq_spline
 
@@ -364,14 +344,14 @@ def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
 
 
 def _tried(record: Recorded) -> list[float]:
-    """Spacings of at least two samples that leave enough of them."""
+    """Spacings that leave enough knots."""
     end = float(record.time[-1])
     tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
     return tried or [2.0 * record.step]
 
 
 def _places(record: Recorded, spacing: float) -> Array:
-    """Multiples of a spacing, the last one moved to the end of the record, s."""
+    """Multiples of a spacing, s, the last at the end of the record."""
     end = float(record.time[-1])
     places = spacing * np.arange(max(round(end / spacing), FEWEST - 1) + 1.0)
     places[-1] = end
@@ -379,10 +359,7 @@ def _places(record: Recorded, spacing: float) -> Array:
 
 
 def thinned(record: Recorded) -> Knots:
-    """Choose samples of a recorded motion, as it is smoothed.
-
-    The spacing is the widest whose spline stays within half an encoder count, or one standard deviation of
-    the record's noise, of the smoothed motion.
+    """Choose samples of the smoothed motion: as few as keep it to half an encoder step, or to the noise.
 
     Raises
     ------

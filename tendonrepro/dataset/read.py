@@ -5,6 +5,7 @@ One process of its own reads, since a damaged file can crash the HDF5 library.
 
 from __future__ import annotations
 
+import shutil
 import tarfile
 import tempfile
 import zipfile
@@ -13,33 +14,20 @@ from pathlib import Path
 
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from tendonrepro.console import Talk
 from tendonrepro.dataset.arrays import Columns, Source, Unreadable
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
 
 MOST_BYTES = 2**31
-"""Of a file, and of all that an archive unpacks into."""
+"""Of a file."""
 
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}
 
 
-def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[str, str]]:
-    """Read every table below some paths.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, folders, archives.
-    talk : Talk
-
-    Returns
-    -------
-    sources : list of Source
-    unread : dict
-        File -> why nothing was read of it.
+def read_files(paths: Sequence[Path]) -> tuple[list[Source], dict[str, str]]:
+    """Read every table of files, folders and archives; the second is file -> why it was not read.
 
     Raises
     ------
@@ -55,7 +43,6 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
     with tempfile.TemporaryDirectory() as scratch:
         names = {path: "" if path.is_dir() else path.name for path in paths}
         files = [one for path, name in names.items() for one in _files(path, name, Path(scratch), unread)]
-        talk.detail(f"reading {len(files)} files")
         for path, name in files:
             try:
                 sources += reader.submit(read_file, path, name).result()
@@ -72,7 +59,7 @@ def read_files(paths: Sequence[Path], talk: Talk) -> tuple[list[Source], dict[st
 
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
-    """Files to read with their names, in a folder or archive as by themselves; hidden ones are left out."""
+    """Files to read with their names; hidden ones are left out."""
     if path.is_dir():
         for member in sorted(path.glob("[!.]*")):
             yield from _files(member, f"{name}/{member.name}".lstrip("/"), scratch, unread)
@@ -89,22 +76,11 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
 
 
 def _unpack(path: Path, folder: Path) -> None:
-    """Unpack an archive; its size is checked first, and the standard library keeps it in its folder."""
     if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            _refuse_larger(sum(info.file_size for info in archive.infolist()))
-            archive.extractall(folder)
-    elif tarfile.is_tarfile(path):
-        with tarfile.open(path) as archive:
-            _refuse_larger(sum(info.size for info in archive))
-            archive.extractall(folder, filter="data")
+        shutil.unpack_archive(path, folder, "zip")
     else:
-        raise Unreadable("neither zip nor tar")
-
-
-def _refuse_larger(size: int) -> None:
-    if size > MOST_BYTES:
-        raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
+        with tarfile.open(path) as archive:
+            archive.extractall(folder, filter="data")
 
 
 def read_file(path: Path, name: str) -> list[Source]:
@@ -116,7 +92,8 @@ def read_file(path: Path, name: str) -> list[Source]:
         If there are none or the file is damaged.
     """
     size = path.stat().st_size
-    _refuse_larger(size)
+    if size > MOST_BYTES:
+        raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
         tables = _tables(path)
     except Unreadable:
@@ -131,7 +108,7 @@ def read_file(path: Path, name: str) -> list[Source]:
 
 
 def _tables(path: Path) -> dict[str, Columns]:
-    """Tables of a file by their place in it; what it is, its first bytes say before its name does."""
+    """Tables of a file by their place in it; its first bytes go before its name."""
     from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook

@@ -1,4 +1,4 @@
-"""From tables and a mapping to runs: SI units, one time base, errors derived."""
+"""From tables and a mapping to runs in SI units on one time base."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pandas as pd
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.dataset.arrays import Source
-from tendonrepro.dataset.mapping import MappingFile, Run, Use
+from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, Run, Use
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import Trace
@@ -21,10 +21,8 @@ from tendonrepro.results.summary import MEASURED
 
 _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
-"""Mean difference of two of these, over the range, beyond which a unit, sign, gear or column is in doubt."""
+"""Mean difference of two of these, over the range, beyond which they are in doubt."""
 _MOST_TURN_DEG = 190.0
-_STEPS = 5e-5, 0.1
-"""s, beyond which the unit of the times is in doubt."""
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
 _SEVERITY = ("ok", "ringing", "diverged")
@@ -32,18 +30,9 @@ _SEVERITY = ("ok", "ringing", "diverged")
 
 @dataclass
 class Assembly:
-    """Runs in the making.
+    """Runs in the making; `notes` say what was done to the numbers, `doubts` what looks wrong.
 
-    Attributes
-    ----------
-    sources : sequence of Source
-    unread : mapping
-        File that could not be read -> why.
-    mapping : MappingFile
-    S : array (3, 3)
-        Coupling matrix.
-    notes, doubts : list of str
-        What was done to the numbers on the way, and what looks wrong.
+    `unread` is file -> why; `S` is the coupling matrix, (3, 3).
     """
 
     sources: Sequence[Source]
@@ -54,14 +43,14 @@ class Assembly:
     doubts: list[str] = field(default_factory=list)
 
     def runs(self) -> dict[str, Trace]:
-        """All runs of the mapping, in its order.
+        """All runs of the mapping.
 
         Raises
         ------
         ConfigError
             Where the mapping does not fit the tables.
         DataMissingError
-            If a file that it names was not read.
+            If a file of it was not read.
         """
         found = {}
         for name, run in self.mapping.runs.items():
@@ -88,10 +77,8 @@ class Assembly:
             variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(places, places)].T
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
         attributes: dict[str, Any] = {"law": MEASURED, "gains": {}, "readings": {}}
-        attributes |= {
-            "payload_mass": run.payload_mass_kg,
-            "reference_period": run.period_s or 0.0,
-        } | _status(time, variables, joints)
+        attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
+        attributes |= _status(time, variables, joints)
         trace = Trace(name, time, joints, variables, attributes)
         self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
         return trace
@@ -141,7 +128,7 @@ class Assembly:
 
 
 def _complete(variables: dict[str, Array]) -> None:
-    """Of desired angle, measured angle and error find the third; the difference counts."""
+    """Find the third of desired angle, measured angle and error; the difference counts."""
     absent = np.full_like(next(iter(variables.values())), np.nan)
     q_d, q, e = (variables.get(key, absent) for key in ("q_d", "q_encoder", "e"))
     # A joint is filled whole or not at all: gaps stay gaps.
@@ -151,7 +138,7 @@ def _complete(variables: dict[str, Array]) -> None:
 
 
 def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
-    """Worst status of a joint by its error, by the limits of the shipped comparison; gaps are bridged."""
+    """Worst status of a joint, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si
     found: dict[int, tuple[str, float]] = {}
@@ -179,7 +166,7 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
 
 
 def _rows(source: Source, run: Run) -> pd.DataFrame:
-    """Columns of a table in the rows that meet the conditions of a run."""
+    """Rows of a table that meet the conditions of a run."""
     table = pd.DataFrame(source.columns)
     if absent := run.where.keys() - set(table):
         raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
@@ -187,12 +174,12 @@ def _rows(source: Source, run: Run) -> pd.DataFrame:
 
 
 def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
-    """Times of some rows, s, NaN beyond the part to keep; they have to increase."""
+    """Times of some rows, s, NaN beyond the part to keep."""
     column = next((column for column, use in uses.items() if use.variable == "time"), None)
     if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
         raise ConfigError(f"{source.name} has no times", hint=hint)
-    time: Array = (run.step_s or 0.0) * np.arange(len(rows), dtype=float)
+    time = (run.step_s or 0.0) * np.arange(float(len(rows)))
     if column is not None:
         time = _in_si(rows[column], uses[column])
     time[(time < run.from_s) | (time > run.to_s)] = np.nan
@@ -200,9 +187,8 @@ def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -
     if len(kept) < 2:
         raise ConfigError(f"{source.name} has fewer than two samples that the run takes")
     if not (np.diff(kept) > 0.0).all():
-        message = (
-            f"the time of {source.name} does not increase after {kept[np.argmin(np.diff(kept) > 0.0)]:.6g} s"
-        )
+        last = kept[np.argmin(np.diff(kept) > 0.0)]
+        message = f"the time of {source.name} does not increase after {last:.6g} s"
         raise ConfigError(message, hint="several runs below each other? `where` takes the rows of one")
     return time
 
@@ -214,9 +200,9 @@ def _in_si(values: pd.Series, use: Use) -> Array:
 
 
 def doubts_about(trace: Trace) -> Iterator[str]:
-    """What makes a run implausible: a wrong unit, a motor taken for a joint, a wrong sign or gear."""
+    """What makes a run implausible."""
     step = float(np.median(np.diff(trace.time)))
-    if not _STEPS[0] <= step <= _STEPS[1]:
+    if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"
     held = {name: values for name, values in trace.variables.items() if name in _ANGLES}
     for name, values in held.items():

@@ -1,4 +1,4 @@
-"""Tables of numbers in texts and workbooks: columns by the names in the rows above them."""
+"""Tables of numbers in texts and workbooks."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def decoded(content: bytes) -> str:
 
 
 def _is_chinese(content: bytes) -> bool:
-    """Whether most bytes beyond ASCII are pairs of GB 2312's first level, its common characters."""
+    """Whether most bytes beyond ASCII are pairs of GB 2312's common characters."""
     beyond = sum(byte >= 0x80 for byte in content)
     common = re.findall(rb"[\xa1-\xa3\xb0-\xd7][\xa1-\xfe]", content)
     words = re.findall(rb"(?:[\xb0-\xd7][\xa1-\xfe]){2,}", content)
@@ -93,7 +93,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
-    """First of three rows of one width with numbers; half of its own cells are, or more."""
+    """First of three rows of one width with numbers."""
     for place, row in enumerate(rows):
         block = rows[place : place + 3]
         share = sum(map(_is_number, row)) / max(len([cell for cell in row if cell]), 1)
@@ -104,7 +104,7 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
 
 
 def read_workbook(path: Path) -> dict[str, Columns]:
-    """Read every sheet that holds a table of numbers."""
+    """Read the sheets that hold a table of numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
     found = {str(name): columns for name, sheet in sheets.items() if (columns := _sheet(sheet))}
     # A single sheet under the name that a program gave it has none.
@@ -122,7 +122,7 @@ def _sheet(sheet: pd.DataFrame) -> Columns:
 
 
 def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
-    """Columns of a table under the names that the rows above give them."""
+    """Columns under the names that the rows above give them."""
     names = _names([list(row) for row in head], table.shape[1])
     found = Columns()
     for place, name in enumerate(names):
@@ -133,7 +133,7 @@ def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
 
 
 def _names(head: list[list[str]], width: int) -> list[str]:
-    """Names of columns: the last row of words, the group above it, and the unit below it."""
+    """Names of columns: the last row of words, a group above, and a unit below."""
     head = [*head]
     units = head.pop() if head and _are_units(head[-1]) else []
     names = head.pop() if head else []

@@ -1,4 +1,4 @@
-"""Tables 2 and 3 from measured errors, over every averaging window that a lab would use."""
+"""Tables 2 and 3 from measured errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]:
 
 
 class Timing(NamedTuple):
-    """When a recorded motion starts, s on the run's own time axis, and its period, s; 0 when unknown."""
+    """Start of the motion on the run's own time axis and its period, s; 0 when unknown."""
 
     start: float
     period: float
@@ -34,16 +34,8 @@ class Timing(NamedTuple):
 class Tried:
     """One way of averaging, applied to all runs alike.
 
-    Parameters
-    ----------
-    window : str
-        ``whole`` motion, ``whole_periods``, ``after_first_period``, ``period_1``, ... of `spans`.
-    offset_removed : bool
-        Whether the mean error of the window was taken off.
-    sizes : Mapping
-        Measured number by the id of the printed one, deg.
-    agree : tuple of str
-        Ids of the printed numbers it gives.
+    `window` is one of `spans`; `offset_removed`: its mean error was taken off; `sizes` are errors, deg, by
+    the id of the printed number, and `agree` the ids of those it gives.
     """
 
     window: str
@@ -53,18 +45,16 @@ class Tried:
 
     @property
     def name(self) -> str:
-        """Window, and what was done to it."""
+        """Name for a reader."""
         return f"{self.window}, offset removed" if self.offset_removed else self.window
 
 
 @dataclass(frozen=True)
 class PrintedTables:
-    """All ways of averaging that were tried.
+    """All ways of averaging that were tried, the whole motion as it is first.
 
-    Parameters
+    Attributes
     ----------
-    tried : tuple of Tried
-        The whole motion as it is comes first, without sizes where the file holds no run of the tables.
     left_out : Mapping
         Run -> samples that are missing.
     chance : float
@@ -82,35 +72,34 @@ class PrintedTables:
 
     @property
     def best(self) -> Tried:
-        """The way with most agreements, the first among equals."""
+        """The first way with most agreements."""
         return max(self.tried, key=lambda one: len(one.agree))
 
     @property
     def winner(self) -> Tried | None:
-        """The first way that gives every printed number the file can speak about."""
+        """The first way that gives all these numbers."""
         return self.best if 0 < self.compared == len(self.best.agree) else None
 
     @property
     def deciding(self) -> Tried:
-        """The winner, else the whole motion as it is."""
+        """The winner, else the whole motion."""
         return self.winner or self.tried[0]
 
     @property
     def window(self) -> str | None:
-        """Name of what decides; None where the file holds no run of the tables."""
+        """Name of what decides; None where no run of the tables is there."""
         return self.deciding.name if self.compared else None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
-        any_run = self.compared > 0
         return {
-            "tried": len(self.tried) if any_run else 0,
+            "tried": len(self.tried),
             "compared": self.compared,
             "printed": NUMBERS,
-            "winner": self.winner.name if self.winner and any_run else None,
-            "best": self.best.name if any_run else None,
+            "winner": self.winner and self.winner.name,
+            "best": self.best.name,
             "best_agree": len(self.best.agree),
-            "chance": self.chance if any_run else None,
+            "chance": self.chance,
             "combinations": [
                 {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
                 | {"agree": len(one.agree), "of": self.compared}
@@ -121,7 +110,7 @@ class PrintedTables:
         }
 
     def remark(self) -> str:
-        """What the search found, and what it is worth after so many tries."""
+        """What was found, and what that is worth."""
         if not self.compared:
             return "The file holds no run of Tables 2 and 3."
         return (
@@ -132,10 +121,7 @@ class PrintedTables:
 
 
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
-    """Compare Tables 2 and 3 with measured errors, averaged in every way.
-
-    Runs of the comparison that are missing leave their numbers out; `timing` has start and period by run.
-    """
+    """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
     tried = [one for one in (_tried(runs, paper, *way) for way in _ways(runs, timing)) if one.sizes]
     tried = tried or [Tried("whole", False, {}, ())]
@@ -146,9 +132,9 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
 
 
 def spans(time: Array, timing: Timing) -> dict[str, slice]:
-    """Stretches of a run with the times (T,), s, that a table can be averaged over, by name.
+    """Stretches of a run that a table can be averaged over, by name.
 
-    All begin with the motion or later, but for ``with_standstill``, which is every sample.
+    All begin with the motion or later, except ``with_standstill``, which is every sample.
     """
     count = len(time)
     step = float(time[-1] - time[0]) / max(count - 1, 1)
@@ -168,15 +154,13 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
 def _ways(
     runs: Mapping[str, Trace], timing: Mapping[str, Timing]
 ) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
-    """Windows that every run reaches, without those that keep the same samples; as they are, then centred."""
+    """Windows that every run reaches, each set of samples once, as they are and centred."""
     parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
-    shared = [
-        window for part in parts.values() for window in part if all(window in p for p in parts.values())
-    ]
     distinct: dict[tuple[tuple[int, int], ...], str] = {}
-    for window in shared:
-        key = tuple((part[window].start, part[window].stop) for part in parts.values())
-        distinct.setdefault(key, window)
+    for window in next(iter(parts.values()), {}):
+        if all(window in part for part in parts.values()):
+            key = tuple((part[window].start, part[window].stop) for part in parts.values())
+            distinct.setdefault(key, window)
     for removed in (False, True):
         for window in distinct.values():
             yield window, {name: part[window] for name, part in parts.items()}, removed
@@ -196,18 +180,13 @@ def _tried(
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):
                     sizes[identifier] = float(size)
-    agree = tuple(identifier for identifier, size in sizes.items() if prints_as(paper, identifier, size))
-    return Tried(window, removed, sizes, agree)
-
-
-def prints_as(paper: Published, identifier: str, size: float) -> bool:
-    """Whether a number rounds to the printed one."""
-    low, high = rounding(paper.quantity(identifier))
-    return bool(np.isfinite(size)) and low <= Fraction(size) <= high
+    printed = {identifier: rounding(paper.quantity(identifier)) for identifier in sizes}
+    agree = [name for name, (low, high) in printed.items() if low <= Fraction(sizes[name]) <= high]
+    return Tried(window, removed, sizes, tuple(agree))
 
 
 def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> float:
-    """Chance of at least so many agreements among independent errors near the printed ones."""
+    """Chance of at least so many agreements among independent errors."""
     counts = np.ones(1)
     for identifier in identifiers:
         low, high = rounding(paper.quantity(identifier))

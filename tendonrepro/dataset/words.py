@@ -1,8 +1,6 @@
-"""What the name of a column, sheet or file says: quantity, joint, unit, controller, payload.
+"""What the name of a column, sheet or file says, word by word from ``words.yaml``.
 
-A name is read word by word from ``words.yaml``. Nothing is inferred from what stands beside it. A word that
-is not in the table, and words that change their meaning together, are handed on as `Meaning.unknown`: a
-reader is asked about them.
+Words that are not in that table, or that change their meaning together, are asked about.
 """
 
 from __future__ import annotations
@@ -43,18 +41,8 @@ _MARKS = frozenset("-–—_/()[]（）【】.,:;#&'\"|")
 class Meaning:
     """What a name says.
 
-    Attributes
-    ----------
-    says : frozenset of str
-        Groups of ``words.yaml`` it has a word of.
-    joint, controller : int or None
-        Numbers.
-    unit : str or None
-        A key of `FACTORS`.
-    payload : float or None
-        kg; 0 without, NaN with one of unknown mass.
-    unknown : tuple of str
-        Words that nobody knows, and words that do not go together.
+    `says` are groups of ``words.yaml``; `unit` is a key of `FACTORS`; `payload` is in kg, NaN where its mass
+    is unknown; `unknown` are words that nobody knows or that do not go together.
     """
 
     says: frozenset[str]
@@ -127,7 +115,7 @@ def meaning_of(name: str) -> Meaning:
 
 
 def _plain(text: str) -> str:
-    """One form of letters that look alike; the ordinal that people type for a degree would become an o."""
+    """One form of letters that look alike; an ordinal stands for a degree."""
     return unicodedata.normalize("NFKC", text.replace("º", "°"))
 
 
@@ -153,7 +141,7 @@ def _without_mass(text: str) -> tuple[str, float | None]:
 
 
 def _words(text: str) -> Iterator[str]:
-    """Words and numbers of a name; a word that the table does not hold is cut into such that it does."""
+    """Words and numbers of a name; unknown words are cut into known ones."""
     for token in _WORD.findall(text):
         if token in _groups() or token.isdigit():
             yield token
@@ -171,7 +159,7 @@ def _cut(token: str) -> list[str]:
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
-    """Numbers of joints and of controllers, and those that nobody knows."""
+    """Numbers of joints and of controllers, and others."""
     joints, controllers, others = set(), set(), []
     groups = [None if word.isdigit() else _groups().get(word, "unknown") for word in words]
     for place, word in enumerate(words):

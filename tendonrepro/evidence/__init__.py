@@ -1,1 +1,1 @@
-"""What would settle the open questions: which controller made a log, and which experiment would tell."""
+"""Which controller made a log, and which experiment would settle the open questions."""

@@ -1,7 +1,4 @@
-"""The experiments: what a bench changes, and beside which of its runs the changed one is looked at.
-
-Each gives a ratio of errors, for which no scale has to be known.
-"""
+"""What each experiment changes on a bench."""
 
 from __future__ import annotations
 
@@ -30,18 +27,7 @@ Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment.
-
-    Attributes
-    ----------
-    name : str
-    about : str
-        What is compared, in words of the bench.
-    change : callable
-        Makes the loop of the changed run.
-    beside : str
-        Run whose error the changed run's is divided by.
-    """
+    """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``."""
 
     name: str
     about: str
@@ -51,7 +37,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Ratio of errors that one experiment has under one reading, on one joint.
+    """Ratio of errors of one experiment, reading and joint.
 
     ``low`` and ``high`` are the central 90 % of the plants on which both runs are stable; NaN with few.
     """
@@ -70,7 +56,7 @@ def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
 
 
 def with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
-    """Controller 1 with another alpha on every joint."""
+    """Controller 1 with one alpha on all joints."""
     value = config.control.gains.alpha.model_copy(update={"value": (alpha,) * len(config.joints)})
     gains = config.control.gains.model_copy(update={"alpha": value})
     control = config.control.model_copy(update={"gains": gains})
@@ -111,10 +97,7 @@ def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
 
 
 def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
-    """Controller 2 whose surface has the slope of Controller 3's inside a Delta of 0.2 rad.
-
-    Its eta is 1.548 with the published gains, whatever unit of Delta the controller runs with.
-    """
+    """Controller 2 with η = β / γ₁ for a Delta of 0.2 rad, 1.548 as published, in degrees too."""
     law = law_of(loops[SECOND])
     gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
     eta = law.beta / gamma_1

@@ -1,4 +1,4 @@
-"""The picture of the predictions: a group of bars for each experiment, a bar for each interpretation."""
+"""The picture of the predictions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LOWEST, _HIGHEST = 0.25, 4.0
 
 @journal_style()
 def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joints: Sequence[int]) -> Drawing:
-    """Draw the ratio of every experiment, median and central 90 %, a panel for each joint."""
+    """Draw every experiment's ratio, median and central 90 %; a panel for each joint."""
     step = len(readings) + 1.5
     figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(EXPERIMENTS))
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]

@@ -1,6 +1,6 @@
 """Fit of a hypothesis to a log: parameters with intervals, and errors on samples it was not fitted to.
 
-Triangular factors of blocks of samples stand for the samples: they are small, and lose nothing.
+Triangular factors of blocks of samples stand for the samples, and lose nothing.
 """
 
 from __future__ import annotations
@@ -56,22 +56,18 @@ class Fit:
 
     Attributes
     ----------
-    hypothesis : Hypothesis
     parameters, half : array (5,)
-        ``w_1, w_2, M_bar, lam, eta``, or ``K_d, K_p`` at the end where the surface is linear; half their 90 %
-        interval.
-    residual : float
-        RMS of what the odd blocks hold beyond the fit to the even ones, N m.
-    step : float
+        ``w_1, w_2, M_bar, lam, eta``, or ``K_d, K_p`` at the end if linear; half their 90 % interval.
+    residual
+        RMS of the odd blocks beyond the fit to the even ones, N m.
+    step
         RMS of the torque's step from sample to sample, N m.
-    information : float
-        Bayesian information criterion of the fit to all samples; smaller is better.
-    condition : float
+    information
+        Bayesian information criterion of the fit to all samples.
+    condition
         Condition number of the scaled regressors.
-    samples : int
-    bias : float
-        How far rounding of the record may have moved a weight: least squares takes the remembered torques and
-        accelerations for exact.
+    bias
+        How far rounding of the record may have moved a weight: regressors are taken for exact.
     """
 
     hypothesis: Hypothesis
@@ -86,12 +82,12 @@ class Fit:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the inertia is above zero, and no weight beyond those of any interpretation of alpha."""
+        """Whether M_bar is positive, and no weight beyond those of any interpretation."""
         return bool(self.parameters[2] > 0.0 and np.abs(self.parameters[:2]).max() <= 2.0)
 
     @property
     def off_published(self) -> float:
-        """How far inertia and gains of the feedback are from the published ones, sum of logarithms."""
+        """Distance of M_bar and feedback gains from the published ones, sum of logarithms."""
         published, found = _published(self.hypothesis)[2:], self.parameters[2:]
         if (found <= 0.0).any():
             return float("inf")
@@ -99,26 +95,16 @@ class Fit:
 
     @property
     def position_gain(self) -> float:
-        """Gain of the error over the published one; near 0 where a controller has no integral."""
+        """Gain of the error over the published one; near 0 without an integral."""
         both = self.parameters, _published(self.hypothesis)
         found, published = (x[4] if self.hypothesis.surface == LINEAR else x[3] * x[4] for x in both)
         return float(found / published)
 
 
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
-    """Fits of the hypotheses that come closest to a log, best first, for one joint, counted from 0.
+    """Fits that come closest to one joint, counted from 0, best first; none if all torques stand at limits.
 
-    Parameters
-    ----------
-    log : Log
-    joint : int
-    rounding : tuple of float
-        Steps of the recorded torque, N m, and angle, rad.
-
-    Returns
-    -------
-    list of Fit
-        Empty where no torque is left inside the motors' limits.
+    ``rounding`` are the steps of the recorded torque, N m, and angle, rad.
     """
     window = liveliest(log, SCREENED)
     screened = [(_foretold(window, joint, one, _free), k, one) for k, one in enumerate(hypotheses(log))]
@@ -154,7 +140,7 @@ def equally_good(found: Sequence[Fit]) -> list[Fit]:
 
 
 def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float]) -> Fit:
-    """Fit a hypothesis to all samples of a joint, whose torque and angle were rounded to steps."""
+    """Fit a hypothesis to all samples of a joint; see :func:`ranked`."""
     held = regression(log, joint, hypothesis)
     block = held.rows // BLOCK
     factors = [_factor(held.X[rows], held.y[rows]) for rows in _groups(block)]
@@ -191,7 +177,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
 
 
 def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Weights (2,) of the torques of one and two samples ago in the equation that is fitted."""
+    """Weights (2,) of the torques of one and two samples ago in the fitted equation."""
     weights = parameters[:2].copy()
     if hypothesis.readings["estimate_filter"] == "estimate":
         weights *= hypothesis.newest
@@ -204,8 +190,8 @@ def _bias(
 ) -> float:
     """Largest shift of the two weights by errors of the regressors, to first order.
 
-    Errors of variance D in the columns of X move the parameters by ``-(J'X'X J)^-1 N J'D c`` with the slopes
-    J of the coefficients c. The variances are those of remembered torques and of accelerations.
+    Variances D of the columns of X move the parameters by ``-(J'X'X J)^-1 N J'D c`` with the slopes J of the
+    coefficients c.
     """
     found, slopes = coefficients(parameters, hypothesis), coefficient_slopes(parameters, hypothesis)
     variance = np.zeros(found.size)
@@ -219,7 +205,7 @@ def _bias(
 
 
 def _foretold(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
-    """RMS error in the odd blocks of a fit to the even ones, N m; infinite with too few samples."""
+    """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
     held = regression(log, joint, hypothesis)
     odd = held.rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
@@ -239,7 +225,7 @@ def _free(factor: Array, _: Hypothesis) -> Array:
 
 
 def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothesis:
-    """Put a low-pass filter into one place of a hypothesis, with the cutoff that foretells best."""
+    """Put a low-pass filter into one place, with the cutoff that foretells best."""
 
     def error(logit: float) -> float:
         # A slow filter leaves too few samples of a short log, which is worse than any fit.
@@ -259,7 +245,7 @@ def _newest(logit: float) -> float:
 
 
 def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
-    """Parameters that fit best, from `near`, or from the linear solution and the published values."""
+    """Parameters that fit best, searched from `near`, else from several starts."""
     matrix, target, free = factor[:, :-1], factor[:, -1], _free(factor, hypothesis)
     w_1, w_2, M_bar = (
         free[0],
@@ -312,7 +298,7 @@ def _factor(X: Array, y: Array) -> Array:
 
 
 def _groups(block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Rows by group; blocks are dealt out in turn, each group having some of the whole log."""
+    """Rows by group; blocks are dealt out in turn."""
     order = np.unique(block, return_inverse=True)[1]
     groups = [np.flatnonzero(order % GROUPS == k) for k in range(GROUPS)]
     return [rows for rows in groups if rows.size]

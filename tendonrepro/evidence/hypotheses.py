@@ -1,8 +1,7 @@
 """What a controller of the paper would have made of a log, as a linear regression for each hypothesis.
 
-With the error inside one branch of Eq. (12), Eqs. (15) to (18) are linear in delayed torques, differences of
-encoder angles, the desired motion, and ``phi``. A hypothesis says which torque, which differences, which
-encoder and which ``phi`` that are. Its eight regressors have coefficients that follow from five numbers.
+Inside one branch of Eq. (12), Eqs. (15) to (18) are linear in delayed torques, differences of encoder angles,
+the desired motion, and ``phi``. A hypothesis says which of each.
 """
 
 from __future__ import annotations
@@ -54,27 +53,22 @@ _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """One run as a recorder kept it, T samples of n joints, SI.
+    """One run as a recorder kept it, T samples of n joints, arrays (T, n), SI.
 
     Attributes
     ----------
-    L : float
+    L
         Time between samples, s.
-    q : array (T, n)
-        Joint encoders.
-    q_motor : array (T, n) or None
-        ``S q_motor`` of the motors' encoders.
-    q_d, dq_d, ddq_d : array (T, n)
-        Desired motion.
-    command : array (T, n)
-        Torque in joint coordinates: the one commanded if it is known, else the one applied.
-    applied : array (T, n) or None
-        Torque applied, where both are known.
+    q, q_motor
+        Joint encoders, and ``S q_motor`` of the motors' encoders if known.
+    command, applied
+        Torque in joint coordinates: the one commanded if known, else the one applied; and that applied
+        if both are known.
     S : array (n, n)
         Coupling matrix.
     b, Delta : array (n,)
-        Exponent and boundary of Eq. (12), taken as published.
-    encoder_step : float
+        Of Eq. (12), as published.
+    encoder_step
         rad; the slope of the power branch is held below it.
     """
 
@@ -94,16 +88,10 @@ class Log:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A surface and the readings under which it ran.
+    """A surface, `NTSM` or `LINEAR`, and the readings under which it ran.
 
-    Attributes
-    ----------
-    surface : str
-        `NTSM` or `LINEAR`.
-    settings : tuple of (str, str)
-        Axes that are not as in `PRINTED`, with their values.
-    newest : float
-        Weight of the newest value in the low-pass filter, where there is one.
+    ``settings`` are the axes that are not as in `PRINTED`; ``newest`` is the low-pass filter's weight of the
+    newest value.
     """
 
     surface: str
@@ -116,19 +104,19 @@ class Hypothesis:
         return {**PRINTED, **dict(self.settings)}
 
     def filtered(self, newest: float) -> Iterator[Hypothesis]:
-        """Return the hypothesis with a low-pass filter in each of its places."""
+        """With a low-pass filter in each of its places."""
         for axis, value in FILTERS:
             yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
 
     @property
     def name(self) -> str:
-        """``printed``, or the settings that differ, joined by ``+``."""
+        """``printed``, or the settings joined by ``+``."""
         return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
 
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Torque (K,) of a joint or winch, and regressors (K, 8) or (K, 7), at samples `rows` of the log."""
+    """Torque (K,), and regressors (K, 8) or (K, 7), at samples `rows` of the log."""
 
     y: Array
     X: Array
@@ -153,7 +141,7 @@ def hypotheses(log: Log) -> Iterator[Hypothesis]:
 
 
 def _stored(log: Log) -> list[tuple[str, str]]:
-    """Which torque is stored, and how many samples late it acts, as far as a log can tell them apart."""
+    """Which torque is stored and how many samples late it acts, as far as a log can tell."""
     if log.applied is None:
         return [("commanded", "0"), *product(("commanded", "applied"), ("1", "2"))]
     same = np.allclose(log.applied, log.command, rtol=1e-9, atol=1e-12, equal_nan=True)
@@ -161,7 +149,7 @@ def _stored(log: Log) -> list[tuple[str, str]]:
 
 
 def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
-    """Regressors of a hypothesis for one joint, counted from 0; for a winch under that reading.
+    """Regressors of a hypothesis for one joint, counted from 0, or for a winch under that reading.
 
     The columns are the torques of ``t - L`` and ``t - 2L``, the accelerations of the same times, ``ddq_d``,
     and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
@@ -203,7 +191,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
 
 
 def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Coefficients of the regressors from ``w_1, w_2, M_bar, lam, eta``; ``K_d, K_p`` where it is linear."""
+    """Coefficients of the regressors from the ``parameters`` of a `Fit`."""
     w_1, w_2, M_bar, first, second = parameters
     head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
     if hypothesis.surface == LINEAR:
@@ -213,7 +201,7 @@ def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
 
 
 def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) where the surface is linear."""
+    """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) if linear."""
     w_1, w_2, M_bar, first, second = parameters
     rows = [
         [1.0, 0.0, 0.0, 0.0, 0.0],
@@ -231,7 +219,7 @@ def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
 
 
 def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
-    """What the law commanded at each sample, and what it stores of it."""
+    """Torque that the law commanded, and that it stores, at each sample."""
     command, applied = log.command, log.command if log.applied is None else log.applied
     if held["torque_coordinates"] == "winch":
         command, applied = command @ log.S, applied @ log.S
@@ -242,7 +230,7 @@ def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
 
 
 def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
-    """Samples at which a torque that enters stands at a motor's limit, where it is not the law's."""
+    """Samples near which a torque that enters stands at a motor's limit."""
     torque = np.abs((log.command if log.applied is None else log.applied) @ log.S)
     at_limit = torque >= (1.0 - 1e-9) * np.nanmax(torque, axis=0)
     # A single largest value is a peak; a limit is met again and again.
@@ -285,7 +273,7 @@ def _back(values: Array, samples: int) -> Array:
 
 
 def liveliest(log: Log, samples: int) -> Log:
-    """Part of a log with so many samples, in which the desired motion is fastest."""
+    """Samples in which the desired motion is fastest."""
     speed = np.cumsum(np.nan_to_num(log.dq_d**2).sum(axis=1))
     if len(speed) <= samples:
         return log
@@ -301,8 +289,7 @@ def liveliest(log: Log, samples: int) -> Log:
 def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
     """Angles (T,) on the grid of encoder steps that they evidently stood on, and the rounding that is left.
 
-    Where there is no such grid the angles stay, and the rounding is the smallest step between two of them. A
-    grid coarser than `encoder_step`, rad, may be the recorder's.
+    Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
     """
     steps = np.abs(np.diff(q))
     steps = steps[steps > 1e-7]
@@ -323,14 +310,14 @@ def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
 
 
 def resolution(values: Array) -> float:
-    """Smallest difference between any two values; what arithmetic leaves counts as none."""
+    """Smallest difference between any two values, but for what arithmetic leaves."""
     gaps = np.diff(np.unique(values[np.isfinite(values)]))
     gaps = gaps[gaps > 1e-9 * np.ptp(values)] if gaps.size else gaps
     return float(gaps.min()) if gaps.size else 0.0
 
 
 def torque_rounding(log: Log) -> Array:
-    """Rounding of each joint's torque (n,), N m, by the record, or by drives that round at the winches."""
+    """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
     of_joints = np.array([resolution(column) for column in log.command.T])
     of_winches = np.array([resolution(column) for column in (log.command @ log.S).T])
     mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)

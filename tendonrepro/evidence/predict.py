@@ -1,4 +1,4 @@
-"""What ``tendonrepro predict`` does: every experiment under every interpretation, on many plants."""
+"""What ``tendonrepro predict`` does."""
 
 from __future__ import annotations
 
@@ -43,27 +43,9 @@ AT_ONCE = 16
 
 
 def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = READINGS) -> dict[str, Any]:
-    """Predict every experiment and write table, picture and manifest.
+    """Predict every experiment, write tables and picture, and return what ``--json`` prints.
 
-    Parameters
-    ----------
-    request : Request
-        Its configuration is that of an ensemble.
-    talk : Talk
-    draws : int
-        Plants.
-    readings : str
-        Names with commas between.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
-
-    Raises
-    ------
-    UsageError
-        For an impossible number of plants, or names that are no readings.
+    ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between.
     """
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
@@ -108,7 +90,7 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
 def predictions(
     loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk
 ) -> Iterator[Prediction]:
-    """Yield the ratio of every experiment under every reading on every joint."""
+    """Yield every experiment's ratio under every reading on every joint."""
     box, joints = make_box(loaded.config), loaded.compare.joints
     values = box.values(scrambled_sobol(box, int(loaded.config.seed.si), 0, 0, draws))
     with talk.bar("simulating", draws * len(readings)) as progress:
@@ -125,7 +107,7 @@ def predictions(
 
 
 def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> Iterator[Loop]:
-    """Yield the loops of one plant under one reading: those of `BASE`, then one for each experiment."""
+    """Loops of one plant under one reading: those of `BASE`, then one for each experiment."""
     folder = loaded.base.folder
     config = under(reading, configured(loaded.base, box, row), box.named(row))
     loops = dict(build_loops(config, folder))
@@ -136,7 +118,7 @@ def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> It
 def _ratios(
     errors: Array, stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
 ) -> Iterator[Prediction]:
-    """Ratios from mean errors (N, runs, n) and whether each run was stable, (N, runs)."""
+    """Ratios from mean errors (N, runs, n) and stability (N, runs)."""
     for place, one in enumerate(EXPERIMENTS, start=len(BASE)):
         beside = BASE.index(one.beside)
         kept = stable[:, place] & stable[:, beside]
@@ -149,10 +131,7 @@ def _ratios(
 def told_apart(
     found: Sequence[Prediction], readings: Sequence[str]
 ) -> dict[str, dict[tuple[str, str], float]]:
-    """Pairs of readings that each experiment tells apart, with the gap between their 90 % ranges.
-
-    On some joint the ranges do not meet; the gap is that of the joint on which it is wider.
-    """
+    """Pairs of readings that each experiment tells apart, with the wider joint's gap of 90 % ranges."""
     told: dict[str, dict[tuple[str, str], float]] = {}
     for experiment in dict.fromkeys(row.experiment for row in found):
         rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}

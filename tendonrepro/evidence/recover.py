@@ -1,4 +1,4 @@
-"""What ``tendonrepro recover`` does: read off a log which controller made it, or say why it cannot tell."""
+"""What ``tendonrepro recover`` does: read off a log which controller made it."""
 
 from __future__ import annotations
 
@@ -42,22 +42,10 @@ SHOWN = 5
 
 @dataclass(frozen=True, eq=False)
 class Recovered:
-    """What the log of one joint says.
+    """What the log of one joint, by the paper's number, says.
 
-    Attributes
-    ----------
-    run : str
-    joint : int
-        The paper's number.
-    found : list of Fit
-        Best first; empty where nothing could be fitted.
-    log : Log
-    torque_rounding, angle_rounding : float
-        Of the record, N m and rad.
-    published : CompareConfig
-        Gains as published.
-    place : int
-        Of the joint among those of the log.
+    ``found`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
+    record's; ``place`` is the joint's among the published ones.
     """
 
     run: str
@@ -76,7 +64,7 @@ class Recovered:
 
     @property
     def rounding(self) -> float:
-        """RMS error of the torque that rounding of the record makes, as a share of the torque's step."""
+        """RMS of the torque from rounding of the record, as a share of the torque's step."""
         M_bar = self.published.control.gains.M_bar.si[self.place]
         of_angles = M_bar * self.angle_rounding * np.sqrt(6.0) / self.log.L**2
         both = np.hypot(of_angles, np.sqrt(2.0) * self.torque_rounding) / np.sqrt(12.0)
@@ -84,7 +72,7 @@ class Recovered:
 
     @property
     def unexplained(self) -> float:
-        """RMS of the torque that the best fit does not foretell, as a share of the torque's step."""
+        """RMS of the torque that the best fit does not foretell, as such a share."""
         return self.best.residual / self.best.step
 
     @property
@@ -109,7 +97,7 @@ class Recovered:
         """Whether M_bar is the published one, to a factor of two, and the error's gain at least a tenth.
 
         A PID is time-delay control with an M_bar of its own, and feedback with gravity one without a gain of
-        the error. A law that counts in degrees has 180/pi times the M_bar.
+        the error. A law in degrees has 180/pi times the M_bar.
         """
         factor = self.best.parameters[2] / self.published.control.gains.M_bar.si[self.place]
         is_near = any(0.5 <= factor / unit <= 2.0 for unit in (1.0, DEGREES_PER_RADIAN))
@@ -117,7 +105,7 @@ class Recovered:
 
     @property
     def sampled_as_run(self) -> bool:
-        """Whether the record has the controller's own samples, as far as the published period tells."""
+        """Whether every sample of the controller was recorded."""
         return bool(np.isclose(self.log.L, self.published.sampling_period.si, rtol=0.05))
 
     @property
@@ -139,7 +127,7 @@ class Recovered:
 
     @property
     def weights(self) -> str:
-        """Interpretation of Eq. (15) whose weights a recovered log has; empty where none or several fit."""
+        """Interpretation of Eq. (15) that alone has the weights of a recovered log."""
         if self.answer != RECOVERED:
             # Noise of the record makes light weights fit best, whatever the true ones.
             return ""
@@ -153,9 +141,9 @@ class Recovered:
         return near[0] if len(near) == 1 else ""
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
-        """Name, value, half of the 90 % interval and published value of each parameter.
+        """Name, value, half of the 90 % interval and published value.
 
-        Of a terminal surface no gain of feedback is given: lambda and the surface's slope can be exchanged.
+        A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
         gains, i = self.published.control.gains, self.place
         values, half = self.best.parameters, self.best.half
@@ -169,7 +157,7 @@ class Recovered:
 
 
 def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
-    """Runs of a file that have torque, desired and measured angles, and the rounding of these angles (n,)."""
+    """Runs with torque, desired and measured angles, and these angles' rounding (n,)."""
     for name, trace in file.runs.items():
         torque = "tau_cmd" if "tau_cmd" in trace else "tau_m"
         if name in DECOUPLING_RUNS or not all(one in trace for one in (torque, "q_encoder", "q_d")):
@@ -200,13 +188,7 @@ def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace
 
 
 def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recovered]:
-    """Read the controller off every run and joint of a trace file.
-
-    Raises
-    ------
-    UsageError
-        When no run has what it takes.
-    """
+    """Read the controller off every run and joint; UsageError if no run has what it takes."""
     published = loaded.config
     assert isinstance(published, CompareConfig)
     logs = [*read_logs(file, published)]
@@ -228,10 +210,7 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
 
 
 def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
-    """What a log says of its controllers on joints 2 and 3, a row of plain values for each run and joint.
-
-    Empty where no run has torque, desired and measured angles.
-    """
+    """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     published = load_config(None, "compare")
     assert isinstance(published.config, CompareConfig)
     both = replace(file, runs={name: trace.of_joints(COMPARED) for name, trace in file.runs.items()})
@@ -241,24 +220,14 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
 
 
 def study_recover(path: Path, talk: Talk) -> Outcome:
-    """Find which controller made each run of a log.
-
-    Parameters
-    ----------
-    path : Path
-        Trace file, or a results folder with one.
-    talk : Talk
-
-    Returns
-    -------
-    Outcome
+    """Find which controller made each run of a trace file, or of a results folder with one.
 
     Raises
     ------
     DataMissingError
         If the log cannot be read.
     UsageError
-        If no run of it has torque, desired and measured angles.
+        If no run has torque, desired and measured angles.
     """
     held = recovered(stored_traces(path), load_config(None, "compare"), talk)
     data = {"schema_version": 1, "log": str(path), "runs": [_data(one) for one in held]}
@@ -266,7 +235,7 @@ def study_recover(path: Path, talk: Talk) -> Outcome:
 
 
 def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """Read the controllers off a log, and write tables and manifest; what ``--json`` prints."""
+    """Read the controllers off a log, write tables and manifest; what ``--json`` prints."""
     file, loaded = stored_traces(path), load_config(None, "compare")
     digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
     return run_study(

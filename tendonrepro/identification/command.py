@@ -43,13 +43,16 @@ Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
 """Runs whose numbers are fitted."""
 
+Results: TypeAlias = dict[str, tuple[dict[str, Any], CompareConfig]]
+"""Numbers and best plant by reading."""
+
 SCHEMA_VERSION = 3
 
 NEAR = 0.02
-"""Misfit in log ratio, about 2 %, up to which a plant fits; a seed comes near up to twice the best misfit."""
+"""Misfit in log ratio, about 2 %, up to which a plant fits; near is up to twice the best misfit."""
 
 SCREENED = 256
-"""Draws among which rows that matter are looked for."""
+"""Draws from which rows that matter are found."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Task:
         return [RUNS.index(run) for run in self.fitted]
 
     def cases(self) -> dict[Reading, list[Reading]]:
-        """Readings by what of them changes the fitted runs, which is searched once."""
+        """Readings by the part that changes the fitted runs, which is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
             changing = {axis for run in self.fitted for axis, _ in axes.case_of(held, run).settings}
@@ -130,34 +133,24 @@ def run_identify(
         Its configuration is that of an ensemble, whose box is searched.
     talk : Talk
     fit : {'controller_2', 'all'}
-        Fit Controller 2's four numbers and show what the others are then; or fit all sixteen.
     readings : str
         ``printed``, ``default``, or names joined by commas.
     window : {'whole', 'late'}
-        What the printed numbers average.
     generations, population, seeds : int
         Effort of each search; the population is that of one seed.
     jobs : int
-        Processors; -1 is all. Searches run side by side, a single one on all of them.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+        Processors; -1 is all.
 
     Raises
     ------
     UsageError
         For an unknown reading, no effort, or a folder with other results.
-    TendonreproError
-        When results cannot be written; searches are taken up again from where they were.
     """
     folder = request.folder("identify")
-    for option, value in {"generations": generations, "population": population, "seeds": seeds}.items():
+    least_one = {"generations": generations, "population": population, "seeds": seeds, "jobs": abs(jobs)}
+    for option, value in least_one.items():
         if value < 1:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
-    if not jobs:
-        raise UsageError("must be a number of processors, or -1 for all, found 0", where="--jobs")
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
     processors = jobs if jobs > 0 else os.cpu_count() or 1
@@ -195,18 +188,16 @@ def run_identify(
     return data | {"text": text, "manifest": str(folder / MANIFEST)}
 
 
-def _searches(
-    task: Task, states: Path, processors: int, talk: Talk
-) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
-    """Numbers and the best plant of every reading; searches run side by side where there are several."""
+def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
+    """Search for every reading; several searches run side by side."""
     cases = list(task.cases())
     processes = min(processors, len(cases))
     simulate = partial(simulate_batch, threads=processors if processes == 1 else 1)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
-    found: dict[str, tuple[dict[str, Any], CompareConfig]] = {}
+    found: Results = {}
     with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
-        work = partial(_searched, task, states, progress if processes == 1 else _silent)
+        work = partial(_searched, task, states, progress if processes == 1 else None)
         with closing(as_ready(work, range(len(cases)), processes)) as stream:
             for one in stream:
                 found |= one
@@ -215,20 +206,15 @@ def _searches(
     return found
 
 
-def _silent(_plants: int) -> None:
-    """No progress."""
-
-
-def _searched(
-    task: Task, states: Path, progress: Callable[[int], None], place: int
-) -> dict[str, tuple[dict[str, Any], CompareConfig]]:
+def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
     """Search under one case; what is on disk already is not done again."""
     box, effort, goal = task.bench.box, task.effort, task.printed.values[task.places]
     case, readings = list(task.cases().items())[place]
 
     def plants(bench: Bench, most: int, name: str) -> Plants:
         misfit = partial(bench.evaluated, reading=case, runs=task.fitted, goal=goal)
-        return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", progress)
+        told = progress or (lambda _: None)
+        return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
 
     draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
     rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws)
@@ -248,7 +234,7 @@ def _searched(
 def _reading_data(
     task: Task, bench: Bench, case: Reading, held: Reading, found: Found
 ) -> tuple[dict[str, Any], CompareConfig]:
-    """Everything about one reading as plain values, and its best plant."""
+    """Plain values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * found.misfit)
     units = np.vstack([found.closest, found.points[found.misfits <= limit]])
     ours, printed, places = bench.measure(units, held, RUNS), task.printed, task.places

@@ -11,18 +11,12 @@ from matplotlib.axes import Axes
 from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
 
-_RUNS = {
-    "controller_1": "Controller 1",
-    "controller_2": "Controller 2",
-    "controller_3": "Controller 3",
-    "controller_1_payload": "Controller 1, payload",
-}
-
 
 def draw_numbers(held: Mapping[str, Any]) -> Drawing:
-    """Every number over the printed one, of the best plant and of the seeds that come near."""
+    """Draw every number over the printed one, of the best plant and of the seeds that come near."""
     numbers = held["numbers"]
-    names = [f"{_RUNS[row['run']]}, {row['metric'].upper()} {row['joint']}" for row in numbers]
+    runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
+    names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]
 
     def draw(axes: Sequence[Axes]) -> None:
         (panel,) = axes
@@ -31,9 +25,8 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
             ends = np.array([row["lowest_deg"], row["highest_deg"]]) / row["printed_deg"]
             panel.plot(ends, [place, place], color=stroke.colour, linewidth=2.2, solid_capstyle="butt")
             panel.plot(row["ratio"], place, "o", color="white", markeredgecolor=stroke.colour, markersize=3.6)
-        panel.plot([], [], color=SERIES[0].colour, linewidth=2.2, label="fitted")
-        if any(not row["fitted"] for row in numbers):
-            panel.plot([], [], color=SERIES[1].colour, linewidth=2.2, label="not fitted")
+        for stroke, label in zip(SERIES, ("fitted", "not fitted"), strict=False):
+            panel.plot([], [], color=stroke.colour, linewidth=2.2, label=label)
         panel.axvline(1.0, color="black", linewidth=0.6, zorder=0.5)
         panel.margins(x=0.04)
         panel.set_xlabel("ours/printed")

@@ -1,4 +1,4 @@
-"""Numbers of plants beside the printed ones, and what the search found for every row of the box."""
+"""Numbers of plants beside the printed ones, and rows of the box."""
 
 from __future__ import annotations
 
@@ -18,33 +18,30 @@ AT_BOUND = 0.01
 
 
 def number_rows(plants: Simulated, printed: Printed, fitted: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Every printed number beside that of the best plant, the first, and the range of all plants.
-
-    A plant counts in the range of a run that ended well on it.
-    """
+    """Every printed number, that of the first plant, and the range of those whose run is ok."""
     rows = []
-    for place in np.ndindex(printed.values.shape):
-        r, m, i = place
-        ours, goal = float(plants.sizes[0][place]), float(printed.values[place])
+    for (r, m, i), goal in np.ndenumerate(printed.values):
+        ours = float(plants.sizes[0, r, m, i])
         sizes = plants.sizes[plants.ok[:, r], r, m, i]
+        low, high = (sizes.min(), sizes.max()) if sizes.size else (np.nan, np.nan)
         rows.append(
             {
                 "run": RUNS[r],
                 "metric": METRICS[m],
                 "joint": printed.joints[i],
                 "fitted": RUNS[r] in fitted,
-                "printed_deg": goal,
+                "printed_deg": float(goal),
                 "ours_deg": ours,
-                "ratio": ours / goal,
-                "lowest_deg": float(sizes.min()) if sizes.size else float("nan"),
-                "highest_deg": float(sizes.max()) if sizes.size else float("nan"),
+                "ratio": ours / float(goal),
+                "lowest_deg": float(low),
+                "highest_deg": float(high),
             }
         )
     return rows
 
 
 def shape_rows(best: Simulated, printed: Printed) -> list[dict[str, Any]]:
-    """What of the best plant needs no scale: order of the controllers and RMSE over MAE, beside the print."""
+    """Order of the controllers and RMSE over MAE, ours and printed."""
     rows = []
     for i, joint in enumerate(printed.joints):
         row: dict[str, Any] = {"joint": joint}
@@ -59,7 +56,7 @@ def shape_rows(best: Simulated, printed: Printed) -> list[dict[str, Any]]:
 
 
 def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:
-    """Value of every row of the box on the best plant, the first of the points (N, P), and on all.
+    """Value of every row of the box at points (N, P), the best first.
 
     What the best plant has switched off is at no bound.
     """
@@ -68,7 +65,8 @@ def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:
     idle = set().union(*(switched_by(box.names[p]) for p in off))
     rows = []
     for p, name in enumerate(box.names):
-        is_choice, found = box.choices[p].size > 0, [_word(box, p, value) for value in values[:, p]]
+        is_choice, words = box.choices[p].size > 0, box.words[p]
+        found = [words[int(value)] if words else float(value) for value in values[:, p]]
         can_lean = box.free[p] and not is_choice and name not in idle
         rows.append(
             {
@@ -84,10 +82,6 @@ def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def _word(box: Box, row: int, value: float) -> float | str:
-    return box.words[row][int(value)] if box.words[row] else float(value)
 
 
 def _bound(unit: float) -> str | None:

@@ -1,4 +1,4 @@
-"""What is fitted to what, and how far the simulated numbers of a plant are from the printed ones."""
+"""How far the numbers of a plant are from the printed ones."""
 
 from __future__ import annotations
 
@@ -37,10 +37,7 @@ _PLANTS_AT_ONCE = 256
 
 @dataclass(frozen=True)
 class Printed:
-    """The sixteen printed errors, deg, and half a unit of their last digit, each (R, 2, n).
-
-    Runs in the order of `RUNS`, MAE and RMSE, joints.
-    """
+    """The printed errors, deg, and half a unit of their last digit, (R, 2, n)."""
 
     values: Array
     half: Array
@@ -61,8 +58,8 @@ def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
 class Simulated(NamedTuple):
     """What N plants give on R runs.
 
-    `sizes` (N, R, 2, n) are MAE and RMSE, deg, up to its end of a diverged run, NaN where there is nothing;
-    `status` (N, R) indexes `STATUSES`; `lasted` (N, R) is the share of the run that was done.
+    `sizes` (N, R, 2, n): MAE and RMSE, deg, of a diverged run up to its end; `status` (N, R) indexes
+    `STATUSES`; `lasted` (N, R): share of the run that was done.
     """
 
     sizes: Array
@@ -77,7 +74,7 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """Points of the unit cube to numbers; every plant starts from the comparison `base`."""
+    """Points of the unit cube to numbers, from a comparison `base`."""
 
     base: LoadedConfig
     box: Box
@@ -101,7 +98,7 @@ class Bench:
         return Simulated(sizes, status, lasted)
 
     def evaluated(self, units: Array, reading: Reading, runs: Sequence[str], goal: Array) -> Evaluated:
-        """How far many points (N, P) are from printed numbers (R, 2, n), deg."""
+        """Misfits of points (N, P) to printed numbers (R, 2, n), deg."""
         ours = self.measure(units, reading, runs)
         return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(units), -1))
 
@@ -128,10 +125,9 @@ class Bench:
         return loops
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        """Runs of some samples in which everything acts, one for each branch that a row of the box chooses.
+        """Runs of some samples in which everything acts, for each branch of the code.
 
-        Code is compiled for what acts anywhere in a batch. With these in every batch, a population that comes
-        to agree on some row does not need new code.
+        Code is compiled for what acts anywhere in a batch, so a population that agrees on a row needs none.
         """
         loops = self._loops(acting_units(self.box), reading, runs)
         return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
@@ -143,7 +139,7 @@ def _start_of(reference: DesiredMotion) -> DesiredMotion:
 
 
 def acting_units(box: Box) -> Array:
-    """Points at which every effect acts, one for each disturbance and with and without torque steps."""
+    """Points at which every effect acts, for each disturbance, with and without torque steps."""
     disturbance, steps = (box.names.index(name) for name in ("disturbance", "torque_resolution_acts"))
     kinds = box.choices[disturbance].size
     # Off the middle, where a value might be exactly one.
@@ -156,11 +152,7 @@ def acting_units(box: Box) -> Array:
 
 
 def log_misfit(ours: Simulated, printed: Array) -> Array:
-    """Root mean square over runs and numbers of log(ours / printed), (N,).
-
-    Printed numbers are (R, 2, n), deg. A run that is not ok counts by its end: the result is finite, and
-    below `_RINGING` over the root of R only where all runs are ok.
-    """
+    """Root mean square over R runs of log(ours / printed), (N,); a run that is not ok counts by its end."""
     fit = np.sqrt(np.mean(log_residuals(ours, printed) ** 2, axis=(2, 3)))
     diverged = _DIVERGED + 10.0 * (1.0 - ours.lasted)
     per_run = np.choose(ours.status, [fit, _RINGING + fit, diverged, np.full_like(fit, _UNRESOLVED)])
@@ -168,12 +160,12 @@ def log_misfit(ours: Simulated, printed: Array) -> Array:
 
 
 def log_residuals(ours: Simulated, printed: Array) -> Array:
-    """log(ours / printed) of every number, (N, R, 2, n), bounded; the bound where there is no number."""
+    """log(ours / printed), bounded, (N, R, 2, n); the bound where there is no number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(ours.sizes / printed)
     return np.asarray(np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT))
 
 
 def rounding_misfit(sizes: Array, printed: Array, half: Array) -> float:
-    """Root mean square of |ours - printed|, each (R, 2, n), in half units of the last digit."""
+    """Root mean square of ours - printed, each (R, 2, n), in half units of the last digit."""
     return float(np.sqrt(np.mean(((sizes - printed) / half) ** 2)))

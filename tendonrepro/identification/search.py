@@ -1,7 +1,6 @@
-"""Search of the box by CMA-ES and least squares from many starts; what was looked at is kept on disk.
+"""Search of the box by CMA-ES and least squares; what was looked at is kept on disk.
 
-CMA-ES copes with choices and a rough misfit, least squares go on from where it settles, then comes the next
-start, until the plants are used up. docs/ensemble.md says what else was tried.
+CMA-ES copes with choices and a rough misfit, and least squares go on from where it settles.
 """
 
 from __future__ import annotations
@@ -22,17 +21,14 @@ from tendonrepro.monte_carlo.evolution import evolution
 
 
 class Evaluated(NamedTuple):
-    """Misfits (N,) of N points, and residuals (N, K): the deviation of each fitted number.
-
-    They are smooth in the unknowns where the misfit is small.
-    """
+    """Misfits (N,) of N points, and residuals (N, K) of the fitted numbers."""
 
     misfits: Array
     residuals: Array
 
 
 Misfit: TypeAlias = Callable[[Array], Evaluated]
-"""Misfit of many points of the unit cube at once, (N, P); finite."""
+"""Of points of the unit cube, (N, P); finite."""
 
 Rows: TypeAlias = NDArray[np.bool_]
 """Which rows of the box, (P,)."""
@@ -41,15 +37,15 @@ AGREED = 1.05
 """Largest ratio of the seeds' best misfits that counts as the same."""
 
 FELT = 0.1
-"""Root mean square change in log of the numbers, over plants and numbers, from which on a row is searched.
+"""Root mean square change in log of the numbers from which on a row is searched.
 
-A choice: what moves them by less than a tenth the others make good, down to misfits well below that.
+What moves them by less the others make good.
 """
 
 _LOOKED_AT = 8
 
 _WIDTH = 0.25
-"""First standard deviation of CMA-ES: a quarter of the cube, so that all of it is within reach."""
+"""First standard deviation of CMA-ES, so that all of the cube is within reach."""
 
 _PATIENCE, _GAIN = 10, 0.02
 """CMA-ES has settled when so many generations have lowered the misfit by less than this share."""
@@ -72,7 +68,7 @@ _SWITCHES = {
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard to search: so many generations of a population, by seeds that know nothing of each other."""
+    """How hard to search; seeds know nothing of each other."""
 
     generations: int
     population: int
@@ -85,13 +81,13 @@ class Effort:
 
     @property
     def evaluations(self) -> int:
-        """Points looked at in all, at most: the last so many polish the best seed's."""
+        """Points looked at in all, at most; the best seed is polished."""
         return self.plants * (self.seeds + 1)
 
 
 @dataclass(frozen=True)
 class Found:
-    """What S seeds found: their best points (S, P) and misfits (S,), and the closest of all, polished."""
+    """Best points (S, P) and misfits (S,) of S seeds, and the closest, polished."""
 
     closest: Array
     misfit: float
@@ -109,9 +105,9 @@ class _UsedUp(Exception):
 
 
 class Plants:
-    """So many points (N, `width`) that may be looked at; those on disk are not looked at again.
+    """At most so many points (N, `width`) to look at; those on disk are not looked at again.
 
-    However often interrupted, a search ends the same to the last bit.
+    However often interrupted, a search ends the same.
     """
 
     def __init__(
@@ -146,24 +142,17 @@ class Plants:
 def search(
     starts: Array, rows: Rows, smooth: Rows, plants: Callable[[str], Plants], effort: Effort, seed: int
 ) -> Found:
-    """Search from starts (S, M, P) of each seed.
+    """Search from M starts of each seed.
 
     Parameters
     ----------
     starts : array (S, M, P)
-        In the unit cube.
-    rows : array (P,) of bool
-        What is moved; the others stay where they start.
-    smooth : array (P,) of bool
-        Those of them on which the residuals depend smoothly; choices are none.
+    rows, smooth : array (P,) of bool
+        What is moved, and what of it is no choice.
     plants : callable
         Gives the points of a search by its name.
     effort : Effort
     seed : int
-
-    Returns
-    -------
-    Found
     """
     best = []
     for place, members in enumerate(starts):
@@ -186,7 +175,7 @@ def search(
 def _settled(
     start: Array, rows: Rows, smooth: Rows, look: Plants, effort: Effort, generator: np.random.Generator
 ) -> Array:
-    """Best point of CMA-ES from a start until it settles, or few plants are left."""
+    """Best point of CMA-ES until it settles, or few plants are left."""
     population, reserve = effort.population // 2, _DESCENTS * 2 * int(smooth.sum())
     strategy = evolution(start[rows], _WIDTH, max(population, 4), generator)
     first = look.count
@@ -234,7 +223,7 @@ def _descend(start: Array, smooth: Rows, look: Plants) -> None:
 
 
 def rows_that_matter(box: Box, look: Plants, draws: Array) -> Rows:
-    """Rows that the fitted numbers feel at the best of some draws (N, P), (P,); all where none is felt."""
+    """Rows that the fitted numbers feel at the best of some draws (N, P); all where none is felt."""
     first = look(draws)
     best = np.argsort(first.misfits, kind="stable")[:_LOOKED_AT]
     rows = np.arange(len(box.names))
@@ -247,19 +236,19 @@ def rows_that_matter(box: Box, look: Plants, draws: Array) -> Rows:
 
 
 def switched_by(name: str) -> set[str]:
-    """Names of the rows that do nothing where a choice is its first word, off or none."""
+    """Rows that do nothing where a choice is off or none."""
     return _SWITCHES.get(name, {name.removesuffix("_acts")})
 
 
 def with_switches(names: Sequence[str], chosen: Rows) -> Rows:
-    """Rows together with those without which they do nothing where these are nominal."""
+    """Rows together with those that switch them on."""
     sizes = {name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen}
     switches = [not sizes.isdisjoint(switched_by(name)) for name in names]
     return chosen | np.array(switches, dtype=np.bool_)
 
 
 def nominal_unit(box: Box) -> Array:
-    """Point of the unit cube at which every row has its nominal value, (P,)."""
+    """Point of the unit cube with nominal values, (P,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(box.nominal / box.low) / np.log(box.high / box.low)
         shares = (box.nominal - box.low) / (box.high - box.low)

@@ -1,5 +1,7 @@
 """The paper's equations as pure functions: no files, no clock, no state.
 
+Arrays have the joint or tendon axis first; further axes are independent lanes.
+
 What a law of your own builds on (docs/laws.md) can be imported from here.
 """
 

@@ -1,12 +1,7 @@
-"""The rigid arm: a planar serial chain under gravity.
+"""The rigid arm: ``M``, ``C`` and ``G`` of Eq. (4) for a planar serial chain under gravity.
 
-``M``, ``C`` and ``G`` of Eq. (4). The paper leaves them open; a planar chain of links with mass, length,
-centre of mass and inertia is the plainest arm that fits its description. A link's absolute angle is
-measured from hanging, positive clockwise as the paper draws it, that is upwards into the working half-plane.
-
-In absolute angles the chain needs only constants: ``a[i, j]`` couples two links and ``b[i]`` is a link's
-moment of weight. All functions take the joint axis first; further axes are independent lanes, so the same
-code serves one posture and a whole trace.
+The paper leaves them open. A link's absolute angle is measured from hanging, positive clockwise as the paper
+draws it, that is upwards. In absolute angles the chain needs only constants.
 """
 
 from __future__ import annotations
@@ -24,11 +19,11 @@ class Arm(NamedTuple):
     Attributes
     ----------
     a : array (n, n)
-        Inertia coupling in absolute angles, kg m².
+        Inertia coupling of two links in absolute angles, kg m².
     b : array (n,)
         Moment of weight, N m: the gravity torque of a horizontal link.
     phi_0 : array (n,)
-        Absolute link angles at ``q = 0``, rad from hanging.
+        Absolute link angles at ``q = 0``, rad.
     """
 
     a: Array
@@ -46,26 +41,20 @@ def make_arm(
     payload_mass: float,
     gravity: float,
 ) -> Arm:
-    """Reduce link data to the constants of the chain.
+    """Reduce link data, arrays (n,), to the constants of the chain.
 
     Parameters
     ----------
-    length, com : array (n,)
+    length, com
         Link lengths and distances of the centres of mass from the proximal axis, m.
-    mass : array (n,)
-        Link masses, kg.
-    inertia : array (n,)
-        Link inertias about the centre of mass, kg m².
-    phi_0 : array (n,)
-        Absolute link angles at ``q = 0``, rad.
-    payload_mass : float
+    mass, inertia
+        Link masses, kg, and inertias about the centre of mass, kg m².
+    phi_0
+        As of `Arm`.
+    payload_mass
         Point mass at the tip of the last link, kg.
-    gravity : float
-        Acceleration of gravity, m s⁻².
-
-    Returns
-    -------
-    Arm
+    gravity
+        m s⁻².
     """
     n = length.size
     carried = carried_mass(mass, payload_mass)
@@ -79,54 +68,21 @@ def make_arm(
 
 
 def carried_mass(mass: Array, payload_mass: float) -> Array:
-    """Mass beyond the end of each link, kg.
-
-    Parameters
-    ----------
-    mass : array (n, ...)
-        Link masses, kg.
-    payload_mass : float
-        At the tip, kg.
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Mass (n, ...) beyond the end of each link, kg, with the payload at the tip."""
     outer = np.cumsum(mass[::-1], axis=0)[::-1][1:]
     return np.asarray(payload_mass + np.concatenate([outer, 0.0 * mass[-1:]]))
 
 
 def weight_moment(length: Array, mass: Array, com: Array, payload_mass: float, gravity: float) -> Array:
-    """Gravity torque of each link when it is horizontal, with what it carries, N m: ``b`` of `Arm`.
+    """Gravity torque (n, ...) of each horizontal link with what it carries, N m: ``b`` of `Arm`.
 
-    Parameters
-    ----------
-    length, mass, com : array (n, ...)
-        As of :func:`make_arm`.
-    payload_mass, gravity : float
-        kg, m s⁻².
-
-    Returns
-    -------
-    array (n, ...)
+    Parameters are those of :func:`make_arm`.
     """
     return gravity * (mass * com + carried_mass(mass, payload_mass) * length)
 
 
 def link_angles(q: Array, phi_0: Array) -> Array:
-    """Absolute link angles, ``phi[i] = phi_0[i] + Σ_{k<=i} q[k]``, rad.
-
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    phi_0 : array (n,)
-        Absolute link angles at ``q = 0``, rad.
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Absolute link angles (n, ...), ``phi[i] = phi_0[i] + Σ_{k<=i} q[k]``, rad."""
     phi = np.empty_like(q)
     turned = 0.0 * q[0]
     for i in range(q.shape[0]):
@@ -136,19 +92,7 @@ def link_angles(q: Array, phi_0: Array) -> Array:
 
 
 def joint_angles(phi: Array, phi_0: Array) -> Array:
-    """Joint angles that give absolute link angles, rad: the inverse of :func:`link_angles`.
-
-    Parameters
-    ----------
-    phi : array (n, ...)
-        Absolute link angles, rad.
-    phi_0 : array (n,)
-        Those at ``q = 0``, rad.
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Joint angles (n, ...) that give absolute link angles, rad: the inverse of :func:`link_angles`."""
     q = np.empty_like(phi)
     turned = 0.0 * phi[0]
     for i in range(phi.shape[0]):
@@ -158,20 +102,9 @@ def joint_angles(phi: Array, phi_0: Array) -> Array:
 
 
 def mass_matrix(q: Array, arm: Arm) -> Array:
-    """Mass matrix ``M(q)`` of Eq. (4), kg m².
+    """Mass matrix ``M(q)`` of Eq. (4), (n, n, ...), kg m².
 
     ``M[i, j] = Σ_{k>=i, l>=j} a[k, l] cos(phi_k - phi_l)``: links beyond a joint move with it.
-
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    arm : Arm
-
-    Returns
-    -------
-    array (n, n, ...)
-        Symmetric and positive definite.
     """
     phi = link_angles(q, arm.phi_0)
     n = q.shape[0]
@@ -183,18 +116,9 @@ def mass_matrix(q: Array, arm: Arm) -> Array:
 
 
 def coriolis_matrix(q: Array, dq: Array, arm: Arm) -> Array:
-    """Coriolis matrix ``C(q, dq)`` of Eq. (4) in Christoffel form, N m s.
+    """Coriolis matrix ``C(q, dq)`` of Eq. (4), (n, n, ...), N m s.
 
-    Parameters
-    ----------
-    q, dq : array (n, ...)
-        Joint angles, rad, and velocities, rad s⁻¹.
-    arm : Arm
-
-    Returns
-    -------
-    array (n, n, ...)
-        ``dM/dt - 2 C`` is skew-symmetric.
+    It is the Christoffel form: ``dM/dt - 2 C`` is skew-symmetric.
     """
     phi = link_angles(q, arm.phi_0)
     dphi = link_angles(dq, 0.0 * arm.phi_0)
@@ -208,18 +132,9 @@ def coriolis_matrix(q: Array, dq: Array, arm: Arm) -> Array:
 
 
 def gravity_torque(q: Array, arm: Arm) -> Array:
-    """Gravity torque ``G(q)`` of Eq. (4), N m; positive where the weight turns the joint back.
+    """Gravity torque ``G(q)`` of Eq. (4), (n, ...), N m; positive where the weight turns the joint back.
 
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    arm : Arm
-
-    Returns
-    -------
-    array (n, ...)
-        The gradient of :func:`potential_energy`.
+    It is the gradient of :func:`potential_energy`.
     """
     phi = link_angles(q, arm.phi_0)
     G = np.empty_like(q)
@@ -231,18 +146,7 @@ def gravity_torque(q: Array, arm: Arm) -> Array:
 
 
 def bias_torque(q: Array, dq: Array, arm: Arm) -> Array:
-    """Torque of motion and weight, ``C(q, dq) dq + G(q)``, N m.
-
-    Parameters
-    ----------
-    q, dq : array (n, ...)
-        Joint angles, rad, and velocities, rad s⁻¹.
-    arm : Arm
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Torque of motion and weight, ``C(q, dq) dq + G(q)``, (n, ...), N m."""
     C = coriolis_matrix(q, dq, arm)
     torque = gravity_torque(q, arm)
     for i in range(q.shape[0]):
@@ -252,34 +156,12 @@ def bias_torque(q: Array, dq: Array, arm: Arm) -> Array:
 
 
 def potential_energy(q: Array, arm: Arm) -> Array:
-    """Energy of the weight, J, zero with every link horizontal.
-
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    arm : Arm
-
-    Returns
-    -------
-    array (...)
-    """
+    """Energy of the weight, (...), J, zero with every link horizontal."""
     return np.asarray(-np.tensordot(arm.b, np.cos(link_angles(q, arm.phi_0)), axes=(0, 0)))
 
 
 def kinetic_energy(q: Array, dq: Array, arm: Arm) -> Array:
-    """Kinetic energy of the links, ``½ dqᵀ M dq``, J.
-
-    Parameters
-    ----------
-    q, dq : array (n, ...)
-        Joint angles, rad, and velocities, rad s⁻¹.
-    arm : Arm
-
-    Returns
-    -------
-    array (...)
-    """
+    """Kinetic energy of the links, ``½ dqᵀ M dq``, (...), J."""
     return np.asarray(0.5 * np.einsum("i...,ij...,j...", dq, mass_matrix(q, arm), dq))
 
 

@@ -1,13 +1,9 @@
 """The sampled control law: one law, of which Controllers 1 to 3 and plain TDC are parameter sets.
 
 Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). They differ in the surface that makes ``u`` (Eqs. 9, 11,
-18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15). Where the paper's text can be read
-in more than one way the reading is a field of :class:`Law`; its default is the printed form, but for the odd
-polynomial of ``phi`` and the ``eta`` kept in Controller 2.
-
-The law runs once per sampling period on encoder values. Its memory is a value: :func:`start_memory`
-makes it, :func:`command` reads it, :func:`remember` returns the next one. What depends on measured values is
-chosen by ``arrays.choose``, not by a branch, so that the same code runs on lanes.
+18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15). Each ambiguity of the paper is a
+field of :class:`Law`. It runs once per sampling period on encoder values, and its memory is a value. What
+depends on measured values is chosen by ``arrays.choose``, not by a branch, for lanes.
 """
 
 from __future__ import annotations
@@ -38,46 +34,48 @@ class Surface(IntEnum):
 
 
 class Law(NamedTuple):
-    """Gains and readings of one law; arrays have one entry per moving joint. Defaults are as published.
+    """Gains and readings of one law; arrays are (n,), one entry per moving joint.
+
+    Defaults are as published, but for the odd polynomial of ``phi`` and the ``eta`` kept in Controller 2.
 
     Attributes
     ----------
     surface : int
         A :class:`Surface`.
-    L : float
-        Sampling period, s; the delay time is `lag` of it.
-    lag : int
+    L
+        Sampling period, s.
+    lag
         Sampling periods of the delay time; 1 as the paper suggests.
-    M_bar : array (n,)
+    M_bar
         kg m².
-    lam, eta, b, Delta, beta : array (n,)
+    lam, eta, b, Delta, beta
         Gains of Eqs. (11) to (14); ``Delta`` in rad, or in degrees where ``angle_scale`` says so.
-    K_d, K_p : array (n,)
+    K_d, K_p
         Gains of Eq. (9), s⁻¹ and s⁻²; read by ``Surface.PD`` only.
     weights : array (2, n)
         Weights of the estimates from ``t - L`` and ``t - 2L``, Eq. (15).
-    newest : int
+    newest
         Newest encoder sample in the difference labelled ``t - L``: 1 as Eq. (16) prints it, 0 centred.
-    phi_is_odd : bool
+    phi_is_odd
         Polynomial ``gamma_1 e + gamma_2 |e| e``; False is the print's ``gamma_1 e + gamma_2 e²``.
-    power_inside : bool
+    power_inside
         Power branch of ``phi`` inside ``Delta`` too.
-    power_floor : float
+    power_floor
         Error below which the slope of the power branch stops growing, in the unit of ``Delta``.
-    angle_scale : float
+    angle_scale
         Units of ``phi``'s argument per radian: 1, or 180/π where the gains mean degrees.
-    rate_gain : array (n,)
+    rate_gain
         Factor of ``dphi`` in ``u``: ``eta``, or 1 where Controller 2's print drops it.
-    rate_filter, ddq_filter, estimate_filter : float
+    rate_filter, ddq_filter, estimate_filter
         Weight of the newest value in the low-pass filter of the error's rate, of Eq. (16) and of ``H_hat``;
         1 is no filter.
-    error_differenced : bool
+    error_differenced
         The rate is the difference of the error, not the desired rate less that of the encoder.
     to_joint, from_joint : array (n, n)
-        Map from the law's torque coordinates to joint coordinates, and back; identity as assumed by default.
-    stores_applied : bool
+        From the law's torque coordinates to joint coordinates, and back.
+    stores_applied
         It remembers the torque that the drive put out, not the one it commanded.
-    motor_side : bool
+    motor_side
         Its angles are ``S q_motor`` of the motors' encoders, not those of the joints'.
     """
 
@@ -115,18 +113,16 @@ class Memory(NamedTuple):
     Attributes
     ----------
     q : array (3 lag, n)
-        Encoder values one sample ago and before, as far back as ``t - 3L``, rad.
+        Encoder values before, as far back as ``t - 3L``, rad.
     tau : array (2 lag, n)
-        Torques as far back as ``t - 2L`` in joint coordinates, N m: those commanded, within the motors'
-        limits, or those applied, see `Law.stores_applied`.
-    de : array (n,)
-        Rate of the error one sample ago, rad s⁻¹.
-    q_d : array (n,)
-        Desired angles one sample ago, rad.
+        Torques in joint coordinates as far back as ``t - 2L``, N m: those commanded, within the motors'
+        limits, or those applied (`Law.stores_applied`).
+    de, q_d : array (n,)
+        Rate of the error, rad s⁻¹, and desired angles, rad, one sample ago.
     ddq : array (lag, n)
-        Accelerations of Eq. (16), those of the last ``lag`` samples, rad s⁻².
+        Accelerations of Eq. (16), rad s⁻².
     H_hat : array (n,)
-        Estimate one sample ago in joint coordinates, N m.
+        Last estimate in joint coordinates, N m.
     """
 
     q: Array
@@ -140,21 +136,8 @@ class Memory(NamedTuple):
 def start_memory(q: Array, tau: Array, lag: int = 1) -> Memory:
     """Start-up rule for ``t < 4L``: every delay line is filled with one value.
 
-    An arm that has been at rest for longer than ``4L`` hands over its encoder values and its holding torque;
-    the reading ``cold`` hands over zero torque, as delay blocks of a freshly started block diagram do.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Encoder values before the start, rad.
-    tau : array (n,)
-        Torque before the start, N m.
-    lag : int
-        Of the law.
-
-    Returns
-    -------
-    Memory
+    An arm that has been at rest hands over its encoder values, rad, and its holding torque, N m. The reading
+    ``cold`` hands over zero torque, as the delay blocks of a freshly started block diagram do.
     """
     still = np.zeros_like(q)
     return Memory(
@@ -176,17 +159,9 @@ def packed_memory(values: Array, n: int, lag: int) -> Memory:
 
 
 def remember(memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law) -> Memory:
-    """Shift the delay lines by one period.
+    """Shift the delay lines by one period; arguments are those of this sample, as in `Memory`.
 
-    Parameters
-    ----------
-    memory : Memory
-    q, q_d, de : array (n,)
-        Encoder values and desired angles, rad, and rate of the error, rad s⁻¹, of this sample.
-    H_hat, tau : array (n,)
-        Estimate and torque of this sample in joint coordinates, N m; which torque is the reading
-        `Law.stores_applied`.
-    law : Law
+    Which torque ``tau`` is, the commanded or the applied, is the reading `Law.stores_applied`.
     """
     return Memory(
         q=_shifted(memory.q, q),
@@ -205,26 +180,22 @@ def _shifted(line: Array, newest: Array) -> Array:
 def command(
     memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
 ) -> tuple[Array, Array, Array, Array]:
-    """One sample of the law: Eqs. (8) to (18).
+    """One sample of the law: Eqs. (8) to (18); all arrays are (n,).
 
     Parameters
     ----------
-    memory : Memory
-    q : array (n,)
+    q
         Encoder values now, rad.
-    q_d, dq_d, ddq_d : array (n,)
+    q_d, dq_d, ddq_d
         Desired motion now, rad, rad s⁻¹, rad s⁻².
-    law : Law
 
     Returns
     -------
-    tau : array (n,)
-        Commanded torque in joint coordinates, N m.
-    H_hat : array (n,)
-        Estimate of the lumped dynamics in joint coordinates, N m.
-    s : array (n,)
+    tau, H_hat
+        Commanded torque and estimate of the lumped dynamics in joint coordinates, N m.
+    s
         Sliding variable, rad s⁻¹.
-    de : array (n,)
+    de
         Rate of the error, rad s⁻¹; goes into :func:`remember`.
     """
     de = error_rate(memory, q, q_d, dq_d, law)
@@ -238,22 +209,9 @@ def command(
 
 
 def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> Array:
-    """Rate of the tracking error, ``de``, low-pass filtered where the law says so, rad s⁻¹.
+    """Rate of the tracking error, ``de``, (n,), low-pass filtered where the law says so, rad s⁻¹.
 
     The measured part is the backward difference of the encoder; the paper names neither it nor a filter.
-
-    Parameters
-    ----------
-    memory : Memory
-    q : array (n,)
-        Encoder values now, rad.
-    q_d, dq_d : array (n,)
-        Desired angles, rad, and velocity, rad s⁻¹, now.
-    law : Law
-
-    Returns
-    -------
-    array (n,)
     """
     de = np.empty_like(q)
     for i in range(q.shape[0]):
@@ -264,20 +222,9 @@ def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> A
 
 
 def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
-    """``H_hat`` by Eq. (15) with the differences of Eq. (16), N m in the law's torque coordinates.
+    """``H_hat`` (n,) by Eq. (15) with the differences of Eq. (16), N m in the law's torque coordinates.
 
     With weights (1, 0) it is Eq. (8).
-
-    Parameters
-    ----------
-    memory : Memory
-    q : array (n,)
-        Encoder values now, rad.
-    law : Law
-
-    Returns
-    -------
-    array (n,)
     """
     newest = delayed_acceleration(memory, q, law)
     H_hat = np.zeros_like(q)
@@ -293,20 +240,10 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
 
 
 def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
-    """``ddq(t - L)`` of Eq. (16), low-pass filtered where the law says so, rad s⁻².
+    """``ddq(t - L)`` of Eq. (16), (n,), low-pass filtered where the law says so, rad s⁻².
 
-    ``ddq(t - 2L)`` is what this was one delay time ago.
-
-    Parameters
-    ----------
-    memory : Memory
-    q : array (n,)
-        Encoder values now, rad; only the centred reading uses them.
-    law : Law
-
-    Returns
-    -------
-    array (n,)
+    ``ddq(t - 2L)`` is what this was one delay time ago. Only the centred reading uses ``q``, the angles of
+    now.
     """
     L, lag = law.lag * law.L, law.lag
     first = memory.q[lag - 1] if law.newest else q
@@ -317,24 +254,10 @@ def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
 
 
 def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
-    """Sliding variable and feedback of joint i: ``s`` and ``u - ddq_d``.
+    """Sliding variable ``s`` and feedback ``u - ddq_d`` of joint i, from 0, rad s⁻¹ and rad s⁻².
 
-    NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``.
-
-    Parameters
-    ----------
-    e, de : float
-        Tracking error, rad, and its rate, rad s⁻¹.
-    law : Law
-    i : int
-        Joint, from 0.
-
-    Returns
-    -------
-    s : float
-        rad s⁻¹.
-    feedback : float
-        rad s⁻².
+    NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``. ``e``
+    is the tracking error, rad, ``de`` its rate.
     """
     if law.surface == Surface.NTSM:
         s = de + law.eta[i] * phi(e, law, i)
@@ -347,22 +270,10 @@ def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
 
 
 def phi(e: Any, law: Law, i: int) -> Any:
-    """``phi(e)`` of Eq. (12), rad^b; ``eta`` carries the unit that makes it a velocity.
+    """``phi(e)`` of Eq. (12) for joint i, rad^b; ``eta`` carries the unit that makes it a velocity.
 
     The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero. That
-    is an equality of measured numbers, so the polynomial is what runs there.
-
-    Parameters
-    ----------
-    e : float
-        Tracking error of joint i, rad.
-    law : Law
-    i : int
-        Joint, from 0.
-
-    Returns
-    -------
-    float
+    is an equality of measured numbers, so the polynomial runs there.
     """
     x = e * law.angle_scale
     value = sig(x, law.b[i])
@@ -377,18 +288,6 @@ def phi_slope(e: Any, law: Law, i: int) -> Any:
     """Slope of :func:`phi`, so that ``dphi/dt = phi_slope de``; the paper never prints it.
 
     The power branch's slope grows without bound at zero; it is held at its value at ``power_floor``.
-
-    Parameters
-    ----------
-    e : float
-        Tracking error of joint i, rad.
-    law : Law
-    i : int
-        Joint, from 0.
-
-    Returns
-    -------
-    float
     """
     x = e * law.angle_scale
     slope = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
@@ -411,36 +310,25 @@ def polynomial(b: Any, Delta: Any) -> tuple[Any, Any]:
 
 
 def estimator_weights(alpha: Array, reading: str = "interpolating") -> Array:
-    """Weights of Eq. (15): ``(1 - alpha, alpha)`` as printed.
+    """Weights (2, n) of Eq. (15) from alpha (n,): ``(1 - alpha, alpha)`` as printed.
 
-    Parameters
-    ----------
-    alpha : array (n,)
-        Zero is plain time-delay estimation, Eq. (8), but for ``swapped``.
-    reading : str
-        ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``.
-
-    Returns
-    -------
-    array (2, n)
+    The reading ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``. But for
+    ``swapped`` zero is plain time-delay estimation, Eq. (8).
     """
     older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
     return np.stack([1.0 - older, older])
 
 
 class Servo(NamedTuple):
-    """Gains of one position loop per winch, as the decoupling experiment needs it.
+    """Gains of one position loop per winch, for the decoupling experiment.
 
-    The paper says nothing of how its motors were positioned there. A stiff loop on each motor's own encoder
-    is what servo drives do; it is an assumption, and claim K3 does not depend on its gains, because
-    calculated joint angles start from the motor angles that were really reached.
+    The paper does not say how its motors were positioned there; a stiff loop on each motor's own encoder is
+    assumed. Claim K3 does not depend on its gains: calculated joint angles start from motor angles reached.
 
     Attributes
     ----------
-    stiffness : array (n,)
-        Torque per winch angle, N m rad⁻¹.
-    damping : array (n,)
-        Torque per winch velocity, N m s rad⁻¹.
+    stiffness, damping : array (n,)
+        N m rad⁻¹ and N m s rad⁻¹ at the winch.
     S_inv : array (n, n)
         Coupling of Eq. (2), by which alone the loops know the joints.
     L : float
@@ -454,19 +342,10 @@ class Servo(NamedTuple):
 
 
 def servo_torque(q_motor: Array, q_motor_before: Array, q_d: Array, dq_d: Array, servo: Servo) -> Array:
-    """Torque beyond the one that held the arm at the start, in joint coordinates, N m.
+    """Torque (n,) beyond the one that held the arm at the start, in joint coordinates, N m.
 
-    Parameters
-    ----------
-    q_motor, q_motor_before : array (n,)
-        Motor encoder values now and one sample ago, rad at the winch.
-    q_d, dq_d : array (n,)
-        Desired joint angles, rad, and velocities, rad s⁻¹.
-    servo : Servo
-
-    Returns
-    -------
-    array (n,)
+    ``q_motor`` and ``q_motor_before`` (n,) are motor encoder values now and one sample ago, rad at the winch,
+    ``q_d`` and ``dq_d`` (n,) the desired motion of the joints, rad and rad s⁻¹.
     """
     rate = (q_motor - q_motor_before) / servo.L
     error, de = times(servo.S_inv, q_d) - q_motor, times(servo.S_inv, dq_d) - rate

@@ -1,7 +1,6 @@
 """The disturbance torque ``tau_d(t)`` of Eq. (4): a step, a sine, or band-limited noise.
 
-All three are one form, a step plus a sum of sines, so that the plant stays a smooth function of time that
-an adaptive integrator can follow. Noise is a sum of many sines with frequencies and phases drawn from a seed.
+All three are a step plus a sum of sines, which an adaptive integrator can follow.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ class Disturbance(NamedTuple):
     Attributes
     ----------
     step : array (n,)
-        Torque of the step, N m.
+        N m.
     start : float
         Time of the step, s.
     amplitude, phase : array (n, m)
-        Amplitudes, N m, and phases, rad, of the sines.
+        Of the sines, N m and rad.
     omega : array (m,)
-        Angular frequencies, rad s⁻¹.
+        Their angular frequencies, rad s⁻¹.
     """
 
     step: Array
@@ -41,47 +40,23 @@ def no_disturbance(n: int) -> Disturbance:
 
 
 def step_disturbance(torque: Array, start: float) -> Disturbance:
-    """Constant torque from a start time on.
-
-    Parameters
-    ----------
-    torque : array (n,)
-        N m.
-    start : float
-        s.
-    """
+    """Constant torque (n,), N m, from a start time, s, on."""
     n = torque.size
     return Disturbance(np.array(torque), start, np.zeros((n, 0)), np.zeros((n, 0)), np.zeros(0))
 
 
 def sine_disturbance(torque: Array, frequency: float) -> Disturbance:
-    """Sine torque that is zero at the start.
-
-    Parameters
-    ----------
-    torque : array (n,)
-        Amplitude, N m.
-    frequency : float
-        Hz.
-    """
+    """Sine with an amplitude (n,), N m, and a frequency, Hz; zero at the start."""
     n = torque.size
     omega = np.array([2.0 * np.pi * frequency])
     return Disturbance(np.zeros(n), 0.0, torque[:, np.newaxis].copy(), np.zeros((n, 1)), omega)
 
 
 def noise_disturbance(torque: Array, band: Array, components: int, rng: np.random.Generator) -> Disturbance:
-    """Band-limited noise, independent from joint to joint.
+    """Band-limited noise of RMS ``torque`` (n,), N m, independent from joint to joint.
 
-    Parameters
-    ----------
-    torque : array (n,)
-        Root mean square, N m.
-    band : array (2,)
-        Lowest and highest frequency, Hz.
-    components : int
-        Number of sines.
-    rng : numpy.random.Generator
-        Source of frequencies and phases.
+    It sums ``components`` sines, whose frequencies, within ``band`` (2,), Hz, and phases are drawn from
+    ``rng``.
     """
     n = torque.size
     omega = 2.0 * np.pi * rng.uniform(band[0], band[1], components)
@@ -91,20 +66,7 @@ def noise_disturbance(torque: Array, band: Array, components: int, rng: np.rando
 
 
 def disturbance_torque(t: Any, i: int, disturbance: Disturbance) -> Any:
-    """``tau_d`` of joint i, N m.
-
-    Parameters
-    ----------
-    t : float or array (...)
-        Time, s.
-    i : int
-        Joint, from 0.
-    disturbance : Disturbance
-
-    Returns
-    -------
-    float or array (...)
-    """
+    """``tau_d`` of joint i, from 0, at time t, s: (...), N m."""
     torque = disturbance.step[i] * (t >= disturbance.start)
     for k in range(disturbance.omega.shape[0]):
         torque = torque + disturbance.amplitude[i, k] * np.sin(

@@ -1,8 +1,4 @@
-"""The flexible-joint arm as one differential equation: Eqs. (3), (4) and (5) together.
-
-The state stacks ``q``, ``dq``, ``theta`` and ``dtheta``. All functions take the joint axis first; further
-axes are independent lanes.
-"""
+"""The flexible-joint arm as one differential equation: Eqs. (3), (4) and (5) together."""
 
 from __future__ import annotations
 
@@ -32,13 +28,12 @@ class Plant(NamedTuple):
 
     Attributes
     ----------
-    arm : Arm
-    drive : Drive
-    link_friction : Friction
+    arm, drive, disturbance
+        Parts of it.
+    link_friction
         ``F(dq)`` of Eq. (4).
     preload : array (n,)
         Joint torque of the constant-force tendon 4, N m, positive clockwise; zero without tensioner.
-    disturbance : Disturbance
     """
 
     arm: Arm
@@ -49,22 +44,7 @@ class Plant(NamedTuple):
 
 
 def link_acceleration(t: float | Array, q: Array, dq: Array, tau_s: Array, plant: Plant) -> Array:
-    """Joint acceleration, rad s⁻²; Eq. (4) solved for ``ddq``.
-
-    Parameters
-    ----------
-    t : float or array (...)
-        Time, s.
-    q, dq : array (n, ...)
-        Joint angles, rad, and velocities, rad s⁻¹.
-    tau_s : array (n, ...)
-        Compliance torque, N m.
-    plant : Plant
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Joint acceleration (n, ...) at time t, s, rad s⁻²; Eq. (4) solved for ``ddq``."""
     load = bias_torque(q, dq, plant.arm) + friction_torque(dq, plant.link_friction)
     net = np.empty_like(q)
     for i in range(q.shape[0]):
@@ -73,21 +53,10 @@ def link_acceleration(t: float | Array, q: Array, dq: Array, tau_s: Array, plant
 
 
 def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Array:
-    """Time derivative of the state under a given motor torque; Eqs. (3) to (5).
+    """Time derivative (4 n, ...) of the state at time t, s; Eqs. (3) to (5).
 
-    Parameters
-    ----------
-    t : float
-        Time, s.
-    state : array (4 n, ...)
-        ``q``, ``dq``, ``theta``, ``dtheta`` stacked; rad and rad s⁻¹.
-    tau_m : array (n, ...)
-        Motor torque in joint coordinates, N m.
-    plant : Plant
-
-    Returns
-    -------
-    array (4 n, ...)
+    The state stacks ``q``, ``dq``, ``theta``, ``dtheta``; rad and rad s⁻¹. ``tau_m`` (n, ...) is the motor
+    torque in joint coordinates, N m.
     """
     n = state.shape[0] // 4
     q, dq, theta, dtheta = state[:n], state[n : 2 * n], state[2 * n : 3 * n], state[3 * n :]
@@ -101,18 +70,7 @@ def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Arra
 
 
 def load_at_rest(q: Array, plant: Plant) -> Array:
-    """Torque the tendons carry while the arm rests, N m: the weight less the tensioner's pull.
-
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    plant : Plant
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Torque (n, ...) of the tendons while the arm rests, N m: the weight less the tensioner's pull."""
     torque = gravity_torque(q, plant.arm)
     for i in range(q.shape[0]):
         torque[i] -= plant.preload[i]
@@ -120,19 +78,10 @@ def load_at_rest(q: Array, plant: Plant) -> Array:
 
 
 def holding_torque(q: Array, plant: Plant) -> Array:
-    """Motor torque that holds the arm at rest, N m in joint coordinates.
+    """Motor torque (n,) that holds the arm at rest, N m in joint coordinates.
 
-    Parameters
-    ----------
-    q : array (n,)
-        Joint angles, rad.
-    plant : Plant
-
-    Returns
-    -------
-    array (n,)
-        The load at rest; a transmission error changes the motors' share of it, and a tendon that would have
-        to push and cannot has none.
+    It is the load at rest. A transmission error changes the motors' share of it, and a tendon that would have
+    to push and cannot has none.
     """
     load, drive = load_at_rest(q, plant), plant.drive
     ahead = lever(theta_at_rest(q, load, drive), drive) - 1.0
@@ -142,18 +91,7 @@ def holding_torque(q: Array, plant: Plant) -> Array:
 
 
 def rest_state(q: Array, plant: Plant) -> Array:
-    """State of static equilibrium at given joint angles.
-
-    Parameters
-    ----------
-    q : array (n,)
-        Joint angles, rad.
-    plant : Plant
-
-    Returns
-    -------
-    array (4 n,)
-    """
+    """State (4 n,) of static equilibrium at joint angles q (n,), rad."""
     still = np.zeros_like(q)
     return np.concatenate([q, still, theta_at_rest(q, load_at_rest(q, plant), plant.drive), still])
 
@@ -166,7 +104,7 @@ def both_ways(plant: Plant) -> Plant:
 def frictionless(plant: Plant) -> Plant:
     """Return the plant without link friction and without dry friction at the winches.
 
-    ``D_m`` stays: in Eq. (3) it is a matrix of its own, not part of ``F``.
+    ``D_m`` stays: in Eq. (3) it is not part of ``F``.
     """
     none = plant.link_friction._replace(viscous=np.zeros_like(plant.link_friction.viscous))
     drive = plant.drive._replace(

@@ -1,7 +1,6 @@
 """Friction of joints and winches: a smooth Coulomb law with an optional Stribeck rise.
 
-The paper names ``F(q, dq)`` in Eq. (4) and says no more. All functions take the joint axis first; further
-axes are independent lanes.
+The paper names ``F(q, dq)`` in Eq. (4) and says no more.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ class Friction(NamedTuple):
 
     Attributes
     ----------
-    viscous : array (n,)
+    viscous
         Torque per velocity, N m s.
-    coulomb : array (n,)
+    coulomb
         Torque at speed, N m.
-    static_ratio : array (n,)
+    static_ratio
         Torque near standstill over ``coulomb``; 1 switches the Stribeck rise off.
-    stribeck_velocity : array (n,)
+    stribeck_velocity
         Velocity over which that rise dies out, rad s⁻¹.
-    smoothing_velocity : array (n,)
+    smoothing_velocity
         Velocity over which the sign of the motion is smoothed, rad s⁻¹.
     """
 
@@ -38,20 +37,9 @@ class Friction(NamedTuple):
 
 
 def friction_torque(velocity: Array, friction: Friction) -> Array:
-    """Friction torque that opposes a velocity, N m.
+    """Friction torque (n, ...) that opposes a velocity (n, ...), rad s⁻¹, at joints or winches, N m.
 
     ``viscous v + coulomb [1 + (static_ratio - 1) exp(-(v/v_s)²)] tanh(v/v_c)``
-
-    Parameters
-    ----------
-    velocity : array (n, ...)
-        Joint or winch velocity, rad s⁻¹.
-    friction : Friction
-
-    Returns
-    -------
-    array (n, ...)
-        Odd in the velocity, never of the opposite sign.
     """
     torque = np.empty_like(velocity)
     for i in range(velocity.shape[0]):
@@ -63,14 +51,5 @@ def friction_torque(velocity: Array, friction: Friction) -> Array:
 
 
 def without_dry_friction(friction: Friction) -> Friction:
-    """Return the same law with its Coulomb part, and so its Stribeck rise, switched off.
-
-    Parameters
-    ----------
-    friction : Friction
-
-    Returns
-    -------
-    Friction
-    """
+    """Return the law with its Coulomb part, and so its Stribeck rise, switched off."""
     return friction._replace(coulomb=np.zeros_like(friction.coulomb))

@@ -11,14 +11,14 @@ from tendonrepro.physics.linalg import times
 
 
 class Encoder(NamedTuple):
-    """One encoder type on n axes.
+    """One encoder type.
 
     Attributes
     ----------
-    resolution : float
+    resolution
         Angle of one count, rad; 0 is an ideal encoder.
-    noise : float
-        Root mean square of the angle noise before counting, rad.
+    noise
+        RMS angle noise before counting, rad.
     """
 
     resolution: float
@@ -26,17 +26,9 @@ class Encoder(NamedTuple):
 
 
 def quantise(value: Any, step: Any) -> Any:
-    """Round to whole steps, halves upwards.
+    """Round to whole steps of the same unit, halves upwards.
 
-    Parameters
-    ----------
-    value : float or array (...)
-    step : float
-        Same unit; exactly 0 leaves the value as it is. On lanes each experiment has its own.
-
-    Returns
-    -------
-    float or array (...)
+    A step of exactly 0 leaves the value as it is. On lanes each experiment has its own step.
     """
     if isinstance(step, float) and step == 0.0:
         return value
@@ -45,20 +37,7 @@ def quantise(value: Any, step: Any) -> Any:
 
 
 def noise_sequence(rms: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
-    """White Gaussian noise for a whole run.
-
-    Parameters
-    ----------
-    rms : float
-        Root mean square.
-    shape : (int, int)
-        Samples and axes.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    array of that shape
-    """
+    """White Gaussian noise for a whole run, of the shape samples, axes."""
     return rms * rng.standard_normal(shape)
 
 
@@ -69,11 +48,11 @@ class Actuator(NamedTuple):
     ----------
     limit : array (n,)
         Largest torque, N m.
-    resolution : float
+    resolution
         Torque step of the drive's input, N m; 0 is none.
-    noise : float
-        Root mean square of the torque noise, N m; it adds to what the drive puts out.
-    delay : int
+    noise
+        RMS torque noise on the drive's output, N m.
+    delay
         Whole samples between command and output.
     """
 
@@ -84,22 +63,10 @@ class Actuator(NamedTuple):
 
 
 def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
-    """Torque after the drive's resolution and the motors' saturation, in joint coordinates, N m.
+    """Torque (n,) after the drive's resolution and the motors' saturation, in joint coordinates, N m.
 
-    Only what the actuator changes is mapped back, so an actuator that changes nothing returns the command
-    to the last bit.
-
-    Parameters
-    ----------
-    command : array (n,)
-        Joint torque, N m.
-    actuator : Actuator
-    S, S_inv : array (n, n)
-        Coupling of Eq. (2).
-
-    Returns
-    -------
-    array (n,)
+    ``command`` (n,) is in joint coordinates too. Only what the actuator changes is mapped back, so one that
+    changes nothing returns the command to the last bit.
     """
     winch = times(S.T, command)
     change = np.empty_like(command)

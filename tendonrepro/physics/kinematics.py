@@ -1,7 +1,7 @@
 """Coupling between winches and joints: Eqs. (1) and (2).
 
 Every tendon passes the joints before its own over guide pulleys, so a joint's motion winds the tendons of
-all later joints. The matrices here are the only place where that coupling enters the model.
+all later joints. Only here does that coupling enter the model.
 """
 
 from __future__ import annotations
@@ -12,25 +12,20 @@ from tendonrepro.arrays import Array
 
 
 def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array) -> Array:
-    """Map from joint angles to winch angles, ``q_motor = S_inv q``.
+    """Map ``S_inv`` (n, n) from joint angles to winch angles, ``q_motor = S_inv q``, lower triangular.
 
-    Eq. (2): the diagonal is ``c[n,n] D[n,n] / D[n]``, below it stands ``-c[i,n] D[i,n] / D[n]``.
+    Eq. (2): the diagonal is ``c[n,n] D[n,n] / D[n]``, below it stands ``-c[i,n] D[i,n] / D[n]``. Of the
+    matrices only ``p <= q`` is read.
 
     Parameters
     ----------
     winch_diameter : array (n,)
-        ``D[n]``, diameter of the winch of motor n, in m.
+        ``D[n]``, diameter of the winch of motor n, m.
     pulley_diameter : array (n, n)
-        ``D[p, q]``, diameter of the pulley at joint p that guides tendon q, in m; the diagonal holds the
-        joint winches. Only ``p <= q`` is read.
+        ``D[p, q]``, diameter of the pulley at joint p that guides tendon q, m; the diagonal holds the joint
+        winches.
     sign : array (n, n)
         ``c[p, q]``: +1 if joint p, turning clockwise, makes tendon q drive joint q clockwise too.
-        Only ``p <= q`` is read.
-
-    Returns
-    -------
-    array (n, n)
-        ``S_inv``, lower triangular, dimensionless.
 
     Examples
     --------
@@ -49,17 +44,9 @@ def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array)
 
 
 def coupling_matrix(S_inv: Array) -> Array:
-    """Map from winch angles to joint angles, ``q = S q_motor``, by forward substitution.
+    """Map ``S`` (n, n) from winch angles to joint angles, ``q = S q_motor``, by forward substitution.
 
-    Parameters
-    ----------
-    S_inv : array (n, n)
-        Lower-triangular coupling of :func:`coupling_inverse` with a diagonal free of zeros.
-
-    Returns
-    -------
-    array (n, n)
-        ``S``, lower triangular, dimensionless.
+    ``S_inv`` (n, n), of :func:`coupling_inverse`, needs a diagonal free of zeros.
     """
     S = np.zeros_like(S_inv)
     for row in range(S_inv.shape[0]):
@@ -69,21 +56,9 @@ def coupling_matrix(S_inv: Array) -> Array:
 
 
 def to_joint_matrix(winch_values: Array, S_inv: Array) -> Array:
-    """Refer one value per winch to the joints: ``S_invᵀ diag(w) S_inv``.
+    """Refer one value per winch (n,) to the joints: ``S_invᵀ diag(w) S_inv``, symmetric (n, n), same unit.
 
-    This is how inertia, damping and stiffness of winches and tendons become ``I``, ``D_m``, ``D_s`` and
-    ``K_s``: the energy ``½ Σ w_n q_motor_n²`` does not depend on the coordinates it is written in.
-
-    Parameters
-    ----------
-    winch_values : array (n,)
-        Inertia, damping or stiffness at each winch, in SI units.
-    S_inv : array (n, n)
-        Coupling of :func:`coupling_inverse`.
-
-    Returns
-    -------
-    array (n, n)
-        Symmetric matrix in joint coordinates, same unit.
+    So inertia, damping and stiffness become ``I``, ``D_m``, ``D_s`` and ``K_s``: the energy ``½ Σ w_n
+    q_motor_n²`` is the same in all coordinates.
     """
     return S_inv.T @ np.diag(winch_values) @ S_inv

@@ -8,17 +8,7 @@ from tendonrepro.arrays import Array
 
 
 def times(A: Array, x: Array) -> Array:
-    """Matrix times vector, joint axis first, lanes after.
-
-    Parameters
-    ----------
-    A : array (n, n)
-    x : array (n, ...)
-
-    Returns
-    -------
-    array (n, ...)
-    """
+    """Matrix (n, n) times vector (n, ...), joint axis first, lanes after."""
     product = np.zeros_like(x)
     for i in range(x.shape[0]):
         for j in range(x.shape[0]):
@@ -27,17 +17,9 @@ def times(A: Array, x: Array) -> Array:
 
 
 def solve_positive_definite(A: Array, b: Array) -> Array:
-    """Solve ``A x = b`` by ``A = L D Lᵀ``, without square roots or a library call so that lanes stay lanes.
+    """Solve ``A x = b`` for symmetric and positive definite ``A`` (n, n, ...) and ``b`` (n, ...).
 
-    Parameters
-    ----------
-    A : array (n, n, ...)
-        Symmetric and positive definite.
-    b : array (n, ...)
-
-    Returns
-    -------
-    array (n, ...)
+    It takes ``A = L D Lᵀ``, without square roots or a library call, so that lanes stay lanes.
     """
     n = b.shape[0]
     # Below the diagonal L D, on it D.

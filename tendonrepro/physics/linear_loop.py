@@ -1,7 +1,7 @@
 """The sampled loop near a posture: linear, exactly discretised, delay lines and hold included.
 
-Friction is left out: near standstill it only adds damping of a size nobody knows. What is left is linear in
-small motions, so one matrix takes the loop from sample to sample and its eigenvalues say whether it rings.
+Friction is left out: near standstill it only adds damping of unknown size. One matrix takes the loop from
+sample to sample, and its eigenvalues say whether it rings.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ DEADEST = 1e-12
 def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
     """Frictionless plant at rest at ``q`` (n,), linear: ``dx/dt = A x + B tau_m``, A (4 n, 4 n), B (4 n, n).
 
-    The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``; the matrices of Eqs. (3) and (5) stand
-    in it as the paper writes them. A clearance or transmission error does not enter.
+    The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``, under the matrices of Eqs. (3) and
+    (5). A clearance or transmission error does not enter.
     """
     n, drive = q.size, plant.drive
     I, D_m = to_joint_matrix(drive.inertia, drive.S_inv), to_joint_matrix(drive.friction.viscous, drive.S_inv)
@@ -88,7 +88,7 @@ def law_matrices(law: Law, delay: int = 0) -> tuple[Array, Array]:
     """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
     The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques on their way to
-    the motors (delay n). The law's own functions are linear in it, so they are applied to all unit vectors.
+    the motors (delay n). The law's functions are linear in it, so they are applied to all unit vectors.
     """
     n = law.M_bar.size
     end = (4 + 6 * law.lag + 3) * n
@@ -116,7 +116,7 @@ def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
 def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, Array, Array]:
     """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
 
-    It is closed by ``v = tau_m``. The law remembers its own torque, whatever the plant feels, as with a wrong
+    ``v = tau_m`` closes it. The law remembers its own torque, whatever the plant feels, as with a wrong
     torque constant.
     """
     n = q.size
@@ -139,10 +139,7 @@ def spectral_radius(matrices: Array) -> Array:
 
 
 def without_unread(matrices: Array) -> Array:
-    """Matrices (..., m, m) without states that nothing reads, whose eigenvalue is zero.
-
-    A law remembers more than most readings use.
-    """
+    """Matrices (..., m, m) without states that nothing reads, whose eigenvalue is zero."""
     read = (matrices != 0.0).any(axis=tuple(range(matrices.ndim - 1)))
     return matrices if read.all() else without_unread(matrices[..., read, :][..., read])
 
@@ -154,7 +151,7 @@ def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0
 
 
 def modes(matrix: Array, L: float) -> Complex:
-    """Eigenvalues as rates, ``log(z) / L``, slowest decay first; modes that die within a sample are left out.
+    """Eigenvalues as rates, ``log(z) / L``, slowest decay first, without modes that die within a sample.
 
     Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
     """

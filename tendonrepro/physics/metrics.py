@@ -16,36 +16,15 @@ STATUSES = ("ok", "ringing", "diverged", "unresolved")
 
 
 def start_level(time: Array, x: Array) -> Array:
-    """Level at which a record starts: the median of its first tenth of a second.
+    """Level (...) at which a record (T, ...) starts: the median of its first tenth of a second.
 
     One sample may be spoilt, and nothing moves far in so short a time.
-
-    Parameters
-    ----------
-    time : array (T,)
-        s, increasing.
-    x : array (T, ...)
-
-    Returns
-    -------
-    array (...)
     """
     return np.asarray(np.median(x[time <= time[0] + 0.1], axis=0))
 
 
 def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Mean over the first axis of the finite samples inside; NaN where there is none.
-
-    Parameters
-    ----------
-    values : array (T, ...)
-    inside : array of bool (T, ...), optional
-        Samples to take.
-
-    Returns
-    -------
-    array (...)
-    """
+    """Mean over the first axis of the finite samples inside; NaN where there is none."""
     kept = inside & np.isfinite(values)
     count = kept.sum(axis=0)
     total = np.where(kept, values, 0.0).sum(axis=0)
@@ -69,24 +48,12 @@ def max_abs(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
 
 
 def windows(time: Array, period: float) -> dict[str, slice]:
-    """Stretches of a run that a metric can be taken over.
+    """Stretches of a run to take a metric over: ``whole``, ``after_first_period``, ``period_1``, ...
 
-    ``whole`` is every sample. Period k holds the samples with (k-1)P <= t - t0 < kP, and is listed when the
-    run covers all of it. Where the run goes on for one sample past its last whole period, as a run that
-    records both ends does, that sample belongs to the last period. ``after_first_period`` is everything from
-    t0 + P on, whole or not. Windows without samples are left out.
-
-    Parameters
-    ----------
-    time : Array
-        Sampling times, s, shape (T,), increasing; edges are met to half a sampling step.
-    period : float
-        Period of the reference, s; 0 when it has none, which leaves ``whole`` alone.
-
-    Returns
-    -------
-    dict of str to slice
-        ``whole``, ``after_first_period``, ``period_1``, ``period_2``, ...
+    Period k holds the samples with (k-1)P <= t - t0 < kP, to half a sampling step, and is listed when the run
+    covers all of it. One sample past the last whole period, as a run that records both ends has, belongs to
+    that period. ``after_first_period`` is everything from t0 + P on, whole or not. Windows without samples
+    are left out. A reference without period, 0 s, leaves ``whole`` alone.
     """
     count = len(time)
     found = {"whole": slice(0, count)}
@@ -106,21 +73,10 @@ def windows(time: Array, period: float) -> dict[str, slice]:
 
 
 def periodogram(x: Array, step: float) -> tuple[Array, Array]:
-    """One-sided periodogram without a window function; its sum is the mean square of `x` (Parseval).
+    """One-sided periodogram of a signal (T, n) without a window: lines, Hz, and their mean squares.
 
-    Parameters
-    ----------
-    x : Array
-        Signal, shape (T, n).
-    step : float
-        Sampling period, s.
-
-    Returns
-    -------
-    frequency : Array
-        Hz, shape (T // 2 + 1,).
-    power : Array
-        Mean square in each line, constant part included, shape (T // 2 + 1, n).
+    The shapes are (T // 2 + 1,) and (T // 2 + 1, n), constant part included. The sum is the mean square of
+    ``x`` (Parseval). ``step`` is the sampling period, s.
     """
     count = len(x)
     power = np.square(np.abs(np.fft.rfft(x, axis=0) / count))
@@ -132,31 +88,12 @@ def periodogram(x: Array, step: float) -> tuple[Array, Array]:
 def status_of(
     time: Array, e: Array, divergence_limit: float, ringing_frequency: float, ringing_share: float
 ) -> tuple[Status, float]:
-    """Judge a run by its tracking error.
+    """Judge a run by its tracking error ``e`` (T, n), rad, over evenly spaced ``time`` (T,), s.
 
-    ``diverged``: a sample is not finite, or beyond the limit on a joint. ``ringing``: bounded, but on a joint
-    more than `ringing_share` of the error's power, constant part included, lies above `ringing_frequency`.
-    ``ok``: neither.
-
-    Parameters
-    ----------
-    time : Array
-        Sampling times, s, shape (T,), evenly spaced.
-    e : Array
-        Tracking error, rad, shape (T, n).
-    divergence_limit : float
-        Largest tolerated magnitude, rad.
-    ringing_frequency : float
-        Hz; a spectral line exactly there counts as below.
-    ringing_share : float
-        Share of the mean square, 0 to 1.
-
-    Returns
-    -------
-    status : str
-        ``ok``, ``ringing`` or ``diverged``.
-    status_time : float
-        Time of the first sample out of bounds for a diverged run, else of the last sample; s.
+    ``diverged``: a sample is not finite, or beyond `divergence_limit`, rad, on a joint. ``ringing``: bounded,
+    but on a joint more than `ringing_share` of the error's mean square, constant part included, lies above
+    `ringing_frequency`, Hz; a spectral line exactly there counts as below. ``ok``: neither. The time returned
+    is that of the first sample out of bounds, else of the last.
     """
     # "not <=" rather than ">", so that NaN is out of bounds too.
     out = ~(np.abs(e) <= divergence_limit).all(axis=1)
@@ -173,22 +110,10 @@ def status_of(
 
 
 def window_mean(x: Array, samples: int) -> Array:
-    """Centred moving mean along the first axis.
+    """Centred moving mean over a number of samples along the first axis.
 
-    An even width is widened by one sample, so that the window stays centred. At both ends the window is cut
-    to the samples that exist, so a constant stays a constant.
-
-    Parameters
-    ----------
-    x : Array
-        Signal, shape (T, ...).
-    samples : int
-        Width of the window, at least 1.
-
-    Returns
-    -------
-    Array
-        Same shape and unit as `x`.
+    An even width is widened by one sample. At both ends the window is cut to the samples that exist, so a
+    constant stays a constant.
     """
     half = samples // 2
     index = np.arange(len(x))

@@ -15,55 +15,29 @@ TYPICAL_ERROR_DEG = 0.25
 
 
 def estimate_age(law: Law, delay: int = 0) -> Array:
-    """Mean age of the estimate when it acts, in periods, (n,).
+    """Mean age of the estimate when it acts, in periods, (n,), with whole samples of output delay.
 
-    As assumed 1 + α by Eq. (15), 1 by Eq. (8), and 1 − α extrapolating. A delay of the output adds to it
-    where the law remembers the torque that was applied; one that remembers its own command meets the delay on
-    both sides of its equation. The mean lag of a low-pass filter of the estimate adds to it too.
-
-    Parameters
-    ----------
-    law : Law
-    delay : int
-        Whole samples between command and output.
+    1 + α by Eq. (15), 1 by Eq. (8), 1 − α extrapolating. A delay of the output adds to it only where the law
+    remembers the applied torque: a command meets the delay on both sides of its equation. The mean lag of a
+    low-pass filter of the estimate adds to it too.
     """
     waited = delay * law.stores_applied + (1.0 / law.estimate_filter - 1.0)
     return np.asarray(law.lag * (law.weights[0] + 2.0 * law.weights[1]) + waited)
 
 
 def stiffness(law: Law, e: float) -> Array:
-    """Feedback per error at rest, ``λ k`` with the chord ``k`` of the surface, s⁻², (n,).
-
-    Parameters
-    ----------
-    law : Law
-    e : float
-        Size of the error, rad, not zero.
-    """
+    """Feedback per error e, rad, at rest: ``λ k`` with the chord ``k`` of the surface, s⁻², (n,)."""
     n = law.M_bar.size
     return np.array([surface_and_feedback(e, 0.0, law, i)[1] / e for i in range(n)])
 
 
 def error_ratio(law_a: Law, law_b: Law, e: float, delay: int = 0) -> Array:
-    """Error of one law over that of another while the load changes slowly, without any plant.
+    """Error of one law over that of another (n,) while the load changes slowly, without any plant.
 
     ``e = w L Ḣ / (M_bar λ k)`` with the age ``w`` of the estimate and the chord ``λ k`` of the feedback at
-    the size of the error; two laws meet the same ``Ḣ``. It holds while both loops are stable and quiet, ``H``
-    changes little within a few ``L`` and over ``1/k`` and ``1/λ``, no motor saturates and dry friction does
-    not hold the arm.
-
-    Parameters
-    ----------
-    law_a, law_b : Law
-        In the same torque coordinates.
-    e : float
-        Size of both errors, rad, not zero.
-    delay : int
-        Whole samples between command and output, for both.
-
-    Returns
-    -------
-    array (n,)
+    the size ``e`` of both errors, rad. Two laws, in the same torque coordinates, meet the same ``Ḣ``. It
+    holds while both loops are stable and quiet, ``H`` changes little within a few ``L`` and over ``1/k`` and
+    ``1/λ``, no motor saturates and dry friction does not hold the arm.
     """
     a, b = (estimate_age(law, delay) * law.L / (law.M_bar * stiffness(law, e)) for law in (law_a, law_b))
     return np.asarray(a / b)

@@ -1,11 +1,9 @@
 """Tension of the tendons at rest: why every one of them has to pull, section 2.2 of the paper.
 
 A tendon passes each joint on one side: +1 where pulling it turns the joint clockwise, as a tendon turns its
-own joint, -1 where it turns the joint counter-clockwise, 0 where it crosses the axis. That one datum per
-tendon and joint gives the signs ``c`` of Eq. (1), the coupling and the tensions alike. The tensioner, tendon
-4 of the paper, has no motor angle in Eq. (1); its force is given, not solved for.
-
-All functions take the joint or tendon axis first; further axes are independent lanes.
+own joint, -1 where counter-clockwise, 0 where it crosses the axis. These sides give the signs ``c`` of Eq.
+(1), the coupling and the tensions alike. The tensioner is tendon 4 of the paper; its force is given, not
+solved for.
 """
 
 from __future__ import annotations
@@ -29,10 +27,10 @@ class Spring(NamedTuple):
 
     Attributes
     ----------
-    force : float
+    force
         Pull at ``q = 0``, N.
-    rate : float
-        Further pull per stretch, N m⁻¹; zero is the motor's constant force.
+    rate
+        N m⁻¹; zero is the motor's constant force.
     """
 
     force: float
@@ -40,20 +38,10 @@ class Spring(NamedTuple):
 
 
 def sign_of_side(side: Array) -> Array:
-    """Signs ``c`` of Eq. (1) from the sides on which tendons pass joints; the same map leads back.
+    """Signs ``c`` of Eq. (1) from the sides ``side[p, q]`` of tendon q at joint p; the same map leads back.
 
-    A tendon that is wound by a joint on its way is on that joint's counter-clockwise side, so ``c`` is the
-    opposite of the side, but on the diagonal, where a tendon turns its own joint, it is the side.
-
-    Parameters
-    ----------
-    side : array (n, n)
-        ``side[p, q]`` of tendon q at joint p: +1, -1 or 0.
-
-    Returns
-    -------
-    array (n, n)
-        ``c[p, q]``.
+    A tendon that a joint on its way winds up is on that joint's counter-clockwise side, so ``c`` is the
+    opposite of the side. On the diagonal, where a tendon turns its own joint, it is the side.
 
     Examples
     --------
@@ -69,37 +57,19 @@ def sign_of_side(side: Array) -> Array:
 
 
 def tensioner_side(course: str, joints: int) -> Array:
-    """Side on which tendon 4 passes each of N joints, (N,).
+    """Side (N,) on which tendon 4 passes each of N joints, by a course of `TENSIONER_SIDES`.
 
     It turns the last joint counter-clockwise; on which side it passes the others is a reading.
-
-    Parameters
-    ----------
-    course : str
-        One of `TENSIONER_SIDES`.
-    joints : int
-        N.
     """
     return np.asarray(-(TENSIONER_SIDES[course] ** np.arange(joints - 1, -1, -1.0)))
 
 
 def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:
-    """Tensions of the motors' tendons that make up a joint torque, ``T[n] = (2 / D[n]) (Sᵀ tau_s)[n]``, N.
+    """Tension (n, ...) of each motor's tendon, ``T[n] = (2 / D[n]) (Sᵀ tau_s)[n]``, N, positive in a pull.
 
-    Parameters
-    ----------
-    tau_s : array (n, ...)
-        Torque of these tendons at the joints, N m: the compliance torque of Eqs. (3) to (5), or at rest the
-        weight less what the tensioner adds.
-    S : array (n, n)
-        Coupling matrix of the moving joints, Eq. (2). Tendons of joints that are held are not determined.
-    winch_diameter : array (n,)
-        ``D[n]``, m.
-
-    Returns
-    -------
-    array (n, ...)
-        Positive where the tendon pulls; negative where it would have to push.
+    ``tau_s`` (n, ...) is their torque at the joints, N m: the compliance torque of Eqs. (3) to (5), or at
+    rest the weight less what the tensioner adds. ``S`` (n, n) is that of the moving joints, Eq. (2); tendons
+    of held joints are not determined. ``winch_diameter`` (n,) is ``D[n]``, m.
     """
     tension = times(np.swapaxes(S, 0, 1), tau_s)
     for n in range(tension.shape[0]):
@@ -108,71 +78,29 @@ def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:
 
 
 def tensioner_torque(force: float | Array, side: Array, diameter: Array) -> Array:
-    """Joint torque of the tensioner, N m, positive clockwise.
+    """Joint torque (n, ...) of the tensioner's pull, N m, positive clockwise.
 
-    Parameters
-    ----------
-    force : float or array (...)
-        Its pull, N.
-    side, diameter : array (n,)
-        Side on which it passes each joint, and the diameter it passes there, m.
-
-    Returns
-    -------
-    array (n, ...)
+    ``side`` and ``diameter`` (n,) are where it passes each joint; m.
     """
     return np.multiply.outer(side * diameter / 2.0, force)
 
 
 def tensioner_stretch(q: Array, side: Array, diameter: Array) -> Array:
-    """Rope that the joints draw from the tensioner's end at the base, m, from ``q = 0`` on.
-
-    Parameters
-    ----------
-    q : array (n, ...)
-        Joint angles, rad.
-    side, diameter : array (n,)
-        As of :func:`tensioner_torque`.
-
-    Returns
-    -------
-    array (...)
-    """
+    """Rope that joint angles (n, ...), rad, draw from the tensioner's end at the base, m."""
     return np.asarray(-np.tensordot(side * diameter / 2.0, q, axes=(0, 0)))
 
 
 def spring_force(stretch: Array, spring: Spring) -> Array:
-    """Pull of a spring, N; a rope that is not stretched does not push.
-
-    Parameters
-    ----------
-    stretch : array (...)
-        As of :func:`tensioner_stretch`, m.
-    spring : Spring
-
-    Returns
-    -------
-    array (...)
-    """
+    """Pull of a spring, N, at a stretch of :func:`tensioner_stretch`, m; a slack rope does not push."""
     return np.maximum(0.0, spring.force + spring.rate * stretch)
 
 
 def force_window(without: Array, per_newton: Array, margin: float = 0.0) -> tuple[Array, Array]:
-    """Forces of the tensioner, from least to largest, that keep every tendon at a tension.
+    """Least and largest force (...) of the tensioner that keep every tendon at a tension ``margin``, N.
 
-    Parameters
-    ----------
-    without : array (n, ...)
-        Tensions without tensioner, N.
-    per_newton : array (n,)
-        What one newton of the tensioner adds to each.
-    margin : float
-        Tension to keep, N.
-
-    Returns
-    -------
-    least, largest : array (...)
-        N, not below zero; ``least > largest`` where no force does it, infinite where there is no limit.
+    Neither is below zero. Where no force does it, least is above largest; where there is no limit it is
+    infinite. ``without`` (n, ...) are the tensions without tensioner, N, ``per_newton`` (n,) what one newton
+    of it adds.
     """
     least = np.zeros(without.shape[1:])
     largest = np.full(without.shape[1:], np.inf)
@@ -190,10 +118,7 @@ def force_window(without: Array, per_newton: Array, margin: float = 0.0) -> tupl
 def tension_with_losses(
     tau: Array, force: float | Array, side: Array, diameter: Array, passed_on: Array
 ) -> Array:
-    """Tensions at the winches with friction of the guide pulleys, N.
-
-    Every pulley on the way to a joint passes on a share of the tension, less than one where the rope is on
-    the point of moving towards its joint, more than one where it is on the point of moving back.
+    """Tensions (n, ...) at the winches of the motors' tendons with friction of the guide pulleys, N.
 
     Parameters
     ----------
@@ -204,12 +129,8 @@ def tension_with_losses(
     side, diameter : array (n, n + 1)
         Of tendon q at joint p in ``[p, q]``, m; the last tendon is the tensioner.
     passed_on : array (n + 1, ...)
-        Share of the tension that a guide pulley of each tendon passes on.
-
-    Returns
-    -------
-    array (n, ...)
-        Of the n tendons with a motor.
+        Share of the tension that a guide pulley of each tendon passes on: less than one where the rope is
+        about to move towards its joint, more than one where it is about to move back.
     """
     n = side.shape[0]
     tension: list[Array] = [*np.empty((n, 1)), np.asarray(force)]
@@ -224,17 +145,9 @@ def tension_with_losses(
 
 
 def slack_time(time: Array, tension: Array) -> Array:
-    """How long each tendon does not pull: it is slack or, where tendons may, pushes; s.
+    """How long each tendon (n,) does not pull: it is slack or, where tendons may, pushes; s.
 
-    Parameters
-    ----------
-    time : array (T,)
-        Sampling times, s; a sample stands for the time up to the next one.
-    tension : array (n, T)
-        N; less than `SLACK` counts as none.
-
-    Returns
-    -------
-    array (n,)
+    A sample of ``tension`` (n, T), N, stands for the time up to the next one; less than `SLACK` counts as
+    none.
     """
     return np.asarray(np.where(tension[:, :-1] < SLACK, np.diff(time), 0.0).sum(axis=1))

@@ -1,10 +1,8 @@
 """Where a tendon lies in the arm's plane: straight between pulleys, along an arc on each.
 
-Directions are angles from the x axis, counter-clockwise, in rad. A tendon is followed from its winch at the
-base to its end. At a circle of signed radius ``side * radius`` it passes on its right hand side of the centre
-where the sign is positive, which is where pulling it turns the joint clockwise
-(:func:`tendonrepro.physics.statics.sign_of_side` says how that gives the signs of Eq. (1)), and on the left
-where it is negative.
+Directions are angles from the x axis, counter-clockwise, rad. A tendon is followed from its winch at the base
+to its end. It passes a circle of positive ``side * radius`` on the right hand side of the centre, and one of
+negative on the left. Sides are those of :func:`tendonrepro.physics.statics.sign_of_side`.
 """
 
 from __future__ import annotations
@@ -22,14 +20,13 @@ class TendonPath(NamedTuple):
     Attributes
     ----------
     centre : array (T, m, 2)
-        Of the winch at the base, the guide pulleys, and the joint winch or pulley where the tendon ends, m.
+        Of the winch at the base, the guide pulleys, and the joint winch or pulley at the end, m.
     radius : array (m,)
         Signed, m.
     direction : array (T, m)
-        In which the tendon leaves each circle; at the last one the direction that it has at its end.
+        In which the tendon leaves each circle, or ends.
     wrap : array (T, m)
-        Angle along which it lies on each circle, never negative; zero on the winch, where as much as one
-        likes is wound.
+        Angle along which it lies on each circle, never negative; zero on the winch.
     """
 
     centre: Array
@@ -39,42 +36,21 @@ class TendonPath(NamedTuple):
 
 
 def joint_positions(length: Array, angle: Array) -> Array:
-    """Joints and tip of a planar chain.
+    """Joints and tip of a planar chain, (..., n + 1, 2), m from joint 1, x to the right and y upwards.
 
-    Parameters
-    ----------
-    length : array (n,)
-        Of the links, m.
-    angle : array (..., n)
-        Absolute angles of the links, rad from hanging, positive clockwise.
-
-    Returns
-    -------
-    array (..., n + 1, 2)
-        m from joint 1, x to the right and y upwards.
+    ``length`` (n,) is that of the links, m, ``angle`` (..., n) their absolute angles, rad from hanging,
+    positive clockwise.
     """
     steps = -length[:, np.newaxis] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     return np.concatenate([np.zeros_like(steps[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
 
 
 def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
-    """Lay a tendon over circles.
+    """Lay a tendon over circles; ``centre`` (T, m, 2) and ``radius`` (m,) are as of `TendonPath`.
 
     Where bending a joint would lift it off a pulley, it lies around that pulley once more through all
-    postures: Eq. (1) and Assumption 2 of the paper want it never to leave one.
-
-    Parameters
-    ----------
-    centre : array (T, m, 2)
-        Of the circles, in m, in T postures that follow each other.
-    radius : array (m,)
-        Signed, m; zero where the tendon passes through the centre.
-    end : array (T,)
-        Direction from the last centre to the point where the tendon is fixed, rad.
-
-    Returns
-    -------
-    TendonPath
+    postures: Eq. (1) and Assumption 2 of the paper want it never to leave one. A zero radius lets it pass the
+    centre. ``end`` (T,) is the direction from the last centre to the point where the tendon is fixed, rad.
 
     Raises
     ------
@@ -96,20 +72,9 @@ def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
 
 
 def path_points(path: TendonPath, place: int, spacing: float = 0.1) -> Array:
-    """Points to draw a tendon through in one of its postures.
+    """Points (K, 2) to draw a tendon through in one of its postures, m, from the winch to the end.
 
-    Parameters
-    ----------
-    path : TendonPath
-    place : int
-        Which posture.
-    spacing : float
-        Largest angle between two points of an arc, rad.
-
-    Returns
-    -------
-    array (K, 2)
-        m, from the winch to the end.
+    ``spacing`` is the largest angle between two points of an arc, rad.
     """
     points = []
     for centre, radius, leaves, wrap in zip(

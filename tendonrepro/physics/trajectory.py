@@ -1,8 +1,7 @@
 """Reference motions with exact derivatives.
 
 The paper shows its reference only as a picture. Each shape here is a function of time that returns angle,
-velocity and acceleration of one joint; :func:`motion` puts joints and periods together. Every shape starts
-at zero: a joint angle is a displacement from the start posture.
+velocity and acceleration of one joint. It starts at zero: a joint angle is a displacement from the start.
 """
 
 from __future__ import annotations
@@ -20,15 +19,7 @@ Shape = Callable[[Array], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Motion:
-    """A joint's whole reference: a shape for each turn, each turn ``period`` long.
-
-    Attributes
-    ----------
-    turns : tuple of Shape
-        One shape for each period, in order.
-    period : float
-        Duration of each, s.
-    """
+    """A joint's whole reference: a shape for each turn, each turn ``period`` long, s."""
 
     turns: tuple[Shape, ...]
     period: float
@@ -40,18 +31,9 @@ class Motion:
 
 
 def motion(time: Array, joints: Sequence[Motion]) -> tuple[Array, Array, Array]:
-    """Evaluate the reference of every joint.
+    """Desired angles, velocities and accelerations of every joint, each (T, n), rad, rad s⁻¹ and rad s⁻².
 
-    Parameters
-    ----------
-    time : array (T,)
-        s, from 0, increasing. After its last turn a joint stays where it is.
-    joints : sequence of Motion
-
-    Returns
-    -------
-    q_d, dq_d, ddq_d : array (T, n)
-        rad, rad s⁻¹, rad s⁻².
+    ``time`` (T,) is in s, from 0, increasing. After its last turn a joint stays where it is.
     """
     columns = [_follow(time, joint) for joint in joints]
     q_d, dq_d, ddq_d = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
@@ -78,15 +60,7 @@ def at_rest(time: Array) -> tuple[Array, Array, Array]:
 
 
 def raised_cosine(amplitude: float, period: float) -> Shape:
-    """``amplitude (1 - cos(2π t/period)) / 2``.
-
-    Parameters
-    ----------
-    amplitude : float
-        Largest angle, rad.
-    period : float
-        s.
-    """
+    """``amplitude (1 - cos(2π t/period)) / 2``; rad and s."""
     omega = 2.0 * np.pi / period
 
     def shape(t: Array) -> tuple[Array, Array, Array]:
@@ -100,12 +74,7 @@ def raised_cosine(amplitude: float, period: float) -> Shape:
 def minimum_jerk(amplitude: float, rise: float, hold: float) -> Shape:
     """Up, hold, down, hold; each stroke is the quintic with the least mean square jerk.
 
-    Parameters
-    ----------
-    amplitude : float
-        rad.
-    rise, hold : float
-        Duration of a stroke and of a hold, s.
+    ``amplitude`` is in rad, ``rise`` and ``hold`` are how long a stroke and a hold last, s.
     """
 
     def stroke(t: Array) -> tuple[Array, Array, Array]:
@@ -121,14 +90,8 @@ def minimum_jerk(amplitude: float, rise: float, hold: float) -> Shape:
 def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: float) -> Shape:
     """Up, hold, down, hold with constant acceleration, constant velocity, constant deceleration.
 
-    Parameters
-    ----------
-    amplitude : float
-        rad.
-    velocity, acceleration : float
-        Limits, rad s⁻¹ and rad s⁻²; a stroke too short to reach the velocity limit is a triangle.
-    hold : float
-        s.
+    ``amplitude`` is in rad, ``hold`` in s. A stroke too short to reach the limit ``velocity``, rad s⁻¹, under
+    ``acceleration``, rad s⁻², is a triangle.
     """
     ramp, rise = trapezoid_times(amplitude, velocity, acceleration)
     sense = np.sign(amplitude) * acceleration
@@ -164,16 +127,9 @@ def _up_and_down(stroke: Shape, half: float) -> Shape:
 
 
 def smooth_sine(amplitude: float, offset: float, period: float, blend: float) -> Shape:
-    """``offset + amplitude sin(2π t/period)``, blended in from zero by a minimum-jerk stroke.
+    """``offset + amplitude sin(2π t/period)``, rad, blended in by a minimum-jerk stroke of ``blend`` s.
 
     Its turn must last the whole run: a second turn would start from zero again.
-
-    Parameters
-    ----------
-    amplitude, offset : float
-        rad.
-    period, blend : float
-        Period of the sine and duration of the start, s.
     """
     omega = 2.0 * np.pi / period
     fade = minimum_jerk(1.0, blend, np.inf)
@@ -191,12 +147,7 @@ def smooth_sine(amplitude: float, offset: float, period: float, blend: float) ->
 def sampled(time: Array, angle: Array) -> Shape:
     """Quintic spline through samples, at rest and without acceleration at both ends.
 
-    Parameters
-    ----------
-    time : array (N,)
-        Strictly increasing, s.
-    angle : array (N,)
-        rad.
+    ``time`` (N,) is strictly increasing, s, ``angle`` (N,) in rad.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,10 +1,10 @@
-"""What ``tendonrepro claims`` does: judge from the results there are, write and draw the ledger."""
+"""What ``tendonrepro claims`` does."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,9 +29,9 @@ ENSEMBLE = "ensemble"
 
 
 class Ledger(NamedTuple):
-    """Verdicts and what they mean for a check, as text for a terminal and as data for ``--json``.
+    """Verdicts, as `text` for a terminal and as `data` for ``--json``.
 
-    `failed` are the claims whose verdict fails a check: all that fail, or with a baseline those that changed.
+    `failed` are the claims that fail a check; with a baseline, those that changed.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -50,29 +50,20 @@ def run_claims(
     force: bool = False,
     every: bool = False,
 ) -> Ledger:
-    """Judge the claims from what has been run, and write the ledger.
-
-    Without an ensemble the verdicts of the one that comes with the package stand in, and say so.
+    """Judge the claims from what lies under `out`, and write the ledger.
 
     Parameters
     ----------
     out : Path
-        Folder above the results: ``compare``, ``ensemble`` where they exist.
     ids : sequence of str
-        Claims to judge, with all their evidence; empty for the whole ledger, which is also written.
+        Claims to show with all their evidence; empty for the whole ledger, which alone is written.
     baseline : Path or None
-        An earlier ``claims.json`` to compare with.
+        An earlier ``claims.json``.
     talk : Talk
     measured : Path or None
         Measured trace file; None is ``data/measured.h5`` where there is one.
-    every : bool
-        Tell all verdicts, not those on the main claims alone.
-    force : bool
-        Overwrite what no earlier ledger wrote, or what was changed since.
-
-    Returns
-    -------
-    Ledger
+    force, every : bool
+        Overwrite what no earlier ledger wrote; show more than the main claims.
 
     Raises
     ------
@@ -89,24 +80,26 @@ def run_claims(
     data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
+    ensemble = sources.ensemble
     with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force) as result:
         write_claims(verdicts, result.path, judged_by)
-        if sources.ensemble is not None:
-            _write_influences(sources.ensemble, result)
-        result.manifest = _manifest(sources.ensemble)
+        if ensemble is not None:
+            _write_influences(ensemble, result)
+        # Whatever lies under the results, the ledger is the same command's.
+        result.manifest = {
+            "schema_version": SCHEMA_VERSION,
+            "tendonrepro_version": __version__,
+            "command": FOLDER,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "environment": environment(),
+            "config": {"sha256": FOLDER},
+            "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
+        }
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
     parts = [table_text(verdicts, every=every), f"The ledger is in {out / FOLDER}"]
     if before is not None:
         parts.insert(1, changes_text(changes))
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
-
-
-def _manifest(ensemble: EnsembleData | None) -> dict[str, Any]:
-    """What vouches for a ledger; whatever lies under the results, it is the same command's."""
-    head = {"schema_version": SCHEMA_VERSION, "tendonrepro_version": __version__, "command": FOLDER}
-    head |= {"created": datetime.now(UTC).isoformat(timespec="seconds"), "environment": environment()}
-    judged_by = {"ensemble": [ensemble.identity, ensemble.planned]} if ensemble else {}
-    return head | {"config": {"sha256": FOLDER}} | judged_by
 
 
 def _write_influences(data: EnsembleData, result: NewResult) -> None:
@@ -123,21 +116,20 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
 def judged(
     out: Path, measured: Path | None, ids: Sequence[str], talk: Talk
 ) -> tuple[Sources, list[Verdict], Mapping[str, Any]]:
-    """Judge from what is found under `out`, and say which ensemble judged; see `run_claims`."""
+    """Judge from what is found under `out`; the last item tells which ensemble judged."""
     sources = _found(out, measured, talk)
-    present = [one.name for one in fields(sources) if getattr(sources, one.name) is not None]
-    talk.detail(f"found {', '.join(present) or 'no results'} under {out}")
-    readings = 0 if sources.ensemble is None else len(sources.ensemble.readings)
-    with talk.bar("judging", readings) as progress:
+    ensemble = sources.ensemble
+    with talk.bar("judging", 0 if ensemble is None else len(ensemble.readings)) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
-    if sources.ensemble is not None:
-        return sources, verdicts, local_origin(out / ENSEMBLE, len(sources.ensemble.draws))
-    ledger = shipped_ledger()
-    return sources, with_shipped(verdicts, ledger), ledger.ensemble
+    if ensemble is not None:
+        known = {"draws": len(ensemble.draws), "rules_edition": EDITION}
+        return sources, verdicts, _origin("local", read_manifest(out / ENSEMBLE) | known)
+    shipped = shipped_ledger()
+    return sources, with_shipped(verdicts, shipped), shipped["ensemble"]
 
 
 def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
-    """Read results under a folder, and the measured file; what is not the paper's is left out."""
+    """Read results and measurement, without what is not the paper's."""
     compare, ensemble = None, None
     if (out / "compare" / TRACES).exists():
         stored = stored_traces(out / "compare")
@@ -167,46 +159,36 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
         raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims") from error
 
 
-class ShippedLedger(NamedTuple):
-    """Stored entries by id, as in ``claims --json``, and what is known of their ensemble."""
-
-    entries: Mapping[str, Mapping[str, Any]]
-    ensemble: Mapping[str, Any]
-
-
-def shipped_ledger() -> ShippedLedger:
-    """Read the ledger that comes with the package, of which docs/findings.md is made too."""
-    stored = json.loads((shipped("docs/results") / "claims.json").read_text(encoding="utf-8"))
-    entries = {entry["id"]: entry for entry in stored["claims"]}
-    return ShippedLedger(entries, _origin("shipped", stored["ensemble"]))
-
-
-def local_origin(folder: Path, draws: int) -> dict[str, Any]:
-    """What is known of an ensemble in a results folder, as `ShippedLedger.ensemble`."""
-    return _origin("local", read_manifest(folder) | {"draws": draws, "rules_edition": EDITION})
+def shipped_ledger() -> dict[str, Any]:
+    """Read the ``claims.json`` that comes with the package."""
+    path = shipped("docs/results") / "claims.json"
+    stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return stored | {"ensemble": _origin("shipped", stored["ensemble"])}
 
 
 def _origin(source: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of the ensemble that judged."""
     origin = ("draws", "tendonrepro_version", "created", "rules_edition")
     return {"source": source} | {key: known.get(key) for key in origin}
 
 
-def with_shipped(verdicts: Sequence[Verdict], ledger: ShippedLedger) -> list[Verdict]:
-    """Put the shipped verdict wherever one waits for an ensemble.
+def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list[Verdict]:
+    """Put the verdict of a ledger wherever one waits for an ensemble.
 
-    A stored verdict counts only if it is of the number or claim of today, by the rule of the same name.
+    It counts only for the same number or claim, by a rule of the same name.
     """
+    entries = {entry["id"]: entry for entry in ledger["claims"]}
     found = []
     for one in verdicts:
-        entry = ledger.entries.get(one.id, {})
+        entry = entries.get(one.id, {})
         waits = one.kind == "ensemble" and one.verdict == "not_testable"
         same = all(entry.get(key) == getattr(one, key) for key in ("kind", "rule", "printed"))
-        found.append(_taken(one, entry, ledger.ensemble) if waits and same else one)
+        found.append(_taken(one, entry, ledger["ensemble"]) if waits and same else one)
     return found
 
 
 def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
-    # The run of the shipped plant and the measurement are those that are here, or none.
+    # The run of the nominal plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
     evidence = {**entry["evidence"], **here, "ensemble": origin}
     return replace(

@@ -1,4 +1,4 @@
-"""Verdicts from an ensemble: numbers against their range over the box, claims by their shares."""
+"""Verdicts from an ensemble."""
 
 from __future__ import annotations
 
@@ -17,37 +17,23 @@ from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.numbers import FIRST, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, missing
-from tendonrepro.verdicts.statements import (
-    Findings,
-    Statement,
-    findings_of,
-    smaller,
-    together,
-)
+from tendonrepro.verdicts.statements import Findings, Statement, findings_of, smaller, together
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."
 
 VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
-"""Claims that print values, and how the ids of these begin."""
+"""Rules of claims that print values, and how the ids of these begin."""
 
 NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
 """Rules of numbers."""
 
 LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
-"""Families of numbers that cannot be below a number: an RMSE is never below its MAE."""
+"""What a family of numbers cannot be below: an RMSE is never below its MAE."""
 
 
 def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """Look up a number of Tables 2 and 3, or one that follows from them, on every plant.
-
-    Returns
-    -------
-    values : array (N,)
-        In the printed unit.
-    judged : bool array (N,)
-        Plants on which the value means something.
-    """
+    """A printed number on every plant, in its unit, and the plants judged, (N,) each."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
     sizes = [np.rad2deg(plants[of.run, of.metric][:, plants.joints.index(of.joint)]) for of in errors]
@@ -56,10 +42,8 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask] | None:
-    """What a percentage claims besides its size, and the plants that rank it with a diverged law last."""
-    if not identifier.startswith(PERCENTAGES):
-        return None
+def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
+    """What a percentage claims besides its size, and the plants that rank it."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
     statements = smaller(plants, metric, *runs, metric.upper())
@@ -67,7 +51,7 @@ def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[State
 
 
 def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
-    """Judge a number or a claim by its rule under one reading."""
+    """Judge a number or a claim under one reading."""
     rule = paper.judgements[identifier].rule
     try:
         return _number(plants, paper, identifier) if rule in NUMBERS else _claim(plants, paper, rule)
@@ -75,12 +59,11 @@ def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
         return missing(error.message, COMMAND)
 
 
-def _too_few(judged: Mask) -> Judged | None:
+def _check_enough(judged: Mask) -> None:
     count = int(judged.sum())
-    if count >= LEAST_PLANTS:
-        return None
-    what = f"only {count} of {len(judged)} plants can be judged, {LEAST_PLANTS} are needed"
-    return missing(what, f"{COMMAND} --draws N with a larger N")
+    if count < LEAST_PLANTS:
+        found = f"only {count} of {len(judged)} plants can be judged"
+        raise DataMissingError(f"{found}, {LEAST_PLANTS} are needed: more --draws")
 
 
 def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
@@ -89,17 +72,14 @@ def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
 
 def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
     values, judged = numbers_of(plants, paper, identifier)
-    few = _too_few(judged)
-    if few:
-        return few
+    _check_enough(judged)
     box = spread_of(values[judged], plants.data.replicate[judged])
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
     decision, remarks = rules.of_number((low, high), box, None, power), []
-    direction = _direction(plants, paper, identifier)
-    if direction:
-        statement, rankable = direction
+    if identifier.startswith(PERCENTAGES):
+        statement, rankable = _direction(plants, paper, identifier)
         share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
         evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
         decision, ranked = (rules.of_number((low, high), box, one, power) for one in (share, last))
@@ -110,9 +90,7 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     found = findings_of(plants, paper, rule)
-    few = _too_few(found.judged)
-    if few:
-        return few
+    _check_enough(found.judged)
     decision, evidence = _by_statements(plants, found, found.judged)
     evidence["share_judged"] = float(found.judged.mean())
     remarks = [*found.remarks]
@@ -135,8 +113,9 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
-        judged_by = rules.of_values if rule == "payload" else rules.with_values
-        decision = judged_by(decision, [value.decision for value in values])
+        # P1 is its values; an order that fails needs none.
+        if rule == "payload" or decision.verdict == "compatible":
+            decision = rules.of_values(decision, [value.decision for value in values])
         if decision.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
@@ -147,7 +126,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
 
 
 def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Decision, Evidence]:
-    """Judge by the measure under which a claim holds most often; the shares behind that."""
+    """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
         none = np.logical_and.reduce([~one.holds for one in statements])
@@ -158,14 +137,10 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
     overall = against(found.statements)
     evidence: Evidence = asdict(wholes[best])
     if len(wholes) > 1:
+        by = {name: rules.of_claim(wholes[name], against(held)) for name, held in found.measures.items()}
         evidence["measure"] = best
         evidence["by_measure"] = [
-            {
-                "measure": name,
-                "verdict": rules.of_claim(wholes[name], against(held)).verdict,
-                **asdict(wholes[name]),
-            }
-            for name, held in found.measures.items()
+            {"measure": name, "verdict": one.verdict, **asdict(wholes[name])} for name, one in by.items()
         ]
     told = found.opposite.text if found.opposite else "no statement holds"
     evidence["opposite"] = {"statement": told, **asdict(overall)}
@@ -174,7 +149,7 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
 
 
 def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
-    """Statements with their own shares and verdicts."""
+    """Statements with shares and verdicts of their own."""
     rows = []
     for one in statements:
         share = _share(plants, one.holds, counted)
@@ -191,9 +166,9 @@ def _remarks(decision: Decision, remarks: Sequence[str]) -> Evidence:
 
 
 def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """What a verdict depends on, plant by plant, and the plants to look at.
+    """What a verdict depends on, plant by plant, and the plants judged.
 
-    1 or 0 for a claim, the value of a number; values are logarithms where all are positive.
+    1 or 0 for a claim; of a number its value, its logarithm where all are positive.
     """
     rule = paper.judgements[identifier].rule
     if rule in NUMBERS:

@@ -1,4 +1,4 @@
-"""Claims and numbers of the paper judged on a measurement, by "On the measurement" in docs/verdicts.md."""
+"""Claims and numbers judged by "On the measurement" in docs/verdicts.md."""
 
 from __future__ import annotations
 
@@ -32,19 +32,7 @@ LEAST_RANGE = float(np.deg2rad(1.0))
 
 
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
-    """Judge every claim and number that a measurement can speak about.
-
-    Parameters
-    ----------
-    measured : Measured
-    paper : Published
-
-    Returns
-    -------
-    dict
-        By id: the claims `JUDGED`, the numbers of Tables 2 and 3, their quotients, and those of sections 5.3
-        and 5.4.
-    """
+    """Judge the claims `JUDGED` and all printed errors and percentages, by id."""
     numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
     found = {name: _number(measured, paper, name) for name in numbers}
     for name in JUDGED:
@@ -56,17 +44,17 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
-    """Judge a number by whether it would be printed so, or from what the rounding of the tables allows."""
+    """Judge a percentage by whether it would be printed so, others by the printed interval."""
     tables, formula = measured.tables, formula_of(paper, identifier)
     window: Evidence = {"window": tables.window}
-    known = tables.deciding.sizes
-    sizes: list[Any] = [known.get(error.id, np.nan) for error in formula.errors]
-    for error, size in zip(formula.errors, sizes, strict=True):
-        if not np.isfinite(size):
+    sizes: list[Any] = []
+    for error in formula.errors:
+        if error.id not in tables.deciding.sizes:
             return missing(f"the measured errors of {error}", **window)
+        sizes.append(tables.deciding.sizes[error.id])
     by_digits = identifier.startswith(PERCENTAGES)
     if by_digits:
-        # As the print's own percentages, those of a measurement follow from what its tables would print.
+        # As the paper's own percentages, those of a measurement follow from what its tables would print.
         decimals = [paper.digits(name).decimals for name in formula.names]
         sizes = [Fraction(f"{size:.{places}f}") for size, places in zip(sizes, decimals, strict=True)]
     try:
@@ -84,7 +72,7 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     if identifier == "K5":
         return motor_angles(measured.file)
     rule, runs = paper.judgements[identifier].rule, measured.compare.runs
-    arm = OneArm(measured)
+    arm, remarks = OneArm(measured), []
     plants = Plants(arm, PRINTED)
     needed: tuple[str, ...] = (*CONTROLLERS, LOADED)
     if rule == "payload":
@@ -92,12 +80,7 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         found = Findings(larger_with_load(plants), plants.ok(*needed), None)
     else:
         found = findings_of(plants, paper, rule)
-    evidence: Evidence = {
-        "statements": [{"statement": one.text, "holds": bool(one.holds[0])} for one in found.statements],
-        "statistics": arm.asked,
-    }
     lost = [name for name in needed if name in runs and runs[name].status != "ok"]
-    remarks = []
     if rule == "stable":
         for name in CONTROLLERS:
             # A status that was judged without the error of a joint says nothing about it.
@@ -114,6 +97,11 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     by = [name for name, held in found.measures.items() if together(held)[0]]
     if by and len(found.measures) > 1:
         remarks.append(f"holds by {', '.join(by)}")
+    evidence: Evidence = {
+        "statements": [{"statement": one.text, "holds": bool(one.holds[0])} for one in found.statements],
+        "statistics": arm.asked,
+        "remarks": remarks,
+    }
     if any("mae_deg" in asked for asked in arm.asked.values()):
         evidence["window"] = measured.tables.window
     holds = bool(by)
@@ -121,18 +109,17 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         values = {name: one.decision.verdict for name, one in numbers.items() if name.startswith("increase.")}
         evidence["percentages"] = values
         holds = holds and {*values.values()} == {"reproduced"}
-    return Judged(of_model(holds), None, evidence | ({"remarks": remarks} if remarks else {}))
+    return Judged(of_model(holds), None, evidence)
 
 
 def decoupling(file: TraceFile) -> Judged:
-    """K3: joint angles calculated from the motors against the encoders."""
+    """K3: joint angles from the motors against the encoders."""
     trace = file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):
         raise DataMissingError("all of joints 1 to 3 in a measured run decouple")
     encoder = trace["q_encoder"]
-    if "q_calculated" in trace:
-        calculated = trace["q_calculated"]
-    else:
+    calculated = trace.variables.get("q_calculated")
+    if calculated is None:
         calculated = trace["q_motor_encoder"] @ file.plant.matrix("S", trace.joint).T
     apart = calculated - encoder
     known = np.isfinite(apart).all(axis=1)
@@ -161,25 +148,25 @@ def _agreement(size: Array, reach: Array) -> dict[str, Any]:
 
 
 def motor_angles(file: TraceFile) -> Judged:
-    """K5: motor angles from measured against those from desired joint angles."""
+    """K5: motor angles from measured against desired joint angles."""
     rows = []
     for name in CONTROLLERS:
         trace = file.part("compare").runs.get(name)
         if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
             continue
         # An encoder at rest may have been recorded without a desired angle.
-        there = zip(trace.joint, (trace["q_d"] + trace["q_encoder"]).T, strict=True)
-        trace = trace.of_joints([joint for joint, both in there if np.isfinite(both).any()])
+        there = np.isfinite(trace["q_d"] + trace["q_encoder"]).any(axis=0)
+        trace = trace.of_joints(np.compress(there, trace.joint).tolist())
         if not {*COMPARED} <= {*trace.joint}:
             continue
         S_inv = file.plant.matrix("S_inv", trace.joint)
-        desired, angles = (trace[variable] @ S_inv.T for variable in ("q_d", "q_encoder"))
-        known = np.isfinite(desired + angles).all(axis=1)
+        known = np.isfinite(trace["q_d"] + trace["q_encoder"]).all(axis=1)
+        desired, angles = (trace[variable][known] @ S_inv.T for variable in ("q_d", "q_encoder"))
         # Motor 3 hardly turns where joints 2 and 3 move alike, so its own range is no measure.
-        reach = np.ptp(desired[known], axis=0).max() if known.any() else 0.0
+        reach = np.ptp(desired, axis=0).max() if known.any() else 0.0
         if reach < LEAST_RANGE:
             continue
-        for motor, apart in zip(trace.joint, mae(angles[known] - desired[known]), strict=True):
+        for motor, apart in zip(trace.joint, mae(angles - desired), strict=True):
             text = f"{name}, motor {motor}: MAE is below {100 * AGREES:g} % of the largest range of a motor"
             sizes = {"mae_deg": float(np.rad2deg(apart)), "share_of_range": float(apart / reach)}
             rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)

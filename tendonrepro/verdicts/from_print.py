@@ -1,4 +1,4 @@
-"""What follows from the print alone: matrices and percentages in exact fractions, signs, smoothness."""
+"""What follows from the paper alone, in exact fractions where it can."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SMOOTH = 1e-12
 
 
 def lengths(paper: Published, identifier: str) -> Judged:
-    """Compare an entry of S_inv with the ratio of Table 1 that Eq. (2) puts there, or the other way round."""
+    """An entry of S_inv against its ratio of Table 1 by Eq. (2), or the other way round."""
     if identifier.startswith("S_inv."):
         n, i = tuple(identifier.removeprefix("S_inv."))
         other = f"table1.D_{i}{n}_over_D_{n}"
@@ -42,14 +42,14 @@ def lengths(paper: Published, identifier: str) -> Judged:
 
 
 def matrix_entry(paper: Published, identifier: str) -> Judged:
-    """Compare an entry of S with the inverse of S_inv, magnitudes."""
+    """An entry of S against the inverse of S_inv."""
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
     ours = abs(inverse(printed_inverse(paper))[n][i])
     return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
 
 
 def printed_inverse(paper: Published) -> list[list[Fraction]]:
-    """``S_inv`` as printed, lower triangular, with the signs of Eq. (2) and section 3.3."""
+    """Rows of ``S_inv`` up to the diagonal, with the signs of Eq. (2) and section 3.3."""
     rows = []
     for n in range(3):
         row = [exact(paper.quantity(f"S_inv.{n + 1}{i + 1}")) for i in range(n + 1)]
@@ -58,7 +58,7 @@ def printed_inverse(paper: Published) -> list[list[Fraction]]:
 
 
 def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
-    """Inverse of a lower-triangular matrix given by its rows up to the diagonal, in the same form."""
+    """Inverse of a lower-triangular matrix, by rows up to the diagonal."""
     rows: list[list[Fraction]] = []
     for n, row in enumerate(lower):
         before = [-sum((row[k] * rows[k][i] for k in range(i, n)), Fraction(0)) / row[n] for i in range(n)]
@@ -74,7 +74,7 @@ def both_matrices(paper: Published, _: str) -> Judged:
 
 
 def all_percentages(paper: Published, _: str) -> Judged:
-    """A1: the percentages of sections 5.3 and 5.4 against what the rounding of the tables allows."""
+    """A1: percentages against what the rounding of the tables allows."""
     rows = [_percentage(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)]
     wrong = [row["id"] for row in rows if not row["consistent"]]
     return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
@@ -103,13 +103,13 @@ def same_as(paper: Published, identifier: str) -> Judged:
 
 
 def resolution(paper: Published, identifier: str) -> Judged:
-    """Encoder resolution against 360 degrees over four counts a pulse."""
+    """Encoder resolution against 360° over four counts a pulse."""
     ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
     return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
 
 
 def _against(paper: Published, identifier: str, allowed: Interval, ours: float, origin: str) -> Judged:
-    """Compare a printed number with what another part of the print allows."""
+    """Compare a printed number with what another part of the paper allows."""
     consistent = meets(allowed, rounding(paper.quantity(identifier)))
     return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
 
@@ -123,10 +123,7 @@ TURNS: Mapping[str, Callable[[float], bool]] = {
 
 
 def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
-    """K2, K2a, K2b: judge that turn by the printed signs, and with c12 and c13 turned round.
-
-    Both leave the magnitudes of S as printed.
-    """
+    """K2, K2a, K2b: that turn, as published and with c12 and c13 turned round."""
     turns = []
     for flip in (1.0, -1.0):
         sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
@@ -139,7 +136,7 @@ def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
 
 
 def motor_3_turns_less(paper: Published, _: str) -> Judged:
-    """K4: motor 3 over motor 2 at equal angles of joints 2 and 3, joint 1 at rest."""
+    """K4: motor 3 over motor 2 at equal angles of joints 2 and 3."""
     _S, S_inv = coupling_of(table_1(paper))
     turns = S_inv @ np.array([0.0, 1.0, 1.0])
     ours = float(abs(turns[2] / turns[1]))
@@ -147,7 +144,7 @@ def motor_3_turns_less(paper: Published, _: str) -> Judged:
 
 
 def coupling_terms(paper: Published, _: str) -> Judged:
-    """K6: terms fall with the winch and rise with the guide pulley; joint 3's coupling angle."""
+    """K6: terms fall with the winch and rise with the pulley; joint 3's coupling."""
     ratio = table_1(paper)
     winch, pulley = slopes_of_coupling(ratio)
     ours = float(ratio[1, 2])
@@ -157,10 +154,7 @@ def coupling_terms(paper: Published, _: str) -> Judged:
 
 
 def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
-    """Change of the magnitudes below the diagonal of ``S_inv``, 21, 31, 32, when a diameter grows by 1 %.
-
-    For a larger winch ``D[n]``, and for larger guide pulleys ``D[i, n]``; `ratio` is that of `table_1`.
-    """
+    """Change of entries 21, 31 and 32 of ``|S_inv|`` with winches, and pulleys, 1 % larger."""
     below = np.tril_indices(3, -1)
     sizes = [
         np.abs(coupling_inverse(np.full(3, winch), ratio * pulley, SIGN)[below])
@@ -194,4 +188,4 @@ FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,
 }
-"""Rules that need nothing but the print, by their names in docs/verdicts.md."""
+"""Rules that need nothing but the paper, by name."""

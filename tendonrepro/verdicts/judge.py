@@ -1,7 +1,8 @@
-"""The ledger of verdicts: every printed result and claim, judged from what has been run."""
+"""The ledger: every printed result and claim, judged from what has been run."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,14 +29,13 @@ from tendonrepro.verdicts.from_print import FROM_THE_PRINT
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.numbers import ErrorOf, formula_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import VERDICTS, Judged, VerdictName, missing
+from tendonrepro.verdicts.rules import VERDICTS, Judged, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
 SCHEMA_VERSION = 1
 SHARE = "share of the box"
 FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
-_DATA = "the measured motor and joint angles of the paper's data set"
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,10 @@ class Sources:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One line of the ledger; the fields are the keys of ``claims --json``.
+    """One line of the ledger, with the keys of ``claims --json``.
 
-    `printed` is the number, fraction or claim as printed; `ours` the share of a claim, or the number of the
-    shipped run, else its median over the box. What `repeats` another entry is not counted. `shipped` verdicts
-    come from the package's stored ensemble.
+    `ours` is the share of a claim, or the number of the shipped run, else its median over the box. What
+    `repeats` another entry is not counted. `shipped`: taken from the package's stored ensemble.
     """
 
     id: str
@@ -63,7 +62,7 @@ class Verdict:
     ours: float | None
     unit: str | None
     rule: str
-    verdict: VerdictName
+    verdict: str
     borderline: bool
     evidence: Mapping[str, Any]
     depends_on: tuple[str, ...]
@@ -80,10 +79,15 @@ def judge_all(
     decided_by: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[Verdict]:
-    """Judge every printed result and claim, or `only` those with some ids, in the order of the print.
+    """Judge every printed result and claim, or `only` some, in the order of the print.
 
-    `decided_by` ranks the unknowns that decide verdicts, which takes about a second each; `progress` is
-    called with 1 after each reading of the ensemble. An id that is not printed, or is an input, is refused.
+    `decided_by` ranks the unknowns that decide verdicts, about a second each; `progress` is called with 1
+    after each reading of the ensemble.
+
+    Raises
+    ------
+    UsageError
+        For an id that is not printed, or is an input.
     """
     paper = paper or published()
     judged = [name for name, rule in paper.judgements.items() if rule.kind != "input"]
@@ -99,11 +103,12 @@ def judge_all(
             found[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
     measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
     for name in found.keys() & measured.keys():
+        one = measured[name]
         if paper.judgements[name].kind == "measured":
-            found[name] = measured[name]
+            found[name] = one
         else:
-            verdict, ours = measured[name].decision.verdict, measured[name].ours
-            found[name].evidence["measured"] = {"verdict": verdict, "ours": ours, **measured[name].evidence}
+            head = {"verdict": one.decision.verdict, "ours": one.ours}
+            found[name].evidence["measured"] = head | one.evidence
     shipped = _shipped_numbers(sources.compare, paper)
     return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
 
@@ -111,20 +116,19 @@ def judge_all(
 def _over_the_box(
     data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
-    """Judge what an ensemble can tell under every reading; one reading is held in memory at a time."""
+    """Judge by an ensemble; one reading is held in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
     if data is None or PRINTED not in data.readings or not names:
         return {}
-    found: dict[str, Judged] = {}
-    for reading in sorted(data.readings, key=lambda name: name != PRINTED):
-        plants = Plants(data, reading)
-        for name in names:
-            judged = judge(plants, paper, name)
-            if reading == PRINTED:
-                found[name] = judged
-            else:
-                found[name].other_readings[reading] = judged.decision.verdict
-        progress(1)
+    plants = Plants(data, PRINTED)
+    found = {name: judge(plants, paper, name) for name in names}
+    progress(1)
+    for reading in data.readings:
+        if reading != PRINTED:
+            plants = Plants(data, reading)
+            for name in names:
+                found[name].other_readings[reading] = judge(plants, paper, name).decision.verdict
+            progress(1)
     return found
 
 
@@ -135,16 +139,15 @@ def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Ju
     if rule.rule in FROM_THE_PRINT:
         return FROM_THE_PRINT[rule.rule](paper, identifier)
     if rule.kind == "measured":
-        return missing(_DATA, FETCH)
+        return missing("the measured motor and joint angles of the paper's data set", FETCH)
     return missing("the ensemble", COMMAND)
 
 
 def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | None) -> Verdict:
     entry, rule = paper.entries[identifier], paper.judgements[identifier]
-    verdict, evidence = found.decision.verdict, dict(found.evidence)
+    verdict, evidence, others = found.decision.verdict, dict(found.evidence), found.other_readings
     if shipped is not None:
         evidence["shipped_run"] = shipped
-    others = found.other_readings
     unknown = [name for name, other in others.items() if other == "not_testable"]
     if unknown and verdict != "not_testable":
         evidence["not_testable_under"] = unknown
@@ -152,37 +155,34 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
     return Verdict(
         id=identifier,
         where=entry.where,
-        kind=rule.kind,
         printed=printed,
-        ours=found.ours if shipped is None else shipped,
         unit=unit,
-        rule=rule.rule,
+        ours=found.ours if shipped is None else shipped,
         verdict=verdict,
         borderline=found.decision.borderline,
         evidence=evidence,
-        depends_on=rule.depends_on,
         readings_that_change_it=tuple(
             name for name, other in others.items() if other not in {verdict, "not_testable"}
         ),
-        repeats=rule.repeats,
+        **rule.model_dump(exclude={"ids"}),
     )
 
 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
-    """Numbers of Tables 2, 3 and sections 5.3, 5.4 from the traces of one run, in printed units."""
-    found: dict[str, float] = {}
+    """Numbers of the run of the nominal plant, in printed units."""
+    sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
-        sizes = tracking_errors(trace)["whole"]
+        whole = tracking_errors(trace)["whole"]
         for metric in ("mae", "rmse"):
-            for joint, size in zip(trace.joint, sizes[metric], strict=True):
-                found[ErrorOf(run, metric, joint).id] = float(size)
+            for joint, size in zip(trace.joint, whole[metric], strict=True):
+                sizes[ErrorOf(run, metric, joint).id] = float(size)
+    found = {}
     for name, judgement in paper.judgements.items():
-        if judgement.rule not in NUMBERS or judgement.rule == "dose":
-            continue
-        formula = formula_of(paper, name)
-        errors = [found.get(error.id, np.nan) for error in formula.errors]
-        if np.isfinite(errors).all() and errors[-1] > 0.0:
-            found[name] = formula.value(*errors)
+        if judgement.rule in NUMBERS and judgement.rule != "dose":
+            formula = formula_of(paper, name)
+            errors = [sizes.get(error.id, np.nan) for error in formula.errors]
+            if np.isfinite(errors).all() and errors[-1] > 0.0:
+                found[name] = formula.value(*errors)
     return found
 
 
@@ -196,15 +196,13 @@ def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count each verdict, what is printed twice once; all names are there."""
-    counts = dict.fromkeys(VERDICTS, 0)
-    for verdict in verdicts:
-        counts[verdict.verdict] += verdict.repeats is None
-    return counts
+    """Count each verdict, what repeats another once."""
+    counts = Counter(verdict.verdict for verdict in verdicts if verdict.repeats is None)
+    return {name: counts[name] for name in VERDICTS}
 
 
 def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdict before and now; None where it was not, or is no longer, judged."""
+    """Id -> verdict before and now where they differ; None: not judged."""
     after = {verdict.id: verdict.verdict for verdict in now}
     return {
         name: (before.get(name), after.get(name))

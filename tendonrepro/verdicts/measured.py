@@ -1,4 +1,4 @@
-"""A measured comparison, and what the rules of the claims ask of it as of an ensemble of one plant."""
+"""A measured comparison as an ensemble of one plant."""
 
 from __future__ import annotations
 
@@ -27,26 +27,19 @@ from tendonrepro.verdicts.numbers import ErrorOf
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
 
-_UNITS = {"mae": "deg", "rmse": "deg", "max": "deg", "s": "deg_per_s"}
-"""Units of statistics as evidence, by the first word of their names; else N m."""
-
-_SIGNALS = {"s": "s or e", "torque": "tau_m", "H": "H_hat", "mae": "e", "max": "e"}
-"""What a statistic needs to have been recorded, by the first word of its name."""
+_SIGNALS = dict.fromkeys(("mae", "rmse", "max"), ("e", "deg")) | {
+    "s": ("s or e", "deg_per_s"),
+    "torque": ("tau_m", "N_m"),
+    "H": ("H_hat", "N_m"),
+}
+"""What a statistic is of and its unit as evidence, by the first word of its name."""
 
 
 @dataclass(frozen=True)
 class Measured:
     """A measured file with what is derived from it once.
 
-    Parameters
-    ----------
-    file : TraceFile
-    tables : PrintedTables
-        Ways of averaging that were tried.
-    reference : Reference or None
-        None where it could not be recovered.
-    unrecovered : str
-        Why it could not.
+    `unrecovered` says why there is no `reference`.
     """
 
     file: TraceFile
@@ -72,10 +65,7 @@ def measured_of(file: TraceFile, paper: Published) -> Measured:
 
 
 class OneArm:
-    """A measured comparison with the interface of an ensemble of one plant.
-
-    `asked` are the statistics that rules have looked up, by run and by name with unit.
-    """
+    """An ensemble of one plant; `asked` holds the statistics that were looked up, by run."""
 
     joints = COMPARED
     replicate: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
@@ -86,7 +76,7 @@ class OneArm:
         self.asked: dict[str, dict[str, list[float]]] = {}
 
     def has(self, _run: str, reading: str) -> bool:
-        """Whatever a rule asks for is looked up, so that what is missing can be named."""
+        """Say yes: what is missing is named when it is looked up."""
         return reading == PRINTED
 
     def status(self, run: str, _reading: str) -> NDArray[np.int8]:
@@ -98,7 +88,7 @@ class OneArm:
         trace = self._trace(run)
         of_tables = name in ("mae", "rmse")
         found = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)
-        unit = _UNITS.get(name.partition("_")[0], "N_m")
+        _, unit = _SIGNALS[name.partition("_")[0]]
         shown = found if unit == "N_m" else np.rad2deg(found)
         self.asked.setdefault(run, {})[f"{name}_{unit}"] = shown.tolist()
         return found[np.newaxis]
@@ -111,11 +101,7 @@ class OneArm:
         return np.deg2rad(found)
 
     def _of_the_run(self, trace: Trace, name: str) -> Array:
-        signal = name.partition("_")[0]
-        if name == "torque_step_rms":
-            self._check_steps()
-        if signal == "s":
-            self._check_surfaces()
+        self._check_alike(name)
         if trace.name not in self._kept:
             rates = None
             with suppress(DataMissingError):
@@ -123,14 +109,14 @@ class OneArm:
             self._kept[trace.name] = statistics(with_surface(trace), rates)
         found = self._kept[trace.name].get(name, np.full(len(self.joints), np.nan))
         for joint, value in zip(trace.joint, found, strict=True):
-            # What is not there is smaller than nothing, so it must not come to a comparison.
+            # NaN is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
-                what = f"{_SIGNALS[signal]} of the run {trace.name}, joint {joint}"
+                what = f"{_SIGNALS[name.partition('_')[0]][0]} of the run {trace.name}, joint {joint}"
                 raise DataMissingError(f"{what}, or its desired motion q_d")
         return found
 
     def _trace(self, run: str) -> Trace:
-        """Joints 2 and 3 of a run; another may have been recorded at rest, without what is compared."""
+        """Joints 2 and 3 of a run."""
         runs = self._measured.compare.runs
         if run not in runs:
             raise DataMissingError(f"a measured run {run}")
@@ -139,23 +125,22 @@ class OneArm:
             raise DataMissingError(f"joints 2 and 3 of the run {run}")
         return trace
 
-    def _check_steps(self) -> None:
-        steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
-        if max(steps) > 1.01 * min(steps):
-            raise DataMissingError("runs sampled alike: steps of the torque cannot be compared otherwise")
-
-    def _check_surfaces(self) -> None:
+    def _check_alike(self, name: str) -> None:
+        """Refuse to compare what was recorded differently."""
+        if name == "torque_step_rms":
+            steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
+            if max(steps) > 1.01 * min(steps):
+                raise DataMissingError("runs sampled alike: steps of the torque cannot be compared otherwise")
         runs = self._measured.compare.runs
-        if len({"s" in runs[run] for run in CONTROLLERS if run in runs}) > 1:
-            message = "s of all controllers: a recorded one cannot be compared with a computed one"
-            raise DataMissingError(message)
+        if name.startswith("s_") and len({"s" in runs[run] for run in CONTROLLERS if run in runs}) > 1:
+            raise DataMissingError("s of all controllers: recorded and computed ones cannot be compared")
 
 
 def with_surface(trace: Trace) -> Trace:
-    """A run of joints 2 and 3 with its sliding variable: recorded, else that of Eq. (11) from its error.
+    """A run of joints 2 and 3 with its sliding variable: recorded, else by Eq. (11) from its error.
 
-    From sample to sample an encoder's steps are all there is of a rate, so that of a computed one is the
-    difference over `RATE_WINDOW`; half of it is missing at both ends. Without an error there is none.
+    From sample to sample a rate is the encoder's steps, so it is the difference over `RATE_WINDOW`, and half
+    of that is missing at both ends.
     """
     if "s" in trace or "e" not in trace:
         return trace
@@ -168,10 +153,7 @@ def with_surface(trace: Trace) -> Trace:
 
 
 def _rate(time: Array, e: Array) -> Array:
-    """Difference over `RATE_WINDOW` around each sample, (T, n), or over two steps where these are longer.
-
-    Between samples the error is interpolated, so that runs sampled differently have the same window.
-    """
+    """Difference over `RATE_WINDOW`, or over two longer steps, (T, n)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
     half = max(0.5 * RATE_WINDOW, step)
     ends = [

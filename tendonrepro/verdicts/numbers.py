@@ -1,4 +1,4 @@
-"""The errors of Tables 2 and 3 by their ids, and every number that follows from them."""
+"""Errors of Tables 2 and 3 by id, and what follows from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PERCENTAGES = ("share.", "increase.")
 
 
 class ErrorOf(NamedTuple):
-    """What an error of Table 2 or 3 is of."""
+    """Which error of Table 2 or 3."""
 
     run: str
     metric: str
@@ -27,7 +27,7 @@ class ErrorOf(NamedTuple):
 
     @property
     def id(self) -> str:
-        """Id of the number; the row without load of Table 3 is Controller 1 of Table 2."""
+        """Id in ``published.yaml``; Table 3 without load is Controller 1 of Table 2."""
         table = "table3.with_load" if self.run == LOADED else f"table2.{self.run}"
         return f"{table}.{self.metric}.joint_{self.joint}"
 
@@ -42,28 +42,29 @@ def error_of(identifier: str) -> ErrorOf:
 
 
 class Formula(NamedTuple):
-    """Ids of the errors that a number follows from, and how; the errors are numbers, fractions or arrays."""
+    """Ids of errors and how a number follows from them, as numbers, fractions or arrays."""
 
     names: tuple[str, ...]
     value: Callable[..., Any]
 
     @property
     def errors(self) -> list[ErrorOf]:
-        """What these errors are of."""
+        """These errors."""
         return [error_of(name) for name in self.names]
 
 
 def formula_of(paper: Published, identifier: str) -> Formula:
-    """How a number follows from the errors of Tables 2 and 3, of which it may be one."""
-    names: tuple[str, ...]
+    """How a number follows from errors of Tables 2 and 3."""
     entry = paper.entries[identifier]
     if isinstance(entry, PrintedQuotient):
         return Formula((entry.numerator, entry.denominator), truediv)
     if isinstance(entry, PrintedDose):
         (first_3, second_3), (first_2, second_2) = entry.parts
         # What Controller 1 gains over Controller 2 on joint 3, over what it gains on joint 2.
-        names = first_3, second_3, first_2, second_2
-        return Formula(names, lambda c1_3, c2_3, c1_2, c2_2: (1 - c1_3 / c2_3) / (1 - c1_2 / c2_2))
+        return Formula(
+            (first_3, second_3, first_2, second_2),
+            lambda c1_3, c2_3, c1_2, c2_2: (1 - c1_3 / c2_3) / (1 - c1_2 / c2_2),
+        )
     family, what, *rest = identifier.split(".", 2)
     if family == "share":
         rival = what.removeprefix("controller_1_of_")
@@ -76,7 +77,7 @@ def formula_of(paper: Published, identifier: str) -> Formula:
 
 
 def cut(value: Fraction, printed: PrintedNumber) -> str:
-    """How a value became the printed number: ``rounded``, ``cut off``, either way, or ``neither``."""
+    """How a value became the printed number."""
     scale = 10**printed.decimals
     goal = exact(printed) * scale
     ways = {"rounded": math.floor(value * scale + Fraction(1, 2)), "cut off": math.trunc(value * scale)}

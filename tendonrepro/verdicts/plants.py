@@ -1,4 +1,4 @@
-"""An ensemble as the rules see it: all plants under one reading, statistics by run and name."""
+"""An ensemble as the rules see it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
-"""Status codes that the rules tell apart."""
+"""Status codes."""
 
 SHAPE = "rmse/mae"
-"""Statistic that follows from two others."""
 
 
 class Plants:
-    """All plants of an ensemble under one reading; a variation of a run is called ``run@variation``."""
+    """All N plants under one reading; a variation of a run is called ``run@variation``."""
 
     def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
         self.data = data
@@ -38,7 +37,7 @@ class Plants:
         return self._kept[run, "status"]
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
-        """Statistic of a run, (N, n), by (run, name); of `SHAPE` NaN where there is no error."""
+        """Statistic of a run, (N, n), by (run, name)."""
         run, name = key
         if name == SHAPE:
             return np.asarray(self[run, "rmse"] / self[run, "mae"])
@@ -47,19 +46,19 @@ class Plants:
         return self._kept[key]
 
     def ranked(self, run: str, name: str) -> Array:
-        """The same, made larger than anything where the run diverged."""
+        """The same, infinite where the run diverged."""
         return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, self[run, name])
 
     def ok(self, *runs: str) -> Mask:
-        """Plants on which all of some runs are ``ok``."""
+        """Plants on which all these runs are ``ok``."""
         return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
 
     def none(self, code: int, *runs: str) -> Mask:
-        """Plants on which none of some runs has a status."""
+        """Plants on which none of these runs has a status."""
         return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
 
     def rankable(self, *runs: str) -> Mask:
-        """Plants on which some runs can be ranked with a diverged one last: resolved, not all diverged."""
+        """Plants on which these runs are resolved and not all diverged."""
         lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
         return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
 

@@ -1,4 +1,4 @@
-"""The ledger of verdicts as JSON, table, csv and Markdown, and one claim with all its evidence."""
+"""The ledger as files and text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
-from tendonrepro.verdicts.rules import EDITION, HEADINGS, VERDICTS
+from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
@@ -49,11 +49,6 @@ _NUMBERS = {
 }
 
 
-def in_words(identifier: str) -> str:
-    """A claim in at most eight words, or what a number is of."""
-    return published().entries[identifier].short or number_in_words(identifier)
-
-
 def number_in_words(identifier: str) -> str:
     """What a number is of: which error, run and joint."""
     parts = identifier.split(".")
@@ -62,10 +57,7 @@ def number_in_words(identifier: str) -> str:
 
 
 def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Collect the data of ``claims --json``: ``schema_version``, ``claims`` and the counts ``summary``.
-
-    `ensemble` tells which one judged; see `command.ShippedLedger`.
-    """
+    """Data of ``claims --json``; `ensemble` tells which one judged."""
     return {
         "schema_version": SCHEMA_VERSION,
         "claims": [asdict(verdict) for verdict in verdicts],
@@ -84,36 +76,36 @@ def write_claims(
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:
-    """A verdict with what matters most of its evidence."""
+    """A verdict with the most of its evidence."""
     row = asdict(verdict)
     evidence = row.pop("evidence")
-    box = evidence.get("box") or {}
-    row |= {"low": box.get("low"), "high": box.get("high")}
+    box = evidence.get("box", {})
+    row |= {name: box.get(name) for name in ("low", "high")}
     row |= {name: evidence.get(name) for name in ("also_passing", "missing")}
     return row | {"measured": _measured(verdict)}
 
 
 def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
-    """Verdicts in words under their headings, the main claims alone or `every` one, and their counts."""
-    first = {name: place for place, name in enumerate(MAIN)}
-    ordered = sorted(verdicts, key=lambda verdict: first.get(verdict.id, len(MAIN)))
-    shown = [verdict for verdict in ordered if every or verdict.id in MAIN]
+    """Verdicts under their headings, of the main claims or of `every` one."""
+    by_id = {verdict.id: verdict for verdict in verdicts}
+    shown = [by_id[name] for name in MAIN if name in by_id]
+    shown += [verdict for verdict in verdicts if every and verdict.id not in MAIN]
     rows = [["claim", "ours", "verdict", "id", "on the measurement"]]
     for heading, names in HEADINGS.items():
         under = [verdict for verdict in shown if verdict.verdict in names]
         rows += [[f"{heading}:", "", "", "", ""]] if under else []
         for one in under:
             verdict = f"{VERDICTS[one.verdict]}{_marks(one)}"
-            rows.append([f"  {in_words(one.id)}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
+            words = published().entries[one.id].short or number_in_words(one.id)
+            rows.append([f"  {words}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
-    left = len(verdicts) - len(shown)
-    more = [f"--all shows {left} more"] * bool(left)
+    more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]
     return "\n".join([columns(rows, left=True), "", headline(verdicts), *more, *_notes(verdicts)])
 
 
 def headline(verdicts: Sequence[Verdict]) -> str:
-    """Count verdicts by heading, one statement once, and leave out what has no power."""
+    """Count verdicts by heading, without those that have no power."""
     counts = summary(verdicts)
     powerless = counts.pop("no_power")
     words = [f"{head} {sum(counts.get(name, 0) for name in names)}" for head, names in HEADINGS.items()]
@@ -125,9 +117,7 @@ def headline(verdicts: Sequence[Verdict]) -> str:
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
-    notes += shipped_note(verdicts)
-    if any(verdict.repeats for verdict in verdicts):
-        notes.append("one statement counts once, whatever the numbers under it")
+    notes += [*shipped_note(verdicts), "one statement counts once, whatever the numbers under it"]
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
@@ -135,22 +125,20 @@ def _notes(verdicts: Sequence[Verdict]) -> list[str]:
 
 def shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
     """Say which ensemble shipped verdicts rest on."""
-    origins = [verdict.evidence["ensemble"] for verdict in verdicts if verdict.shipped]
-    if not origins:
+    origin = next((verdict.evidence["ensemble"] for verdict in verdicts if verdict.shipped), None)
+    if origin is None:
         return []
-    draws, version, created = (origins[0][key] for key in ("draws", "tendonrepro_version", "created"))
-    date = str(created or "of unknown date").partition("T")[0]
-    edition = "" if origins[0]["rules_edition"] == EDITION else ", by an earlier edition of the rules"
+    draws, version, created = (origin[key] for key in ("draws", "tendonrepro_version", "created"))
     return [
         f"shipped: not judged here but taken from the ensemble that comes with the package ({draws} draws, "
-        f"tendonrepro {version}, {date}{edition}); one of your own replaces it: {COMMAND}"
+        f"tendonrepro {version}, {created.partition('T')[0]}); one of your own replaces it: {COMMAND}"
     ]
 
 
 def changes_text(changes: Mapping[str, tuple[str | None, str | None]]) -> str:
     """Verdicts that changed since an earlier ledger, one a line."""
     rows = [f"{name}: {old or 'not judged'} -> {new or 'not judged'}" for name, (old, new) in changes.items()]
-    return "\n".join(["Changed since the baseline:", *rows] if rows else ["No verdict changed."])
+    return "\n".join(["Changed since the baseline:", *(rows or ["nothing"])])
 
 
 def details_text(verdict: Verdict) -> str:
@@ -173,7 +161,7 @@ def _unit(verdict: Verdict) -> str:
 
 
 def _ours(verdict: Verdict) -> str:
-    """Our number with its unit, its range over the plants, and the printed one; of a claim the share."""
+    """Our number with its range, and the printed one; of a claim its share."""
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
@@ -190,7 +178,7 @@ def _ours(verdict: Verdict) -> str:
 
 
 def _measured(verdict: Verdict) -> str | None:
-    """Verdict on the measurement, which stands beside that of the box."""
+    """Verdict on the measurement."""
     beside = verdict.evidence.get("measured")
     if beside is None:
         return None

@@ -1,9 +1,9 @@
-"""Which unknowns decide an outcome: first-order indices from draws at hand, with a floor of chance."""
+"""Which unknowns decide an outcome: sensitivity indices of SALib from draws at hand."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -19,7 +19,6 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import Mask
 
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
@@ -29,10 +28,10 @@ SHUFFLES = 40
 SEED = 20260515
 FLOOR_QUANTILE = 0.95
 LEAST_OTHERS = 20
+"""Outcomes that differ from the commonest; a bootstrap of rarer ones may well hold none."""
 
 # The method's usual ten harmonics fit more of the noise of a few hundred plants.
 _HARMONICS = 6
-
 
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
@@ -41,8 +40,7 @@ SHOWN = 12
 LEAST_FITTED = 300
 """Plants below which no surrogate is fitted."""
 SURROGATE = 8
-"""Unknowns, the strongest ones, of which a surrogate tells what they explain together."""
-
+"""The strongest unknowns, which have a total index."""
 
 Ranking: TypeAlias = dict[str, Any]
 """What `ranked` returns."""
@@ -51,20 +49,17 @@ Ranking: TypeAlias = dict[str, Any]
 def ranked(
     names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
 ) -> Ranking | None:
-    """Rank unknowns by how much of an outcome's variance (N,) each alone explains, from draws (N, P).
+    """Rank unknowns by how much of an outcome's variance (N,) each explains, from draws (N, P).
 
-    First-order indices by RBD-FAST (SALib), which needs the draws in no special order and of their values
-    only the order. The noise floor is the 95 % quantile, over shuffles of the outcome, of the largest index
-    of all rows, or the one given, of another outcome on as many draws.
+    A `noise_floor` may be taken from another outcome on as many draws.
 
     Returns
     -------
     dict or None
-        ``rows``, the largest index first, each with ``name``, ``index``, ``half_width`` of the index's 95 %
-        bootstrap interval, and of the strongest ``total``: what the unknown explains alone or with one other;
-        ``noise_floor``; ``unexplained`` by single rows above it; ``draws``. None with too few finite
-        outcomes, `LEAST_PLANTS`, or when fewer than 20 of them differ from the commonest: a bootstrap of so
-        rare an outcome may well not hold it at all.
+        ``rows``, the largest first-order index (RBD-FAST) first: ``name``, ``index``, ``half_width`` of its
+        95 % bootstrap interval, and of the strongest ``total``; ``noise_floor``, the 95 % quantile over
+        shuffles of the largest index; ``unexplained`` by rows above it; ``draws``. None with too few
+        outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -86,62 +81,49 @@ def ranked(
     rows.sort(key=lambda row: -row["index"])
     for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
         row["total"] = total
-    floor = noise_floor
-    if floor is None:
+    if noise_floor is None:
         largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
-        floor = float(np.quantile(largest, FLOOR_QUANTILE))
-    explained = sum(row["index"] for row in rows if row["index"] > floor)
-    return {
-        "rows": rows,
-        "noise_floor": floor,
-        "unexplained": max(1.0 - explained, 0.0),
-        "draws": len(outcome),
-    }
+        noise_floor = float(np.quantile(largest, FLOOR_QUANTILE))
+    left = max(1.0 - sum(row["index"] for row in rows if row["index"] > noise_floor), 0.0)
+    return {"rows": rows, "noise_floor": noise_floor, "unexplained": left, "draws": len(outcome)}
 
 
 def rankings(data: EnsembleData) -> dict[str, Ranking]:
-    """Rank the unknowns that decide some claims, the ratio of Controllers 1 and 2, and the tables' numbers.
-
-    A number's floor of chance is that of the ratio, on about as many plants.
-    """
+    """Rank what decides some claims, the ratio of Controllers 1 and 2, and the tables' numbers."""
     plants = Plants(data, PRINTED)
+
+    def rank(values: Array, *runs: str, floor: float | None = None) -> Ranking | None:
+        kept = plants.ok(*runs)
+        return ranked(data.names, data.draws[kept], values[kept], floor)
+
     found = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.log(plants[FIRST, "mae"] / plants[SECOND, "mae"])
+        logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), ("mae", "rmse"))}
+        mae = logs[FIRST, "mae"]
+        ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
-        found[f"ratio_joint_{joint}"] = _ranked(data, ratio[:, i], plants.ok(FIRST, SECOND))
+        found[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
+    # About as many plants, so the same floor.
     first = found[f"ratio_joint_{data.joints[0]}"]
     floor = None if first is None else first["noise_floor"]
-    found |= {name: _ranked(data, values, kept, floor) for name, values, kept in _numbers(plants)}
+    for (run, metric), errors in logs.items():
+        for i, joint in enumerate(data.joints):
+            found[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
+    found["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
     return {name: ranking for name, ranking in found.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
-    """Rank the unknowns that decide a verdict; None where there is nothing to rank."""
+    """Rank what decides a verdict; None where nothing does."""
     try:
         values, judged = outcome(Plants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
-    return _ranked(data, values, judged)
-
-
-def _ranked(data: EnsembleData, values: Array, kept: Mask, floor: float | None = None) -> Ranking | None:
-    return ranked(data.names, data.draws[kept], values[kept], floor)
-
-
-def _numbers(plants: Plants) -> Iterator[tuple[str, Array, Mask]]:
-    """Yield the logarithm of every number of Tables 2 and 3, and of joint 3's error over joint 2's."""
-    for run, metric in product((*CONTROLLERS, LOADED), ("mae", "rmse")):
-        with np.errstate(divide="ignore"):
-            errors = np.log(plants[run, metric])
-        for i, joint in enumerate(plants.joints):
-            yield ErrorOf(run, metric, joint).id, errors[:, i], plants.ok(run)
-        if (run, metric) == (FIRST, "mae"):
-            yield "joint_3_over_2", errors[:, -1] - errors[:, 0], plants.ok(run)
+    return ranked(data.names, data.draws[judged], values[judged])
 
 
 def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:
-    """Total indices of the first `SURROGATE` unknowns, from sums of splines of one and of two of them."""
+    """Total indices of the first `SURROGATE` unknowns, by HDMR."""
     from SALib.analyze import hdmr
 
     if len(outcome) < LEAST_FITTED:
@@ -165,7 +147,7 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:
-    """Largest index of all rows, without the bootstrap."""
+    """Largest index, without the bootstrap."""
     from SALib.analyze import rbd_fast
 
     raw = [
@@ -176,7 +158,7 @@ def _largest_index(draws: Array, outcome: Array) -> float:
 
 
 def draw_influences(found: Mapping[str, Ranking]) -> Drawing:
-    """Picture of the share of the variance that the strongest unknowns explain of each outcome."""
+    """Draw the share of each outcome's variance that the strongest unknowns explain."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 
     shares = {

@@ -1,21 +1,14 @@
 """From files to measured traces: layouts of labs, round trips of simulated runs, and what is refused."""
 
-from __future__ import annotations
-
 import json
-import os
 import tarfile
 import zipfile
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
-import openpyxl
+import pandas as pd
 import pytest
-from numpy.typing import NDArray
 from support import synthetic_record
 from support.matlab_bytes import classic, hdf, objects, record, records, timeseries
 
@@ -25,10 +18,8 @@ from tendonrepro.dataset.inspection import run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available
-from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
 
-Array = NDArray[np.float64]
 QUIET = Talk(quiet=True)
 TIME = synthetic_record.TIME[::10]
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
@@ -40,13 +31,13 @@ MEASURED = {
 
 
 @pytest.fixture(autouse=True)
-def _reads_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def _reads_here(request, monkeypatch):
     """No process is started to read but where a file is damaged."""
     if "damaged" not in request.node.name:
         monkeypatch.setattr("tendonrepro.dataset.read.ProcessPoolExecutor", ThreadPoolExecutor)
 
 
-def table(run: str, names: tuple[str, str, str]) -> dict[str, Array]:
+def table(run, names):
     """Columns of a run under names that take the number of the joint."""
     time, desired, measured = names
     found = {time: TIME}
@@ -62,39 +53,25 @@ CHINESE = ("时间(s)", "关节{}期望角度(°)", "关节{}实际角度(°)")
 SYMBOLS = ("t", "qd{}", "q{}")
 
 
-def write_csv(
-    folder: Path, names: tuple[str, str, str], files: Mapping[str, str], separator: str, encoding: str
-) -> None:
-    """A file for each run."""
+def write_csv(folder, names, files, separator, encoding):
+    """A file for each run, with decimal commas where semicolons separate."""
     for run, name in files.items():
-        columns = table(run, names)
-        rows = [
-            list(columns),
-            *([f"{value:.9f}" for value in row] for row in np.stack(list(columns.values()), axis=1)),
-        ]
-        lines = [
-            separator.join(cell.replace(".", ",") if separator == ";" and k else cell for cell in row)
-            for k, row in enumerate(rows)
-        ]
-        (folder / name).write_text("\n".join(lines), encoding=encoding)
+        style = {"sep": separator, "decimal": "," if separator == ";" else ".", "encoding": encoding}
+        pd.DataFrame(table(run, names)).to_csv(folder / name, index=False, float_format="%.9f", **style)
 
 
-def write_sheets(folder: Path, names: tuple[str, str, str], sheets: Mapping[str, str]) -> None:
+def write_sheets(folder, names, sheets):
     """A sheet for each run."""
-    book = openpyxl.Workbook()
-    for run, title in sheets.items():
-        columns, sheet = table(run, names), book.create_sheet(title)
-        for row in [list(columns), *np.stack(list(columns.values()), axis=1).tolist()]:
-            sheet.append(row)
-    del book["Sheet"]
-    book.save(folder / "runs.xlsx")
+    with pd.ExcelWriter(folder / "runs.xlsx") as book:
+        for run, title in sheets.items():
+            pd.DataFrame(table(run, names)).to_excel(book, sheet_name=title, index=False)
 
 
-def structs() -> dict[str, dict[str, Array]]:
+def structs():
     return {run: {"t": TIME[:, None], "q_des": DESIRED, "q": MEASURED[run]} for run in RUNS}
 
 
-def nested() -> dict[str, Any]:
+def nested():
     """Desired and measured angles in structs of their own."""
     own = {run: {"desired": DESIRED, "encoder": MEASURED[run]} for run in RUNS}
     return {
@@ -103,7 +80,7 @@ def nested() -> dict[str, Any]:
     }
 
 
-def series(run: str) -> Any:
+def series(run):
     angles = {
         f"q{j}{end}": a[:, k]
         for k, j in enumerate((2, 3))
@@ -112,7 +89,7 @@ def series(run: str) -> Any:
     return record(**{name: timeseries(angle, TIME, name=name, unit="deg") for name, angle in angles.items()})
 
 
-def scopes() -> dict[str, Any]:
+def scopes():
     return {
         run: record(
             time=TIME[:, None],
@@ -124,7 +101,7 @@ def scopes() -> dict[str, Any]:
     }
 
 
-def write_hdf5(folder: Path) -> None:
+def write_hdf5(folder):
     with h5py.File(folder / "runs.h5", "w") as file:
         for run in RUNS:
             for name, values in table(run, ("time", "q{}_desired", "q{}_measured")).items():
@@ -132,14 +109,14 @@ def write_hdf5(folder: Path) -> None:
                 file[f"{run}/{name}"].attrs["units"] = "s" if name == "time" else "rad"
 
 
-def write_zip(folder: Path) -> None:
+def write_zip(folder):
     write_sheets(folder, ENGLISH, {run: run for run in RUNS})
     with zipfile.ZipFile(folder / "data.zip", "w") as archive:
         archive.write(folder / "runs.xlsx", "record/runs.xlsx")
     (folder / "runs.xlsx").unlink()
 
 
-def write_tar(folder: Path) -> None:
+def write_tar(folder):
     write_csv(folder, ENGLISH, FILES, ",", "utf-8")
     with tarfile.open(folder / "data.tar.gz", "w:gz") as archive:
         for name in FILES.values():
@@ -147,22 +124,20 @@ def write_tar(folder: Path) -> None:
             (folder / name).unlink()
 
 
-def write_apart(folder: Path) -> None:
+def write_apart(folder):
     """Desired and measured angles in files of their own, in a folder for each run."""
     for run in RUNS:
         (folder / run).mkdir()
         for name, angles in (("desired", DESIRED), ("encoder", MEASURED[run])):
-            rows = np.column_stack([TIME, angles])
-            np.savetxt(
-                folder / run / f"{name}.csv", rows, delimiter=",", header="t,q2 (deg),q3 (deg)", comments=""
-            )
+            columns = {"t": TIME, "q2 (deg)": angles[:, 0], "q3 (deg)": angles[:, 1]}
+            pd.DataFrame(columns).to_csv(folder / run / f"{name}.csv", index=False)
 
 
 FILES = {run: f"{run}.csv" for run in RUNS}
 OF_LABS = dict(zip(RUNS, ("α-TDE-NTSM", "TDE-NTSM", "TDE-TSM", "α-TDE-NTSM 0.2kg"), strict=True))
 OF_GERMANS = dict(zip(RUNS, ("Regler 1", "Regler 2", "Regler 3", "Regler 1 Nutzlast"), strict=True))
 OF_CHINESE = dict(zip(RUNS, ("控制器1", "控制器2", "控制器3", "控制器1负载"), strict=True))
-LAYOUTS: dict[str, Callable[[Path], Any]] = {
+LAYOUTS = {
     "csv, English": lambda f: write_csv(f, ENGLISH, FILES, ",", "utf-8"),
     "csv, German": lambda f: write_csv(
         f, GERMAN, {r: f"{n}.csv" for r, n in OF_GERMANS.items()}, ";", "cp1252"
@@ -186,18 +161,18 @@ LAYOUTS: dict[str, Callable[[Path], Any]] = {
 }
 
 
-def ingest(files: Path, mapping: Path, **options: bool) -> dict[str, Any]:
+def ingest(files, mapping, **options):
     """Into measured.h5 beside the mapping."""
     out = mapping.with_name("measured.h5")
     return run_ingest([files], mapping, out, **{"force": False, "dry_run": False} | options, talk=QUIET)
 
 
-def inspect(files: Path, mapping: Path | None, *, force: bool = False) -> dict[str, Any]:
-    return run_inspect([files], mapping, force=force, talk=QUIET)
+def inspect(files, mapping, *, force=False):
+    return run_inspect([files], mapping, force=force)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_ordinary_layouts_need_no_edit(layout: str, tmp_path: Path) -> None:
+def test_ordinary_layouts_need_no_edit(layout, tmp_path):
     """A file, sheet or struct for each run: angles and runs come back from a short mapping."""
     folder, mapping = tmp_path / "files", tmp_path / "mapping.yaml"
     folder.mkdir()
@@ -218,14 +193,14 @@ def test_ordinary_layouts_need_no_edit(layout: str, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def made_record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made_record(tmp_path_factory):
     folder = tmp_path_factory.mktemp("record") / "zenodo"
     synthetic_record.make_record(folder)
     return folder
 
 
 @pytest.fixture(scope="module")
-def from_record(made_record: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, TraceFile]:
+def from_record(made_record, tmp_path_factory):
     """The mapping of the record, and what was written."""
     mapping = tmp_path_factory.mktemp("ingested") / "mapping.yaml"
     inspect(made_record, mapping)
@@ -233,7 +208,7 @@ def from_record(made_record: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     return mapping, read_traces(mapping.with_name("measured.h5"))
 
 
-def test_a_made_up_record_gives_its_own_tables(from_record: tuple[Path, TraceFile]) -> None:
+def test_a_made_up_record_gives_its_own_tables(from_record):
     _, file = from_record
     assert file.experiment == "both"
     for run, sizes in synthetic_record.expected_sizes().items():
@@ -250,20 +225,17 @@ def test_a_made_up_record_gives_its_own_tables(from_record: tuple[Path, TraceFil
     assert manifest["guesses"]
 
 
-def test_a_confirmed_mapping_has_no_guesses(
-    from_record: tuple[Path, TraceFile], made_record: Path, tmp_path: Path
-) -> None:
+def test_a_confirmed_mapping_has_no_guesses(from_record, made_record, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text(from_record[0].read_text(encoding="utf-8"), encoding="utf-8")
     assert ingest(made_record, mapping, confirm=True)["guesses"] == []
     assert "CHECK" not in mapping.read_text(encoding="utf-8")
 
 
-def made(folder: Path, text: str, **columns: Array) -> tuple[Path, Path]:
+def made(folder, text, **columns):
     """A csv file and a mapping for it."""
     path, mapping = folder / "x.csv", folder / "mapping.yaml"
-    rows = np.stack(list(columns.values()), axis=1)
-    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    pd.DataFrame(columns).to_csv(path, index=False)
     mapping.write_text(text, encoding="utf-8")
     return path, mapping
 
@@ -271,7 +243,7 @@ def made(folder: Path, text: str, **columns: Array) -> tuple[Path, Path]:
 BOTH = "columns: {t: time s, qd: q_d 2 deg, q: q_encoder 2 deg, e: e 2 deg}\n"
 
 
-def test_rows_of_one_run(tmp_path: Path) -> None:
+def test_rows_of_one_run(tmp_path):
     law = np.repeat([1.0, 2.0], len(TIME))
     columns = {"t": np.tile(TIME, 2), "law": law, "q": 10.0 * law}
     text = f"{BOTH}runs: {{controller_2: {{sources: x.csv, where: {{law: 2}}}}}}\n"
@@ -282,7 +254,7 @@ def test_rows_of_one_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "absent"), [("q", "q_encoder"), ("qd", "q_d"), ("e", "e")])
-def test_of_three_two_give_the_third(name: str, absent: str, tmp_path: Path) -> None:
+def test_of_three_two_give_the_third(name, absent, tmp_path):
     columns = {"qd": DESIRED[:, 0], "q": MEASURED["controller_1"][:, 0]}
     columns["e"] = columns["qd"] - columns["q"]
     expected = columns.pop(name)
@@ -298,15 +270,15 @@ def test_of_three_two_give_the_third(name: str, absent: str, tmp_path: Path) -> 
         ({"qd": DESIRED[:, 0], "q": 0.5 * DESIRED[:, 0]}, "a tenth of its motion"),
     ],
 )
-def test_what_looks_wrong_is_said(columns: dict[str, Array], words: str, tmp_path: Path) -> None:
+def test_what_looks_wrong_is_said(columns, words, tmp_path):
     found = ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))
     assert any(words in doubt for doubt in found["doubts"])
 
 
-def test_two_clocks_come_together_on_the_first(tmp_path: Path) -> None:
+def test_two_clocks_come_together_on_the_first(tmp_path):
     other = TIME[:-5] + 0.003
-    np.savetxt(tmp_path / "y.csv", np.stack([1e3 * other, np.interp(other, TIME, DESIRED[:, 0])], axis=1),
-               delimiter=",", header="ms,qd", comments="")  # fmt: skip
+    late = pd.DataFrame({"ms": 1e3 * other, "qd": np.interp(other, TIME, DESIRED[:, 0])})
+    late.to_csv(tmp_path / "y.csv", index=False)
     text = "columns: {t: time s, ms: time ms, qd: q_d 2 deg, q: q_encoder 2 deg}\n"
     _, mapping = made(
         tmp_path, text + "runs: {controller_1: [x.csv, y.csv]}\n", t=TIME, q=MEASURED["controller_1"][:, 0]
@@ -318,23 +290,21 @@ def test_two_clocks_come_together_on_the_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("run", "line"),
+    "run",
     [
-        ("y.csv", 2),
-        ("{sources: x.csv, where: {law: 9}}", 2),
-        ("{sources: x.csv, where: {other: 1}}", 2),
-        ("{sources: x.csv, from_s: 100}", 2),
+        "y.csv",
+        *(f"{{sources: x.csv, {what}}}" for what in ("where: {law: 9}", "where: {other: 1}", "from_s: 100")),
     ],
 )
-def test_a_mapping_that_does_not_fit_names_its_line(run: str, line: int, tmp_path: Path) -> None:
+def test_a_mapping_that_does_not_fit_names_its_line(run, tmp_path):
     path, mapping = made(
         tmp_path, f"{BOTH}runs: {{controller_1: {run}}}\n", t=TIME, law=0.0 * TIME, q=DESIRED[:, 0]
     )
-    with pytest.raises(ConfigError, match=rf"mapping\.yaml:{line}"):
+    with pytest.raises(ConfigError, match=r"mapping\.yaml:2"):
         ingest(path, mapping)
 
 
-def test_times_that_do_not_increase_are_refused(tmp_path: Path) -> None:
+def test_times_that_do_not_increase_are_refused(tmp_path):
     path, mapping = made(
         tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=np.tile(TIME, 2), q=np.tile(DESIRED[:, 0], 2)
     )
@@ -342,28 +312,21 @@ def test_times_that_do_not_increase_are_refused(tmp_path: Path) -> None:
         ingest(path, mapping)
 
 
-def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
+def test_what_is_there_is_not_overwritten(tmp_path):
     path, mapping = made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, q=DESIRED[:, 0])
     with pytest.raises(UsageError):
         inspect(path, mapping)
-    ingest(path, mapping)
-    with pytest.raises(UsageError):
-        ingest(path, mapping)
-    ingest(path, mapping, force=True)
     out = tmp_path / "measured.h5"
+    assert ingest(path, mapping, dry_run=True)["runs"]
+    assert not out.exists()
     out.write_bytes(b"SYNTHETIC work of a user")
     with pytest.raises(UsageError):
         ingest(path, mapping)
     assert out.read_bytes() == b"SYNTHETIC work of a user"
+    ingest(path, mapping, force=True)
 
 
-def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
-    path, mapping = made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, q=DESIRED[:, 0])
-    assert ingest(path, mapping, dry_run=True)["runs"]
-    assert not (tmp_path / "measured.h5").exists()
-
-
-def test_missing_paths_and_mappings(tmp_path: Path, made_record: Path) -> None:
+def test_missing_paths_and_mappings(tmp_path, made_record):
     with pytest.raises(DataMissingError, match="nowhere"):
         inspect(tmp_path / "nowhere", None)
     with pytest.raises(ConfigError, match=r"none\.yaml"):
@@ -381,21 +344,10 @@ DAMAGED = {
 }
 
 
-def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path: Path) -> None:
+def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
     for name, content in DAMAGED.items():
         (tmp_path / name).write_bytes(content)
     (tmp_path / "good.csv").write_text("t,q2\n" + "".join(f"{k},{k}\n" for k in range(20)))
-    sources, unread = read_files([tmp_path], QUIET)
+    sources, unread = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)
-
-
-def test_an_archive_stays_in_its_folder(tmp_path: Path) -> None:
-    folder = tmp_path / "data"
-    folder.mkdir()
-    (tmp_path / "x.csv").write_text("t,q\n1,2\n")
-    with tarfile.open(folder / "x.tar", "w") as archive:
-        archive.add(tmp_path / "x.csv", "../../escaped.csv")
-    with pytest.raises(DataMissingError, match=r"x\.tar"):
-        read_files([folder], QUIET)
-    assert "escaped.csv" not in {name for _, _, names in os.walk(tmp_path) for name in names}

@@ -1,7 +1,5 @@
 """The mapping file: what its lines mean, and which line is wrong."""
 
-from __future__ import annotations
-
 import pytest
 
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
@@ -21,7 +19,7 @@ runs:
 """
 
 
-def test_what_lines_mean() -> None:
+def test_what_lines_mean():
     found = parse_mapping(GOOD, "m.yaml", 0.2)
     first, second = found.runs.values()
     assert first.columns == {
@@ -36,7 +34,7 @@ def test_what_lines_mean() -> None:
     assert list(second.columns) == ["b.csv:q2"]
 
 
-def test_a_confirmed_guess_is_none() -> None:
+def test_a_confirmed_guess_is_none():
     assert len(parse_mapping(GOOD, "m.yaml", 0.2).guesses) == 1
     assert parse_mapping(confirmed(GOOD), "m.yaml", 0.2).guesses == []
 
@@ -57,7 +55,7 @@ def test_a_confirmed_guess_is_none() -> None:
         ("controller_1:", "controller 1:", 10),
     ],
 )
-def test_the_line_of_a_mistake_is_named(old: str, new: str, line: int) -> None:
+def test_the_line_of_a_mistake_is_named(old, new, line):
     with pytest.raises(ConfigError) as caught:
         parse_mapping(GOOD.replace(old, new, 1), "m.yaml", 0.2)
     assert f"m.yaml:{line}" in str(caught.value)

@@ -1,12 +1,8 @@
 """MATLAB files of every version: structs, cells, tables, timeseries and logs as tables of columns."""
 
-from __future__ import annotations
-
 import os
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,14 +10,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support import matlab_bytes as made
 
-from tendonrepro.dataset.arrays import Columns, Unreadable, tables_of
+from tendonrepro.dataset.arrays import Unreadable, tables_of
 from tendonrepro.dataset.matlab import read_matlab
 from tendonrepro.dataset.read import read_file
 
 SAMPLES = Path(os.environ.get("TENDONREPRO_MATLAB_SAMPLES", "nowhere"))
 TIMES = np.linspace(0.0, 0.9, 10)
 WAVES = np.stack([np.sin(TIMES), np.cos(TIMES)], axis=1)
-WRITERS: Mapping[str, Callable[[Path, Mapping[str, Any]], Path]] = {
+WRITERS = {
     "5": made.classic,
     "7": partial(made.classic, packed=True),
     "7.3": made.hdf,
@@ -32,12 +28,12 @@ NESTED = pytest.mark.parametrize("version", ["5", "7", "7.3"])
 OBJECTS = pytest.mark.parametrize("version", ["objects 7", "objects 7.3"])
 
 
-def written(folder: Path, version: str, **variables: Any) -> dict[str, Columns]:
+def written(folder, version, **variables):
     return dict(tables_of(read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))))
 
 
 @NESTED
-def test_arrays_and_structs(tmp_path: Path, version: str) -> None:
+def test_arrays_and_structs(tmp_path, version):
     run = {"t": TIMES[:, np.newaxis], "q": WAVES, "gain": np.array([[3.0]]), "note": "words"}
     found = written(tmp_path, version, t=TIMES[:, np.newaxis], q_d=WAVES.T, data={"c1": run, "c2": run})
     assert list(found) == ["", "data.c1", "data.c2"]
@@ -46,13 +42,13 @@ def test_arrays_and_structs(tmp_path: Path, version: str) -> None:
     assert_array_equal(found[""]["q_d[1]"], WAVES[:, 0])
 
 
-def test_struct_arrays_count_from_one(tmp_path: Path) -> None:
+def test_struct_arrays_count_from_one(tmp_path):
     runs = made.records({"t": TIMES, "q2": WAVES[:, 0]}, {"t": TIMES, "q2": WAVES[:, 1]})
     found = written(tmp_path, "5", runs=runs)
     assert_array_equal(found["runs.2"]["q2"], WAVES[:, 1])
 
 
-def test_structures_with_time(tmp_path: Path) -> None:
+def test_structures_with_time(tmp_path):
     signals = made.records({"values": WAVES, "label": "qd"}, {"values": TIMES[:, None], "label": "e2"})
     found = written(tmp_path, "7", log=made.record(time=TIMES[:, None], signals=signals))
     assert list(found["log"]) == ["time (s)", "qd[1]", "qd[2]", "e2"]
@@ -73,7 +69,7 @@ MATRICES = np.moveaxis(WAVES.reshape(10, 2, 1) * np.ones(1), 0, -1)
         ({"storage": WAVES.T.copy(), "time": TIMES}, TIMES),
     ],
 )
-def test_timeseries(tmp_path: Path, version: str, stored: dict[str, Any], times: Any) -> None:
+def test_timeseries(tmp_path, version, stored, times):
     (found,) = written(tmp_path, version, ts=made.timeseries(**stored, name="q2", unit="deg")).values()
     assert list(found) == ["time (s)", "q2[1] (deg)", "q2[2] (deg)"]
     assert_allclose(found["time (s)"], times)
@@ -81,7 +77,7 @@ def test_timeseries(tmp_path: Path, version: str, stored: dict[str, Any], times:
 
 
 @OBJECTS
-def test_timeseries_of_one_clock_are_one_table(tmp_path: Path, version: str) -> None:
+def test_timeseries_of_one_clock_are_one_table(tmp_path, version):
     log = made.record(
         q2=made.timeseries(WAVES[:, :1], TIMES),
         e2=made.timeseries(WAVES[:, 1:], TIMES),
@@ -95,7 +91,7 @@ def test_timeseries_of_one_clock_are_one_table(tmp_path: Path, version: str) -> 
 
 
 @OBJECTS
-def test_a_dataset_of_simulink(tmp_path: Path, version: str) -> None:
+def test_a_dataset_of_simulink(tmp_path, version):
     elements = [
         made.thing(
             "Simulink.SimulationData.Signal",
@@ -112,7 +108,7 @@ def test_a_dataset_of_simulink(tmp_path: Path, version: str) -> None:
 
 
 @OBJECTS
-def test_tables(tmp_path: Path, version: str) -> None:
+def test_tables(tmp_path, version):
     rows = pd.to_timedelta(TIMES, unit="s").rename("Time")
     plain = pd.DataFrame({"q": TIMES, "count": np.arange(10, dtype=np.int32), "who": ["a"] * 10})
     found = written(tmp_path, version, plain=plain, timed=pd.DataFrame({"q": TIMES}, index=rows))
@@ -121,9 +117,7 @@ def test_tables(tmp_path: Path, version: str) -> None:
 
 
 @OBJECTS
-def test_without_the_package_arrays_are_read(
-    tmp_path: Path, version: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_package_arrays_are_read(tmp_path, version, monkeypatch):
     path = WRITERS[version](tmp_path / "SYNTHETIC.mat", {"q": WAVES, "ts": made.timeseries(WAVES, TIMES)})
     monkeypatch.setattr("tendonrepro.dataset.matlab.matio", None)
     if version == "objects 7.3":
@@ -131,11 +125,11 @@ def test_without_the_package_arrays_are_read(
     assert list(dict(tables_of(read_matlab(path)))[""]) == ["q[1]", "q[2]"]
 
 
-def test_one_broken_variable_does_not_stop_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_broken_variable_does_not_stop_the_rest(tmp_path, monkeypatch):
     matio = pytest.importorskip("matio")
     whole = matio.load_from_mat
 
-    def failing(path: str, *, variable_names: list[str], **options: Any) -> Any:
+    def failing(path, *, variable_names, **options):
         if "a" in variable_names:
             raise NotImplementedError
         return whole(path, variable_names=variable_names, **options)
@@ -146,7 +140,7 @@ def test_one_broken_variable_does_not_stop_the_rest(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.parametrize("data", [b"", b"this is no MATLAB file" * 10, b"\x89HDF\r\n\x1a\n"])
-def test_other_files_are_refused(tmp_path: Path, data: bytes) -> None:
+def test_other_files_are_refused(tmp_path, data):
     path = tmp_path / "SYNTHETIC.mat"
     path.write_bytes(data)
     with pytest.raises(Unreadable):
@@ -154,7 +148,7 @@ def test_other_files_are_refused(tmp_path: Path, data: bytes) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(SAMPLES.glob("*.mat")), ids=lambda path: path.name)
-def test_files_of_other_labs_are_read_or_refused(path: Path) -> None:
+def test_files_of_other_labs_are_read_or_refused(path):
     try:
         sources = read_file(path, path.name)
     except Unreadable:

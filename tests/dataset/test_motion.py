@@ -1,16 +1,10 @@
 """The desired motion behind a record: when it begins and repeats, and samples that do not shake."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.dataset.motion import (
     derivatives,
     onset,
@@ -23,10 +17,8 @@ from tendonrepro.dataset.motion import (
     timing_of,
 )
 from tendonrepro.errors import DataMissingError
-from tendonrepro.experiments.loops import build_reference
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, raised_cosine, smooth_sine
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
-from tendonrepro.validation.rerun import write_compare
 
 COUNT = float(np.deg2rad(0.022))
 AMPLITUDE = np.deg2rad([20.0, 30.0])
@@ -37,21 +29,21 @@ SHAPES = {
 CYCLE = {"raised_cosine": 6.0, "minimum_jerk": 7.0}
 
 
-def trace(time: Array, q: Array, name: str = "controller_1") -> Trace:
+def trace(time, q, name="controller_1"):
     attributes = {"law": "measured", "reference_period": 0.0, "status": "ok", "payload_mass": 0.0}
     return Trace(name, time, (2, 3), {"q_d": q, "e": 0.0 * q}, attributes)
 
 
-def file_of(*runs: Trace) -> TraceFile:
+def file_of(*runs):
     named = {run.name: run for run in runs}
     return TraceFile("compare", "measured", "SYNTHETIC", named, PlantRecord({}, {}), "", "", "{}", "", "0")
 
 
-def course(kind: str, time: Array) -> tuple[Array, Array, Array]:
+def course(kind, time):
     return motion(time, [Motion((SHAPES[kind](size),) * 2, CYCLE[kind]) for size in AMPLITUDE])
 
 
-def made(kind: str, step: float = 0.01, delay: float = 0.0, rounded: bool = False) -> Trace:
+def made(kind, step=0.01, delay=0.0, rounded=False):
     """Two periods from a start that is not zero, on a time axis that does not begin at zero."""
     time = step * np.arange(round((2 * CYCLE[kind] + delay) / step) + 1)
     q = course(kind, time - delay)[0] + np.deg2rad([12.0, -5.0])
@@ -61,7 +53,7 @@ def made(kind: str, step: float = 0.01, delay: float = 0.0, rounded: bool = Fals
 @pytest.mark.parametrize("kind", CYCLE)
 @pytest.mark.parametrize(("step", "delay"), [(0.001, 1.234), (0.01, 0.5), (0.01, 2.0)])
 @pytest.mark.parametrize("rounded", [False, True])
-def test_begin_and_period_are_recovered(kind: str, step: float, delay: float, rounded: bool) -> None:
+def test_begin_and_period_are_recovered(kind, step, delay, rounded):
     found = recover(file_of(made(kind, step, delay, rounded)))
     assert found.begin == pytest.approx(delay, abs=0.1 if rounded else 0.02)
     assert found.period == pytest.approx(CYCLE[kind], abs=0.02 if rounded else 2e-3)
@@ -69,14 +61,14 @@ def test_begin_and_period_are_recovered(kind: str, step: float, delay: float, ro
     assert found.knots.deviation <= 1.2 * found.knots.tolerance
 
 
-def test_the_onset_of_a_power_is_exact() -> None:
+def test_the_onset_of_a_power_is_exact():
     time = 0.01 * np.arange(501.0)
     for power in (2, 3):
         q = np.repeat(np.clip(time - 1.5, 0.0, None)[:, np.newaxis] ** power, 2, axis=1)
         assert onset(recorded(trace(time, q))) == pytest.approx(1.5, abs=2e-3)
 
 
-def test_a_single_stroke_has_no_period() -> None:
+def test_a_single_stroke_has_no_period():
     time = 0.01 * np.arange(601)
     q = np.repeat(minimum_jerk(0.5, 2.0, 99.0)(time)[0][:, np.newaxis], 2, axis=1)
     assert repeat_after(recorded(trace(time, q))) == 0.0
@@ -84,7 +76,7 @@ def test_a_single_stroke_has_no_period() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])
 @pytest.mark.parametrize(("cycles", "period"), [(2, 5.0), (4, 5.0), (6, 2.5)])
-def test_a_sine_that_is_blended_in_repeats_after_one_period(cycles: int, period: float, noise: float) -> None:
+def test_a_sine_that_is_blended_in_repeats_after_one_period(cycles, period, noise):
     time = 0.01 * np.arange(round(cycles * period / 0.01) + 1.0)
     sines = [Motion((smooth_sine(size, 0.0, period, 2.5),), 2.0 * time[-1]) for size in (0.5, 0.3)]
     q = motion(time, sines)[0] + noise * np.random.default_rng(1).standard_normal((len(time), 2))
@@ -92,13 +84,13 @@ def test_a_sine_that_is_blended_in_repeats_after_one_period(cycles: int, period:
 
 
 @pytest.mark.parametrize("count", [100, 19])
-def test_a_motionless_or_hardly_recorded_reference_is_missing(count: int) -> None:
+def test_a_motionless_or_hardly_recorded_reference_is_missing(count):
     q = np.where(np.arange(100)[:, np.newaxis] < count, np.zeros((100, 2)), np.nan)
     with pytest.raises(DataMissingError):
         recover(file_of(trace(0.01 * np.arange(100), q)))
 
 
-def test_a_record_that_pauses_or_begins_in_mid_motion_is_refused() -> None:
+def test_a_record_that_pauses_or_begins_in_mid_motion_is_refused():
     time = 0.001 * np.arange(2000.0)
     q = np.repeat(np.sin(time)[:, np.newaxis], 2, axis=1)
     with pytest.raises(DataMissingError, match="mid-motion"):
@@ -109,7 +101,7 @@ def test_a_record_that_pauses_or_begins_in_mid_motion_is_refused() -> None:
 
 
 @pytest.mark.parametrize("step", [0.001, 0.01])
-def test_the_trajectory_does_not_turn_rounding_into_acceleration(step: float) -> None:
+def test_the_trajectory_does_not_turn_rounding_into_acceleration(step):
     rough = recorded(made("minimum_jerk", step, rounded=True))
     truth = course("minimum_jerk", rough.time)[2]
     peak = np.abs(truth).max()
@@ -118,7 +110,7 @@ def test_the_trajectory_does_not_turn_rounding_into_acceleration(step: float) ->
     assert np.abs(np.diff(rough.q, 2, axis=0) / step**2).max() > 5.0 * peak
 
 
-def test_a_record_that_ends_in_mid_motion_is_brought_to_rest() -> None:
+def test_a_record_that_ends_in_mid_motion_is_brought_to_rest():
     whole = made("raised_cosine")
     knots = thinned(recorded(trace(whole.time[:410], whole["q_d"][:410])))
     assert knots.braked
@@ -126,20 +118,7 @@ def test_a_record_that_ends_in_mid_motion_is_brought_to_rest() -> None:
     assert knots.deviation <= knots.tolerance
 
 
-@pytest.mark.parametrize("kind", CYCLE)
-def test_the_written_configuration_runs_the_recovered_motion(kind: str, tmp_path: Path) -> None:
-    found = recover(file_of(made(kind)))
-    path = write_compare(load_config(None, "compare"), found, {}, "SYNTHETIC.h5", tmp_path)
-    time, angles = read_samples(tmp_path / "reference.csv")
-    assert time[0] == angles[2][0] == angles[3][0] == 0.0
-    loaded = load_config(path, "compare")
-    assert isinstance(loaded.config, CompareConfig)
-    ran = build_reference(loaded.config.reference, loaded.config, tmp_path)
-    again = np.column_stack([np.interp(found.record.time, ran.time, column) for column in ran.q_d.T])
-    assert np.abs(again - found.record.q).max() < np.deg2rad(0.03)
-
-
-def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
+def test_a_run_that_starts_later_is_timed_by_its_own_start():
     early = made("minimum_jerk", delay=0.5)
     late = replace(made("minimum_jerk", delay=1.5), name="controller_2")
     file = file_of(early, late)
@@ -152,7 +131,7 @@ def test_a_run_that_starts_later_is_timed_by_its_own_start() -> None:
     assert timing_of(told, recover(told))["controller_2"].period == 3.5
 
 
-def test_recorded_derivatives_are_taken_and_others_made() -> None:
+def test_recorded_derivatives_are_taken_and_others_made():
     plain = made("minimum_jerk", 0.001)
     _, dq, ddq = course("minimum_jerk", plain.time - plain.time[0])
     found = derivatives(plain)
@@ -162,7 +141,7 @@ def test_recorded_derivatives_are_taken_and_others_made() -> None:
     assert derivatives(given)[0] is given["dq_d"]
 
 
-def test_a_step_is_found_from_few_values_and_not_from_uneven_ones() -> None:
+def test_a_step_is_found_from_few_values_and_not_from_uneven_ones():
     rng = np.random.default_rng(3)
     whole = np.floor(rng.uniform(0.0, 2000.0, 500))
     assert rounding_step(COUNT * whole) == pytest.approx(COUNT, rel=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.made_plants import PRINTED, RINGING, loaded, plants
 
-from tendonrepro.identification.judge import number_rows, parameter_rows
+from tendonrepro.identification.judge import number_rows, parameter_rows, shape_rows
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.monte_carlo.box import make_box
 
@@ -45,3 +45,9 @@ def test_parameters_have_values_words_and_bounds():
     assert rows["motion"]["best"] in box.words[place["motion"]]
     held = replace(box, free=np.zeros(len(box.names), dtype=bool))
     assert not any(row["at_bound"] for row in parameter_rows(held, units))
+
+
+def test_order_and_shape_of_the_print():
+    row = shape_rows(plants(), PRINTED)[0]
+    assert row["printed_order_mae"] == row["printed_order_rmse"] == "1 < 2 < 3"
+    assert row["printed_rmse_over_mae_controller_1"] == pytest.approx(0.311 / 0.261)

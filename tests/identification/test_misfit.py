@@ -12,13 +12,9 @@ from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 
 class TestMisfit:
     def test_printed_numbers_stand_in_their_places(self):
-        assert PRINTED.values.shape == (4, 2, 2)
-        np.testing.assert_array_equal(
-            PRINTED.values[RUNS.index("controller_2")], [[0.289, 0.240], [0.375, 0.292]]
-        )
-        np.testing.assert_array_equal(
-            PRINTED.values[RUNS.index("controller_1_payload")], [[0.264, 0.227], [0.325, 0.265]]
-        )
+        values = dict(zip(RUNS, PRINTED.values.tolist(), strict=True))
+        assert values["controller_2"] == [[0.289, 0.240], [0.375, 0.292]]
+        assert values["controller_1_payload"] == [[0.264, 0.227], [0.325, 0.265]]
         np.testing.assert_allclose(PRINTED.half, 0.0005)
 
     def test_both_units(self):
@@ -53,17 +49,12 @@ class TestBench:
     def test_everything_acts_in_the_stubs(self):
         """Else a population that agrees on a row needs code of its own, which takes a minute to compile."""
         box = make_box(loaded().config)
-        found = box.values(acting_units(box))
-        names = list(box.names)
-        switches = [
-            k for k, name in enumerate(names) if name.endswith("_acts") and name != "torque_resolution_acts"
-        ]
-        assert (found[:, switches] == 1.0).all()
-        assert {
-            box.words[names.index("friction_sides")][int(k)] for k in found[:, names.index("friction_sides")]
-        } == {"both"}
-        branches = found[:, [names.index("disturbance"), names.index("torque_resolution_acts")]]
-        assert len(np.unique(branches, axis=0)) == 6
+        found = dict(zip(box.names, box.values(acting_units(box)).T, strict=True))
+        both = box.words[box.names.index("friction_sides")].index("both")
+        assert set(found["friction_sides"]) == {both}
+        steps, disturbance = found.pop("torque_resolution_acts"), found["disturbance"]
+        assert all((values == 1.0).all() for name, values in found.items() if name.endswith("_acts"))
+        assert len({*zip(steps, disturbance, strict=True)}) == 6
 
     def test_large_batches_are_cut_and_stubs_left_out(self, monkeypatch):
         sizes = []
@@ -75,10 +66,7 @@ class TestBench:
         monkeypatch.setattr("tendonrepro.identification.misfit._PLANTS_AT_ONCE", 16)
         box = make_box(loaded().config)
         bench = Bench(loaded().base, box, "whole", counting)
-        found = bench.measure(
-            scrambled_sobol(box, 1, 0, 0, 20), reading({}), ("controller_2", "controller_3")
-        )
-        assert found.sizes.shape == (20, 2, 2, 2)
-        assert found.status.shape == (20, 2)
+        found = bench.measure(scrambled_sobol(box, 1, 0, 0, 20), reading({}), RUNS[1:3])
+        assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
         stubs = 2 * len(acting_units(box))
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.oracles import Links, lagrangian, mass_matrix_by_lagrange, random_links, slope
+from support.oracles import Links, lagrangian, random_links, slope
 
 from tendonrepro.physics.arm import (
     bias_torque,
@@ -40,19 +40,6 @@ def near(value: Array, expected: Array) -> bool:
 
 
 class TestAgainstLagrange:
-    @many
-    @cases
-    def test_mass_matrix(self, n: int, seed: int) -> None:
-        links, q, _, _ = drawn(n, seed)
-        assert near(mass_matrix(q, links.arm()), mass_matrix_by_lagrange(q, links))
-
-    @many
-    @cases
-    def test_gravity(self, n: int, seed: int) -> None:
-        links, q, _, _ = drawn(n, seed)
-        expected = lagrangian(n).torque(q, 0.0 * q, 0.0 * q, links)
-        assert near(gravity_torque(q, links.arm()), expected)
-
     @many
     @cases
     def test_whole_equation_of_motion(self, n: int, seed: int) -> None:

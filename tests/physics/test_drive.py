@@ -5,11 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from support.oracles import (
     FEATURES,
-    PAPER,
     Subject,
-    accelerations_by_matrices,
     friction_by_formula,
-    joint_matrices,
     random_plant,
     random_state,
     slope,
@@ -77,28 +74,6 @@ class TestCoordinates:
         drive = subject.plant.drive
         at_winches = to_winch_torque(torque, drive) @ to_winch_angle(rate, drive)
         assert at_winches == pytest.approx(torque @ rate, **ROUNDING)
-
-
-@each
-class TestEquations3And5:
-    """Written with the paper's matrices in joint coordinates."""
-
-    def test_compliance_torque(self, n: int, seed: int) -> None:
-        subject, q, dq, theta, dtheta = drawn(n, seed, PAPER)
-        drive, matrix = subject.plant.drive, joint_matrices(subject)
-        tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, drive), drive)
-        assert tau_s == pytest.approx(matrix.K_s @ (theta - q) + matrix.D_s @ (dtheta - dq), **ROUNDING)
-
-    def test_motor_acceleration(self, n: int, seed: int) -> None:
-        subject, q, dq, theta, dtheta = drawn(n, seed, PAPER)
-        tau_m = np.linspace(-3.0, 2.0, n)
-        tendon = tendon_torque(q, dq, theta, dtheta, subject.plant.drive)
-        state = np.concatenate([q, dq, theta, dtheta])
-        _, expected = accelerations_by_matrices(0.0, state, tau_m, subject)
-        # The routing's condition, up to some hundreds, multiplies the rounding.
-        tolerance = 1e-12 * np.abs(expected).max() * np.linalg.cond(subject.plant.drive.S) ** 2
-        got = motor_acceleration(theta, dtheta, tendon, tau_m, subject.plant.drive)
-        assert got == pytest.approx(expected, abs=tolerance)
 
 
 @each

@@ -37,12 +37,10 @@ from tendonrepro.physics.dynamics import (
 
 Array = NDArray[np.float64]
 
-CONSERVATIVE = frozenset({"preload", "clearance"})
 PASSIVE = FEATURES - {"step", "sine"}
 
 each_size = pytest.mark.parametrize("n", [1, 2, 3])
 each = pytest.mark.parametrize(("n", "seed"), [(1, 0), (2, 1), (2, 2), (3, 3), (3, 4)])
-no_torque = np.zeros
 
 
 def drawn(n: int, seed: int, features: frozenset[str]) -> tuple[Subject, Array, Array]:
@@ -112,17 +110,6 @@ class TestEnergy:
         # Terms of some hundred watts cancel to some tens.
         assert gained == pytest.approx(expected, rel=1e-11, abs=1e-10)
 
-    def test_conserved_without_damping_and_friction(self) -> None:
-        n = 2
-        subject, start, _ = drawn(n, 1, CONSERVATIVE - {"clearance"})
-        states = motion(subject.plant, start, lambda _: no_torque(n), 0.5)
-        energy = np.array([total_energy(state, subject) for state in states.T])
-        moving = np.array(
-            [total_energy(np.append(state[:n], 0.0 * state[n:]), subject) for state in states.T]
-        )
-        # Of the energy that goes to and fro; 1e-13 measured, at a relative tolerance of 1e-12 a step.
-        assert np.abs(energy - energy[0]).max() < 1e-12 * np.ptp(moving)
-
     @each_size
     @pytest.mark.parametrize(
         "features", [PASSIVE - {"clearance", "wobble"}, frozenset()], ids=["all", "none"]
@@ -184,14 +171,6 @@ class TestRest:
         derivative = state_derivative(0.0, rest, holding_torque(at, subject.plant), subject.plant)
         # Torques of some N m, rounded, over inertias of a few g m2.
         assert derivative == pytest.approx(np.zeros(4 * n), abs=1e-10)
-
-    @each
-    def test_holding_torque_carries_the_weight_less_the_preload(self, n: int, seed: int) -> None:
-        subject, state, _ = drawn(n, seed, FEATURES - {"wobble"})
-        still = np.zeros(n)
-        weight = lagrangian(n).torque(state[:n], still, still, subject.links)
-        expected = weight - subject.plant.preload
-        assert holding_torque(state[:n], subject.plant) == pytest.approx(expected, rel=1e-12, abs=1e-14)
 
     @each
     def test_a_tendon_that_would_have_to_push_holds_nothing(self, n: int, seed: int) -> None:

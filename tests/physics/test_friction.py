@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.oracles import friction_by_formula, random_friction, slope
+from support.oracles import friction_by_formula, random_friction
 
 from tendonrepro.physics.friction import Friction, friction_torque, without_dry_friction
 
 ALL = frozenset({"viscous", "coulomb", "stribeck"})
-SPEEDS = np.concatenate([[0.0], np.geomspace(1e-6, 1e3, 400)])
 
 velocities = st.floats(-1e3, 1e3)
 seeds = st.integers(0, 2**32 - 1)
@@ -35,20 +34,6 @@ class TestLaw:
     def test_formula(self, velocity: float, seed: int) -> None:
         expected = friction_by_formula(np.array([velocity]), drawn(seed))[0]
         assert torque_at(velocity, drawn(seed)) == pytest.approx(expected, rel=1e-14)
-
-    @given(seeds)
-    def test_without_a_static_ratio_it_only_rises(self, seed: int) -> None:
-        friction = drawn(seed, ALL - {"stribeck"})
-        torque = np.array([torque_at(speed, friction) for speed in SPEEDS])
-        assert (np.diff(torque) >= 0.0).all()
-        assert (torque <= (friction.coulomb + friction.viscous * SPEEDS) * (1.0 + 1e-15)).all()
-
-    @given(seeds)
-    def test_smooth_through_standstill(self, seed: int) -> None:
-        friction = drawn(seed)
-        steepness = slope(lambda v: friction_torque(v, friction), np.array([0.0]), np.array([1.0]))
-        expected = friction.viscous + friction.static_ratio * friction.coulomb / friction.smoothing_velocity
-        assert steepness == pytest.approx(expected, rel=1e-13)
 
 
 def test_each_joint_has_its_own_law_and_lanes_are_independent() -> None:

@@ -65,16 +65,6 @@ class TestCoupling:
         same = coupling_inverse(routing.winch, routing.pulley + below, routing.sign + below)
         assert (same == coupling_inverse(*routing)).all()
 
-    @many
-    @given(st.integers(2, 6), st.integers(0, 2**32 - 1))
-    def test_holding_the_first_joint_leaves_the_trailing_block(self, n: int, seed: int) -> None:
-        routing = routing_of(n, seed)
-        alone = Routing(routing.winch[1:], routing.pulley[1:, 1:], routing.sign[1:, 1:])
-        S_inv = coupling_inverse(*routing)
-        assert (coupling_inverse(*alone) == S_inv[1:, 1:]).all()
-        S = coupling_matrix(S_inv)
-        assert coupling_matrix(S_inv[1:, 1:]) == pytest.approx(S[1:, 1:], abs=1e-13 * np.abs(S).max())
-
 
 class TestPrintedNumbers:
     """Section 5.2 and Table 1."""

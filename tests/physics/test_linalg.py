@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -40,12 +38,6 @@ class TestSolve:
         # Backward stability of Cholesky: the residual is of the size of A x rounded, n + 1 times over.
         bound = 4 * (n + 1) * np.finfo(float).eps * np.linalg.norm(A) * np.linalg.norm(x)
         assert np.linalg.norm(A @ x - b) <= bound
-
-    def test_small_system_in_exact_fractions(self) -> None:
-        # Factor [[2, 0, 0], [1, 2, 0], [-1, 1, 4]], all of it exact in binary.
-        A = np.array([[4.0, 2.0, -2.0], [2.0, 5.0, 1.0], [-2.0, 1.0, 18.0]])
-        x = np.array([Fraction(1, 2), Fraction(-3), Fraction(5, 4)], dtype=float)
-        assert solve_positive_definite(A, A @ x).tolist() == x.tolist()
 
     def test_arguments_are_left_alone(self) -> None:
         A, b = drawn(3, 1, (2,))

@@ -27,10 +27,8 @@ def test_printed_gains():
 
 def test_what_makes_an_estimate_older():
     c1 = law("controller_1")
-    applied = c1._replace(stores_applied=True)
-    np.testing.assert_allclose(
-        estimate_age(applied), estimate_age(c1)
-    )  # there is no delay unless it is given
+    two_periods = law("controller_1", "control.readings.delay_time=two_periods")
+    np.testing.assert_allclose(estimate_age(two_periods), 2.0 * estimate_age(c1))
     half, quarter = (c1._replace(estimate_filter=newest) for newest in (0.5, 0.25))
     np.testing.assert_allclose(estimate_age(half) - estimate_age(c1), 1.0)
     np.testing.assert_allclose(estimate_age(quarter) - estimate_age(c1), 3.0)

@@ -6,6 +6,7 @@ from support.oracles import TABLE_1, coupling_by_columns, random_routing, rope_u
 
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.physics.statics import (
+    TENSIONER_SIDES,
     Spring,
     force_window,
     sign_of_side,
@@ -13,6 +14,7 @@ from tendonrepro.physics.statics import (
     spring_force,
     tendon_tension,
     tension_with_losses,
+    tensioner_side,
     tensioner_stretch,
     tensioner_torque,
 )
@@ -48,6 +50,13 @@ def test_a_tendon_is_slack_from_a_sample_without_tension_to_the_next():
 
 
 class TestTensioner:
+    @pytest.mark.parametrize("course", TENSIONER_SIDES)
+    def test_it_turns_the_last_joint_down_and_the_others_by_its_course(self, course):
+        for joints in (1, 2, 3):
+            side = tensioner_side(course, joints)
+            assert side[-1] == -1.0
+            assert (side[:-1] == TENSIONER_SIDES[course] * side[1:]).all()
+
     def test_force_is_that_of_its_work(self):
         rng = np.random.default_rng(3)
         turn = rng.normal(size=3)

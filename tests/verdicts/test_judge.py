@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.made_claims import ESTIMATES, MadeEnsemble, one, paper_of, spoil, verdicts
+from support.made_claims import ESTIMATES, MadeEnsemble, one, paper_of, spoil
 from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.models.readings import PRINTED
@@ -14,7 +14,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import Sources, changed, judge_all
 from tendonrepro.verdicts.report import as_data, write_claims
 from tendonrepro.verdicts.rules import FAILURES
-from tendonrepro.verdicts.statements import CLAIMS, IDEAL, LONGER
+from tendonrepro.verdicts.statements import IDEAL, LONGER
 
 
 class TestReadings:
@@ -35,23 +35,13 @@ class TestReadings:
         assert (found.verdict, found.readings_that_change_it) == ("compatible", ())
         assert found.evidence["not_testable_under"] == ["a=b"]
 
-    def test_course_of_tendon_4(self, paper):
-        found = one(None, paper, "T1")
-        assert found.verdict == "depends_on_plant", "the course is not printed"
-        assert found.readings_that_change_it == ("tensioner=negative", "tensioner=alternating")
-        assert found.evidence["not_testable_under"] == ["tensioner=absent"]
-
     def test_the_turn_of_joint_2(self, paper):
-        turns = {name: one(None, paper, name) for name in ("K2", "K2a", "K2b")}
-        assert {name: found.verdict for name, found in turns.items()} == {
-            "K2": "reproduced",
-            "K2a": "not_reproduced",
-            "K2b": "not_reproduced",
-        }
-        for found in turns.values():
-            assert found.ours == pytest.approx(35.0 / 77.0)
-        assert turns["K2a"].readings_that_change_it == ("signs=c12=-1,c13=+1",)
-        assert turns["K2b"].readings_that_change_it == (), "35 mm against 77 mm is no translation"
+        turns = [one(None, paper, name) for name in ("K2", "K2a", "K2b")]
+        assert [found.verdict for found in turns] == ["reproduced", "not_reproduced", "not_reproduced"]
+        assert [found.ours for found in turns] == pytest.approx([35.0 / 77.0] * 3)
+        # 35 mm against 77 mm is no translation.
+        changed_by = [found.readings_that_change_it for found in turns]
+        assert changed_by == [(), ("signs=c12=-1,c13=+1",), ()]
 
 
 class TestWhatIsMissing:
@@ -60,10 +50,9 @@ class TestWhatIsMissing:
         assert {v.verdict for v in found if v.kind == "arithmetic"} == {"exact"}
         judged = {v.verdict for v in found if v.kind == "model"}
         assert judged == {"reproduced", "not_reproduced", "depends_on_plant"}
-        for verdict in found:
-            if verdict.kind == "ensemble":
-                assert verdict.verdict == "not_testable"
-                assert verdict.evidence["run"] == "tendonrepro ensemble"
+        assert [v.id for v in found if v.verdict in FAILURES] == ["K2a", "K2b"]
+        waiting = [v for v in found if v.kind == "ensemble"]
+        assert {(v.verdict, v.evidence["run"]) for v in waiting} == {("not_testable", "tendonrepro ensemble")}
 
     def test_a_variation_or_reading(self, data, paper):
         del data.codes["controller_2", LONGER]
@@ -84,26 +73,21 @@ class TestWhatIsMissing:
             with pytest.raises(UsageError, match="no claim or number"):
                 judge_all(Sources(), only=[name])
 
-    def test_every_rule_named_in_the_ledger_exists(self, data, paper):
-        assert len(verdicts(data, paper)) == sum(j.kind != "input" for j in paper.judgements.values())
-        assert {j.rule for j in paper.judgements.values()} >= set(CLAIMS)
 
-
-class TestShippedRun:
-    def test_its_numbers_stand_beside_the_printed_ones(self, data, paper):
-        file = make_compare_file()
-        name = "table2.controller_2.mae.joint_3"
-        without = one(data, paper, name)
-        assert without.ours == without.evidence["box"]["median"]
-        found = {v.id: v for v in judge_all(Sources(compare=file, ensemble=data), paper)}
-        first, second, loaded = (
-            np.rad2deg(np.abs(file.runs[run]["e"]).mean(axis=0))[1]
-            for run in ("controller_1", "controller_2", "controller_1_payload")
-        )
-        assert found[name].ours == pytest.approx(second)
-        assert found["table3.with_load.mae.joint_3"].ours == pytest.approx(loaded)
-        assert found["share.controller_1_of_2.mae.joint_3"].ours == pytest.approx(100.0 * first / second)
-        assert found["increase.with_load.mae.joint_3"].ours == pytest.approx(100.0 * (loaded / first - 1.0))
+def test_numbers_of_the_nominal_run_stand_beside_the_printed_ones(data, paper):
+    file = make_compare_file()
+    name = "table2.controller_2.mae.joint_3"
+    without = one(data, paper, name)
+    assert without.ours == without.evidence["box"]["median"]
+    found = {v.id: v.ours for v in judge_all(Sources(compare=file, ensemble=data), paper)}
+    first, second, loaded = (
+        np.rad2deg(np.abs(file.runs[run]["e"]).mean(axis=0))[1]
+        for run in ("controller_1", "controller_2", "controller_1_payload")
+    )
+    assert found[name] == pytest.approx(second)
+    assert found["table3.with_load.mae.joint_3"] == pytest.approx(loaded)
+    assert found["share.controller_1_of_2.mae.joint_3"] == pytest.approx(100.0 * first / second)
+    assert found["increase.with_load.mae.joint_3"] == pytest.approx(100.0 * (loaded / first - 1.0))
 
 
 class TestLedger:
@@ -118,9 +102,7 @@ class TestLedger:
             *("id", "where", "kind", "printed", "ours", "unit", "rule", "verdict", "evidence"),
             *("depends_on", "readings_that_change_it"),
         }
-        for claim in content["claims"]:
-            assert promised <= claim.keys()
-            assert claim["kind"] in {"arithmetic", "model", "ensemble", "measured"}
+        assert all(promised <= claim.keys() for claim in content["claims"])
         repeats = {v.id.partition(".")[0]: v.repeats for v in found if v.repeats}
         assert repeats == {
             **{"S_inv": "Table 1", "S": "K1", "table3": "Table 2", "rmse_over_mae": "F1"},
@@ -130,9 +112,6 @@ class TestLedger:
         assert sum(content["summary"].values()) == len(once) < len(found)
         assert content["summary"]["exact"] == 6 + len(["K1", "A1", "encoder"])
         assert content["summary"]["contradicted"] == 1
-
-    def test_check_names_what_fails(self, found):
-        assert [one.id for one in found if one.verdict in FAILURES] == ["K2a", "K2b", "E1"]
 
     def test_baseline(self, found):
         baseline = {verdict.id: verdict.verdict for verdict in found}

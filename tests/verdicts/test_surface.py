@@ -7,7 +7,6 @@ import pytest
 from support.synthetic import make_compare_file
 
 from tendonrepro.physics.control import polynomial
-from tendonrepro.results.statistics import statistics
 from tendonrepro.verdicts.measured import with_surface
 
 
@@ -33,20 +32,6 @@ def test_it_needs_an_error_and_more_than_one_sample():
     trace = make_compare_file(step=0.05, periods=1, without=("s",)).runs["controller_2"]
     assert "s" not in with_surface(replace(trace, variables={"q_d": trace["q_d"]}))
     assert np.isnan(with_surface(bare("controller_2", trace.time[:1], trace["e"][:1]))["s"]).all()
-
-
-@pytest.mark.parametrize("step", [0.001, 0.01])
-def test_its_size_is_that_of_the_error_and_not_of_the_encoder(step):
-    """Errors three and ten times as large are no similar surfaces, whatever the sampling."""
-    time = step * np.arange(round(12.0 / step))
-    wave = np.deg2rad(0.3) * np.sin(2.0 * np.pi * 0.4 * time)[:, np.newaxis] * np.ones(2)
-    count = np.deg2rad(0.022)
-    sizes = [
-        statistics(with_surface(bare("controller_2", time, count * np.round(factor * wave / count))))["s_rms"]
-        for factor in (1.0, 3.0, 10.0)
-    ]
-    assert sizes[1] / sizes[0] == pytest.approx(3.0, rel=0.05)
-    assert sizes[2] / sizes[0] == pytest.approx(10.0, rel=0.05)
 
 
 @pytest.mark.parametrize("step", [0.001, 0.008, 0.01, 0.015, 0.025])
