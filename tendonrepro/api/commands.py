@@ -70,7 +70,7 @@ def compare(
     controllers : sequence of int, optional
         Numbers of the controllers to run; all if not given.
     laws : mapping, optional
-        Name -> function or object of a law of your own, to run beside them; see docs/laws.md.
+        Name -> function or object of a law of your own, to run beside them; see docs/python.md.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def tune(
     searches, generations, population : int
         Searches of each law on each plant, generations of each, and members of a generation.
     laws : mapping, optional
-        Name -> function of a law of your own with an attribute ``bounds``; see docs/laws.md.
+        Name -> function of a law of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
         Take plants on which the published gains are unstable, too.
     config, set, seed, jobs, out, force

@@ -33,7 +33,7 @@ CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
 
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
-    """The plant without payload, as a law may know it, SI; see docs/laws.md."""
+    """The plant without payload, as a law may know it, SI; see docs/python.md."""
     links, n, arm = config.manipulator.links, len(config.joints), build_arm(config, 0.0)
     S, S_inv = coupling(config)
     return SimpleNamespace(

@@ -2,7 +2,7 @@
 
 Arrays have the joint or tendon axis first; further axes are independent lanes.
 
-What a law of your own builds on (docs/laws.md) can be imported from here.
+What a law of your own builds on (docs/python.md) can be imported from here.
 """
 
 from tendonrepro.physics.control import (

@@ -58,6 +58,12 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.S | re.M)
 
 
+def example(name: str, line: str) -> str:
+    """The one Python block of a page that has such a line."""
+    (found,) = (block for block in blocks(page(name), "python") if line in block)
+    return found
+
+
 def prose(text: str) -> str:
     return re.sub(r"^ *```.*?^ *```", "", text, flags=re.S | re.M)
 
@@ -376,7 +382,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short comparison with the first law of the page beside Controller 1, as the page runs it."""
     folder = tmp_path_factory.mktemp("docs")
     law = folder / "my_law.py"
-    law.write_text(blocks(page("laws.md"), "python")[0], encoding="utf-8")
+    law.write_text(example("python.md", "def steep"), encoding="utf-8")
     out = folder / "reports" / "compare"
     order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), laws=[f"{law}:steep"])
     found = run_experiments([order], Talk(quiet=True))[order.experiment]
@@ -395,7 +401,7 @@ def test_law_in_a_file(results: Path) -> None:
 
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     law = tmp_path / "integral.py"
-    law.write_text(blocks(page("laws.md"), "python")[1], encoding="utf-8")
+    law.write_text(example("python.md", "class Integral"), encoding="utf-8")
     request = Request(out=tmp_path, overrides=SHORT, controllers=[3], dry_run=True)
     plan = run_experiments([Order("compare", request, [f"{law}:integral"])], Talk())["compare"]
     assert list(plan["samples"]) == ["controller_3", "integral"]
@@ -411,7 +417,7 @@ def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
 
 def test_law_that_knows_the_plant(tmp_path: Path) -> None:
     law = tmp_path / "pd.py"
-    law.write_text(blocks(page("laws.md"), "python")[2], encoding="utf-8")
+    law.write_text(example("python.md", "class Pd"), encoding="utf-8")
     for masses in ("[1.0, 0.6, 0.3]", "[0.5, 0.3, 0.1]"):
         overrides = [*SHORT, f"manipulator.links.mass={masses}"]
         loaded = load_config(None, "compare", overrides=overrides, controllers=[1])
@@ -424,8 +430,8 @@ def test_law_that_knows_the_plant(tmp_path: Path) -> None:
 
 def test_law_of_the_configuration(tmp_path: Path) -> None:
     text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
-    (example,) = blocks(page("laws.md"), "yaml")
-    law, run = (line for line in example.splitlines() if "tsm_alpha:" in line)
+    (shown,) = blocks(page("python.md"), "yaml")
+    law, run = (line for line in shown.splitlines() if "tsm_alpha:" in line)
     path = tmp_path / "compare.yaml"
     text = text.replace("  laws:\n", f"  laws:\n{law}\n").replace("\nruns:\n", f"\nruns:\n{run}\n")
     path.write_text(text, encoding="utf-8")
@@ -433,26 +439,24 @@ def test_law_of_the_configuration(tmp_path: Path) -> None:
     assert config.runs["tsm_alpha"].law == "tsm_alpha"
 
 
-@pytest.mark.parametrize("number", [0, 1], ids=["xarray", "h5py"])
+@pytest.mark.parametrize("library", ["xarray", "h5py"])
 def test_ways_to_open_traces(
-    number: int, results: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    library: str, results: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if number == 0:
-        pytest.importorskip("xarray")
-    code = blocks(page("traces.md"), "python")[number]
+    code = example("results.md", f"import {library}")
     monkeypatch.chdir(results.parent.parent)
     scope: dict[str, Any] = {}
-    exec(compile(code, "traces.md", "exec"), scope)
+    exec(compile(code, "results.md", "exec"), scope)
     printed = capsys.readouterr().out
-    assert ("ok" in printed and "N m" in printed) if number == 0 else "rad" in printed
-    if number == 0:
+    assert ("N m" if library == "xarray" else "rad") in printed
+    if library == "xarray":
         scope["tree"].close()
 
 
 def test_groups_and_attributes_of_the_page(results: Path) -> None:
     import h5py
 
-    text, matrices = page("traces.md"), ("I", "D_m", "K_s", "D_s", "S", "S_inv")
+    text, matrices = page("results.md"), ("I", "D_m", "K_s", "D_s", "S", "S_inv")
     with h5py.File(results / "traces.h5") as file:
         for name in file.attrs:
             assert f"`{name}`" in text, name
@@ -468,7 +472,7 @@ def test_groups_and_attributes_of_the_page(results: Path) -> None:
 
 def test_manifest_keys_of_the_page(results: Path) -> None:
     manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
-    text = section(page("traces.md"), "## Manifest")
+    text = section(page("results.md"), "## Manifest")
     assert {key for key in manifest if f"`{key}`" not in text} == set()
 
 

@@ -1,6 +1,6 @@
 """The stored results are of the readings, claims, configuration and physics of today.
 
-A reading, a claim or a change of physics needs them made again: docs/ensemble.md says how.
+A reading, a claim or a change of physics needs them made again: docs/results.md says how.
 """
 
 from __future__ import annotations
