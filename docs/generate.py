@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from pages import fresh, table
 
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.reporting import claims, orders
@@ -29,7 +30,6 @@ DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 PAGES = (DOCS / "findings.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
-PART = re.compile(r"(<!-- made by generate.py: ([a-z ]+) -->\n).*?(<!-- end -->)", re.S)
 
 Column = Callable[[Mapping[str, Any]], str]
 
@@ -108,7 +108,7 @@ def rounded(content: Any) -> Any:
 def write_pages() -> None:
     """Fill the made parts of the pages, and draw the pictures of findings.md."""
     for page in PAGES:
-        page.write_text(fresh(page.read_text(encoding="utf-8")), encoding="utf-8")
+        page.write_text(fresh(page.read_text(encoding="utf-8"), MAKERS), encoding="utf-8")
     with TemporaryDirectory() as folder:
         tuning = draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()})
         for drawing in (*(draw(stored("ensemble")) for draw in (draw_orders, draw_map, draw_ranges)), tuning):
@@ -116,19 +116,8 @@ def write_pages() -> None:
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
 
 
-def fresh(text: str) -> str:
-    """A page with its made parts made again."""
-    return PART.sub(lambda part: f"{part[1]}\n{MAKERS[part[2]]().strip()}\n\n{part[3]}", text)
-
-
 def words(name: str) -> str:
     return filled(name, numbers(stored("ensemble"), stored("claims")))
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Pipe table."""
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
@@ -201,6 +190,7 @@ CLAIMS: Mapping[str, Column] = {
     "verdict": lambda entry: f"`{entry['verdict']}`",
     "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
 }
+NUMBERS = {**CLAIMS, "the paper": lambda entry: claims.named(entry).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "misfit": lambda held: f"{held['misfit_log']:.3f}",
@@ -224,7 +214,7 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "robustness": lambda: table(orders.HEADS, orders.robustness(stored("ensemble"))),
     "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),
     "claims": lambda: records(entries(number=False), CLAIMS),
-    "numbers": lambda: records(entries(number=True), CLAIMS),
+    "numbers": lambda: records(entries(number=True), NUMBERS),
     "deciding unknowns": lambda: table(
         ["of", "share of the variance that an unknown explains alone"],
         [(name, deciding(held)) for name, held in stored("decides").items()],

@@ -1,6 +1,6 @@
 """Write the parts of pages that are made from the package: ``make pages``.
 
-A part stands between ``<!-- made from NAME -->`` and ``<!-- end -->``; a test makes each again and compares.
+A part stands between ``<!-- made: NAME -->`` and ``<!-- end -->``; a test makes each again and compares.
 """
 
 from __future__ import annotations
@@ -13,17 +13,20 @@ from typing import Any
 from tendonrepro.reporting import assumed
 
 DOCS = Path(__file__).parent
-PART = re.compile(r"(<!-- made from ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
+PART = re.compile(r"(<!-- made: ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
 
 
-def fresh(text: str) -> str:
-    """A page with all its made parts made again."""
-    return PART.sub(lambda part: f"{part[1]}\n{MAKERS[part[2]]()}\n\n{part[3]}", text)
+def fresh(text: str, makers: Mapping[str, Callable[[], str]] | None = None) -> str:
+    """A page with the parts made again that `makers` know, by default those of this file."""
+    makers = makers or MAKERS
+    return PART.sub(
+        lambda part: f"{part[1]}\n{makers[part[2]]()}\n\n{part[3]}" if part[2] in makers else part[0], text
+    )
 
 
-def table(heads: str, rows: Iterable[Sequence[str]]) -> str:
-    lines = [heads.split("|"), ["---"] * len(heads.split("|")), *rows]
-    escaped = ([cell.replace("|", r"\|") for cell in cells] for cells in lines)
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Pipe table."""
+    escaped = ([cell.replace("|", r"\|") for cell in cells] for cells in (heads, ["---"] * len(heads), *rows))
     return "\n".join(f"| {' | '.join(cells)} |" for cells in escaped)
 
 
@@ -44,7 +47,7 @@ def unprinted(wanted: Callable[[str, bool], bool]) -> str:
         for row in assumed.values(trees)
         if row[3] != "printed" and wanted(row[0].strip("`"), all(row[0].strip("`") in held for held in keys))
     ]
-    return table("Key|Value|Unit|Origin|Why", kept)
+    return table(("Key", "Value", "Unit", "Origin", "Why"), kept)
 
 
 def readings() -> str:
@@ -64,7 +67,7 @@ def readings() -> str:
         rows.append(
             (key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.at.place, axis.about)
         )
-    return table("Reading|Default|Alternatives|Changes the runs|Place|About", rows)
+    return table(("Reading", "Default", "Alternatives", "Changes the runs", "Place", "About"), rows)
 
 
 def of_compare(key: str, both: bool) -> bool:
@@ -85,7 +88,7 @@ def keys() -> str:
         for path, about, unit in fields(schema, schema["$defs"], above):
             if about and not path.startswith("control.readings"):
                 rows.setdefault(path, (about, unit))
-    return table("Key|Meaning|Unit", [(f"`{key}`", *row) for key, row in rows.items()])
+    return table(("Key", "Meaning", "Unit"), [(f"`{key}`", *row) for key, row in rows.items()])
 
 
 def fields(
@@ -135,17 +138,18 @@ def options() -> str:
         return "all but " * few + ", ".join(f"`{name}`" for name in (others if few else names))
 
     rows = sorted(held.items(), key=lambda item: -len(item[1]))
-    return table("Option|Meaning|Of", [(*option, of(names)) for option, names in rows])
+    return table(("Option", "Meaning", "Of"), [(*option, of(names)) for option, names in rows])
 
 
 def variables() -> str:
     from tendonrepro.results.records import VARIABLES
 
-    return table("Name|Unit|Meaning", [(f"`{name}`", unit, about) for name, (unit, about) in VARIABLES.items()])
+    rows = [(f"`{name}`", unit, about) for name, (unit, about) in VARIABLES.items()]
+    return table(("Name", "Unit", "Meaning"), rows)
 
 
 MAKERS: Mapping[str, Callable[[], str]] = {
-    "the box": lambda: table("|".join(assumed.BOX), assumed.box()),
+    "the box": lambda: table(assumed.BOX, assumed.box()),
     "the readings": readings,
     "the keys": keys,
     "the pairs of readings": pairs,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.util
 import itertools
 import json
 import re
@@ -125,19 +124,6 @@ def test_no_line_begins_with_a_percent_sign() -> None:
     assert not [path.name for path, text in TEXTS.items() if re.search(r"^\s*%", prose(text), re.M)]
 
 
-def test_made_parts_are_fresh_and_stand_once() -> None:
-    """`make pages` writes them again."""
-    spec = importlib.util.spec_from_file_location("pages", DOCS / "pages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    pages = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(pages)
-    for path in PAGES:
-        assert pages.fresh(TEXTS[path]) == TEXTS[path], f"{path.name}: run make pages"
-    parts = [part[2] for path in PAGES for part in pages.PART.finditer(TEXTS[path])]
-    assert sorted(parts) == sorted(pages.MAKERS)
-
-
 def test_functions_and_files_named_in_the_text_exist() -> None:
     """``module.function()`` and ``folder/file.py`` of the package."""
     own = {"my_law.py", "integral.py"}
@@ -196,17 +182,6 @@ def test_commands_parse() -> None:
             parse(program, words(command))
 
 
-def test_every_command_is_documented() -> None:
-    group: Any = get_command(app)
-    named = {
-        f"{name} {below}" if hasattr(command, "commands") else name
-        for name, command in group.commands.items()
-        for below in getattr(command, "commands", [""])
-    }
-    shown = {" ".join(words(command)) for _, command in COMMANDS}
-    assert all(any(line == name or line.startswith(f"{name} ") for line in shown) for name in named)
-
-
 MISTAKES = ("lamb=", "-0.45")  # shown on purpose
 PLACEHOLDERS = ("KEY", "my_arm.yaml")
 
@@ -234,20 +209,18 @@ def test_settings_in_commands_are_valid() -> None:
 
 def test_options_named_in_messages_exist() -> None:
     """A way out that is none would be worse than silence."""
-    tree = get_command(app)
-    groups = [tree, *(group for group in tree.commands.values() if hasattr(group, "commands"))]  # type: ignore[attr-defined]
+    held: Any = [get_command(app)]
+    for command in held:
+        held.extend(getattr(command, "commands", {}).values())
     known = {
         option
-        for group in groups
-        for command in [group, *group.commands.values()]  # type: ignore[attr-defined]
+        for command in held
         for parameter in command.params
         for option in (*parameter.opts, *parameter.secondary_opts)
-    }
+    } | {"--porcelain", "--error-unmatch", "--help"}
     for path in PACKAGE.rglob("*.py"):
-        for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")):
-            assert option in known | {"--porcelain", "--error-unmatch", "--help"}, (
-                f"{path.name} names {option}"
-            )
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")))
+        assert named <= known, path.name
 
 
 # ---- configurations ----------------------------------------------------------------------------------------
@@ -399,33 +372,29 @@ def test_law_in_a_file(results: Path) -> None:
     assert (results / "tables" / "table2.md").read_text(encoding="utf-8").count("| steep |") == 2
 
 
+def run_of(law: str, line: str, folder: Path, *settings: str) -> tuple[Any, Any]:
+    """Loop and run of a law of the page."""
+    path = folder / "law.py"
+    path.write_text(example("python.md", line), encoding="utf-8")
+    loaded = load_config(None, "compare", overrides=[*SHORT, *settings], controllers=[3])
+    loop = all_loops(loaded, laws_of([f"{path}:{law}"]))[law]
+    run = simulate(loop)
+    assert run["time"].size == loop.reference.time.size
+    return loop, run
+
+
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
-    law = tmp_path / "integral.py"
-    law.write_text(example("python.md", "class Integral"), encoding="utf-8")
-    request = Request(out=tmp_path, overrides=SHORT, controllers=[3], dry_run=True)
-    plan = run_experiments([Order("compare", request, [f"{law}:integral"])], Talk())["compare"]
-    assert list(plan["samples"]) == ["controller_3", "integral"]
-    loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
-    loops = all_loops(loaded, laws_of([f"{law}:integral"]))
-    run = simulate(loops["integral"])
-    assert run["time"].size == loops["integral"].reference.time.size
-    # s holds the integral: without it the surface is Controller 3's, of the recorded error.
-    e, L = run["e"], loops["integral"].L
+    """s holds the integral: without it the surface is Controller 3's, of the recorded error."""
+    loop, run = run_of("integral", "class Integral", tmp_path)
+    e, L = run["e"], loop.L
     de = run["dq_d"] - np.diff(run["q_encoder"], axis=0, prepend=0.0) / L
     np.testing.assert_allclose(run["s"], de + 2.0 * e + 2.0 * L * np.cumsum(e, axis=0), atol=1e-9)
 
 
 def test_law_that_knows_the_plant(tmp_path: Path) -> None:
-    law = tmp_path / "pd.py"
-    law.write_text(example("python.md", "class Pd"), encoding="utf-8")
-    for masses in ("[1.0, 0.6, 0.3]", "[0.5, 0.3, 0.1]"):
-        overrides = [*SHORT, f"manipulator.links.mass={masses}"]
-        loaded = load_config(None, "compare", overrides=overrides, controllers=[1])
-        loops = all_loops(loaded, laws_of([f"{law}:pd"]))
-        run = simulate(loops["pd"])
-        weight = gravity_torque(run["q_encoder"][0], loops["pd"].plant.arm)
-        np.testing.assert_allclose(run["tau_cmd"][0], weight)
-        assert run["time"].size == loops["pd"].reference.time.size
+    loop, run = run_of("pd", "class Pd", tmp_path, "manipulator.links.mass=[0.5, 0.3, 0.1]")
+    weight = gravity_torque(run["q_encoder"][0], loop.plant.arm)
+    np.testing.assert_allclose(run["tau_cmd"][0], weight)
 
 
 def test_law_of_the_configuration(tmp_path: Path) -> None:
@@ -439,17 +408,19 @@ def test_law_of_the_configuration(tmp_path: Path) -> None:
     assert config.runs["tsm_alpha"].law == "tsm_alpha"
 
 
-@pytest.mark.parametrize("library", ["xarray", "h5py"])
+@pytest.mark.parametrize(("library", "words"), [("xarray", "N m"), ("h5py", "rad")])
 def test_ways_to_open_traces(
-    library: str, results: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    library: str,
+    words: str,
+    results: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    code = example("results.md", f"import {library}")
     monkeypatch.chdir(results.parent.parent)
     scope: dict[str, Any] = {}
-    exec(compile(code, "results.md", "exec"), scope)
-    printed = capsys.readouterr().out
-    assert ("N m" if library == "xarray" else "rad") in printed
-    if library == "xarray":
+    exec(example("results.md", f"import {library}"), scope)
+    assert words in capsys.readouterr().out
+    if "tree" in scope:
         scope["tree"].close()
 
 
@@ -457,17 +428,13 @@ def test_groups_and_attributes_of_the_page(results: Path) -> None:
     import h5py
 
     text, matrices = page("results.md"), ("I", "D_m", "K_s", "D_s", "S", "S_inv")
+    arrays = {*matrices, "length", "mass", "com", "inertia", "gravity", "posture"}
+    words = {"angle_convention", "friction_law", "equations", "moving_joints", "held_joints"}
     with h5py.File(results / "traces.h5") as file:
-        for name in file.attrs:
-            assert f"`{name}`" in text, name
-        for name in (*matrices, "length", "mass", "com", "inertia", "gravity", "posture"):
-            assert f"`{name}`" in text
-            assert name in file["plant"]
-        for name in ("angle_convention", "friction_law", "equations", "moving_joints", "held_joints"):
-            assert f"`{name}`" in text
-            assert name in file["plant"].attrs
-        for name in file["controller_1"].attrs:
-            assert name.startswith(("gain_", "reading_")) or f"`{name}`" in text, name
+        own = {name for name in file["controller_1"].attrs if not name.startswith(("gain_", "reading_"))}
+        assert arrays <= file["plant"].keys()
+        assert words <= file["plant"].attrs.keys()
+        assert {name for name in arrays | words | own | set(file.attrs) if f"`{name}`" not in text} == set()
 
 
 def test_manifest_keys_of_the_page(results: Path) -> None:

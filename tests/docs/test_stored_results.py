@@ -20,22 +20,19 @@ RESULTS = ROOT / "docs" / "results"
 pytestmark = pytest.mark.skipif(not RESULTS.is_dir(), reason="no docs folder beside the package")
 
 PHYSICS = "physics_sha256"
-"""Key of the digest of the physics that made a result; older results lack it."""
+"""Key of the digest of the physics that made a result; older searches lack it."""
 
 
 def stored(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def of_today() -> set[str]:
-    return {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
-
-
 def test_every_reading_was_drawn_and_searched() -> None:
     found = {name: held["readings"] for name, held in stored("ensemble")["populations"].items()}
     assert found.keys() == load_ensemble(None).config.populations.keys()
+    today = {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
     for name, readings in [*found.items(), ("identify", stored("identify")["readings"])]:
-        assert {reading["name"] for reading in readings} == of_today(), name
+        assert {reading["name"] for reading in readings} == today, name
 
 
 def test_the_ensemble_is_of_the_shipped_configuration() -> None:
@@ -50,16 +47,10 @@ def test_every_claim_was_judged_by_that_ensemble() -> None:
     assert all(held["draws"] <= ensemble["draws"] for held in stored("decides").values())
 
 
-@pytest.mark.skipif(PHYSICS not in stored("ensemble"), reason="made before the digest was stored")
-def test_the_ensemble_was_made_by_the_physics_of_today() -> None:
-    assert stored("ensemble")[PHYSICS] == code_digest("physics")
+def test_results_were_made_by_the_physics_of_today() -> None:
+    searches = {held[PHYSICS] for held in stored("identify")["readings"] if PHYSICS in held}
+    assert searches | {stored(name)[PHYSICS] for name in ("ensemble", "tune")} == {code_digest("physics")}
 
 
-def test_searches_were_made_by_the_physics_of_today() -> None:
-    digests = {held[PHYSICS] for held in stored("identify")["readings"] if PHYSICS in held}
-    assert digests <= {code_digest("physics")}
-
-
-def test_the_tuning_was_made_by_the_physics_of_today_and_no_law_lost_to_its_special_case() -> None:
-    assert stored("tune")[PHYSICS] == code_digest("physics")
+def test_no_tuned_law_lost_to_its_special_case() -> None:
     assert stored("tune")["lost_to_special_case"] == []

@@ -65,12 +65,8 @@ def test_a_wrong_line_is_noticed() -> None:
     assert unmatched(["a 1.01 | 3", "...", "c"], printed) is None
     assert unmatched(["a 1.00 | 3", "b 0.015", "c"], printed) is None
     assert unmatched(["a 1.03 | 3", "..."], printed) == "a 1.03 | 3"
-    assert unmatched(["a 1.00 | 4", "..."], printed) == "a 1.00 | 4"
-    assert unmatched(["...", "b 0.016", "c"], printed) == "b 0.016"
     assert unmatched(["...", "d"], printed) == "d"
     assert unmatched(["a 1.00 | 3", "b 0.014"], printed) == "..."
-    assert unmatched(["a ... | 3", "..."], printed) is None
-    assert unmatched(["a ... | 4", "..."], printed) == "a ... | 4"
 
 
 @pytest.mark.slow
