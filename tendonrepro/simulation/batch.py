@@ -59,7 +59,7 @@ class Batch:
     status: NDArray[np.int8]
     status_time: Array
     steps: NDArray[np.int64]
-    traces: list[dict[str, Array] | None] | None
+    traces: list[dict[str, Array] | None] | None = None
 
 
 def simulate_batch(

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy
+from llvmlite.binding import get_host_cpu_features
 from support.command import SHORT
 from support.synthetic_record import make_record
 from typer.testing import CliRunner
@@ -36,7 +37,14 @@ from tendonrepro.results.manifest import cpu_name
 FOLDER = Path(__file__).parent
 MADE_ON = FOLDER / "made_on.json"
 WRITE = os.environ.get("GOLDEN") == "write"
-HERE = {"cpu": cpu_name(), "system": platform.system(), "numpy": np.__version__, "scipy": scipy.__version__}
+# Processors of one name may have other vector units, and round otherwise.
+VECTORS = "avx512f" if get_host_cpu_features().get("avx512f") else "others"
+HERE = {
+    "cpu": f"{cpu_name()}, {VECTORS}",
+    "system": platform.system(),
+    "numpy": np.__version__,
+    "scipy": scipy.__version__,
+}
 AS_MADE = MADE_ON.exists() and json.loads(MADE_ON.read_text(encoding="utf-8")) == HERE
 
 NOT_KEPT = re.compile(
