@@ -254,6 +254,9 @@ def _as_printed(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow
         yield cells
 
 
+_ORDER = {True: "holds", False: "does not hold"}
+
+
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
     """Yield ``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
     for joint, metrics in summary.ranking(file).items():
@@ -261,7 +264,7 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
             yield {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
                 "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
-                "as_published": found["agrees"],
+                "as_published": _ORDER.get(found["agrees"]),
             }
 
 
