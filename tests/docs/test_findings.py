@@ -79,7 +79,7 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
     assert len(stored("predict")["experiments"]) == 14
     pairs = [
         ("README.md", f"On a third of {slots['plants']} plausible arms"),
-        ("README.md", f"By mean error on joint 2 that is {slots['behind']} of them"),
+        ("README.md", f"On {slots['behind']} of these Controller 1"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),
         ("docs/findings.md", f"rises by {100 * (last / first - 1):.0f} % from Controller 1 to Controller 3"),
         ("docs/findings.md", f"it is below {100 * (growth['q95'] - 1):.1f} %"),
