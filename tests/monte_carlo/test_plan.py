@@ -66,9 +66,15 @@ def test_identity_holds_what_numbers_depend_on(change):
     assert replace(study).identity == study.identity
 
 
-def test_identity_holds_the_code(monkeypatch):
+@pytest.mark.parametrize("name", ["code_digest", "__version__", "STATISTICS"])
+def test_identity_holds_the_code(monkeypatch, name):
     """Shards begun by other code are not gone on with."""
     study = small_study()
     before = study.identity
-    monkeypatch.setattr(plan, "code_digest", lambda *_: "other")
+    monkeypatch.setattr(plan, name, {"code_digest": lambda *_: "other"}.get(name, "other"))
     assert replace(study).identity != before
+
+
+def test_identity_holds_the_base():
+    study = small_study()
+    assert replace(study, base=replace(study.base, sha256="other")).identity != study.identity

@@ -117,12 +117,33 @@ def test_a_diverged_law_comes_last_and_two_of_them_are_not_in_order():
     assert in_order["share"] == (count[0] + count[1] + count[4]) / in_order["plants"]
     best = found["share_c1_best"]["diverged_last"]["mae"]["both"]
     assert best["share"] == (count[0] + count[1] + count[2] + count[4]) / best["plants"]
+    assert found["status"]["controller_1"]["diverged"]["count"] == count[3]
     alone = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
     assert (alone["share"], alone["plants"]) == (1.0, count[0])
     # C1/C2 is 1/2, infinite where C1 alone diverged, 0 where C2 alone did; C2/C3 needs one that did not.
     ratio = found["ratio_c1_c2"]["diverged_last"]["mae"]["joint_2"]
     assert (ratio["median"]["value"], ratio["lowest"], ratio["highest"]) == (0.5, 0.0, np.inf)
     assert found["ratio_c2_c3"]["diverged_last"]["mae"]["joint_2"]["plants"] == PLANTS - count[5] - count[2]
+
+
+def test_ties_the_worst_law_and_the_ratio_of_the_joints():
+    """Controllers 2 and 3 are 4.9 % apart on every second plant; Controller 1 is best on one of four."""
+    place = np.arange(PLANTS)
+    sizes = {
+        "controller_1": np.where(place % 4 == 0, 0.5, 3.0),
+        "controller_2": np.where(place % 2 == 0, 0.951, 0.949),
+    }
+    data = ensemble(lambda run, *_: np.outer(sizes.get(run, np.ones(PLANTS)), [1.0, 4.0]), always_ok)
+    found = reading_summary(data, "printed")
+    for name, share in {
+        "share_c2_ties_c3": 0.5,
+        "share_c1_worst": 0.75,
+        "share_c1_best": 0.25,
+        "share_c2_lt_c3_lt_c1": 0.75,
+        "share_c3_lt_c1_lt_c2": 0.0,
+    }.items():
+        assert found[name]["all_ok"]["mae"]["both"]["share"] == share, name
+    assert found["joint_3_over_2"]["controller_1"]["rmse"]["median"]["value"] == 4.0
 
 
 def test_the_reverse_and_the_rise_equal_brute_force(mixed):
@@ -239,6 +260,13 @@ def test_a_reading_that_makes_the_print_agrees_and_another_cannot():
     nowhere_stable = ensemble(random_errors, lambda *_: np.full(PLANTS, RINGING, np.int8))
     for data, verdict in ((printed_like(1.17), "in part"), (nowhere_stable, "no plant")):
         assert reading_summary(data, "printed")["agreement"]["verdict"] == verdict
+
+
+@pytest.mark.parametrize(("plants", "verdict"), [(99, "too few"), (100, "agrees")])
+def test_few_plants_conclude_nothing(plants, verdict):
+    codes = np.where(np.arange(PLANTS) < plants, OK, RINGING).astype(np.int8)
+    found = reading_summary(ensemble(printed_like(1.0).statistic, lambda *_: codes), "printed")
+    assert found["agreement"]["verdict"] == verdict
 
 
 @given(st.lists(st.booleans(), min_size=80, max_size=200), st.integers(0, 2**32 - 1))

@@ -137,3 +137,19 @@ def test_missing_runs_variables_and_samples_are_told(folder):
 
 def test_exit_code_says_whether_anything_differs(folder):
     assert answer("diff", ".", ".", cwd=folder)["same"] is True
+    changed(folder, tendonrepro_version="9.9")
+    assert answer("diff", ".", "other", cwd=folder, code=1)["same"] is False
+
+
+def test_missing_samples_are_equal_and_hide_no_change(folder):
+    name, trace = next(iter(FILE.runs.items()))
+    ours = trace["tau_m"].copy()
+    ours[3] = np.nan
+    theirs = ours.copy()
+    theirs[9, 0] += 0.5
+    for place, values in (("a", ours), ("b", ours), ("c", theirs)):
+        run = replace(trace, variables={"tau_m": values, "e": np.where(np.isnan(values), np.nan, 0.0)})
+        write_traces(folder / place / "traces.h5", replace(FILE, runs={name: run}))
+    assert difference(folder / "a", folder / "b")["same"]
+    (row,) = difference(folder / "a", folder / "c")["traces"]
+    assert (row["largest"], row["from_s"]) == (pytest.approx(0.5), trace.time[9])

@@ -11,7 +11,7 @@ import pytest
 
 from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.store import MANIFEST, put_back, read_manifest, replaced
+from tendonrepro.results.store import MANIFEST, put_back, read_manifest, refuse_others, replaced
 
 SLOW_WRITER = """
 import sys, time
@@ -58,6 +58,37 @@ def test_the_same_again_replaces_and_another_is_refused(tmp_path: Path) -> None:
         make(folder, "b")
     make(folder, "b", force=True)
     assert read_manifest(folder)["config"]["sha256"] == "b"
+
+
+def test_results_of_another_command_or_version_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make(tmp_path)
+    with pytest.raises(UsageError):
+        refuse_others(tmp_path, "a", command="decouple")
+    refuse_others(tmp_path, "a", command="compare")
+    monkeypatch.setattr("tendonrepro.results.store.__version__", "9.9")
+    with pytest.raises(UsageError):
+        refuse_others(tmp_path, "a", command="compare")
+
+
+def test_an_output_that_is_gone_hinders_neither_an_update_nor_a_replacement(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    make(folder)
+    (folder / "tables" / "table2.csv").unlink()
+    with replaced(folder, "a", command="compare", update=True) as result:
+        result.manifest = read_manifest(folder)
+    assert names(folder) == {MANIFEST, "numbers.json"}
+    (folder / "numbers.json").unlink()
+    make(folder)
+    assert names(folder) == {MANIFEST, "numbers.json", "tables/table2.csv"}
+
+
+def test_a_result_wins_over_an_own_file_of_its_name(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "numbers.json").write_text("mine")
+    make(tmp_path / "mine", text="new", force=True)
+    assert (tmp_path / "mine" / "numbers.json").read_text() == "new"
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "tables/mine.csv"])
@@ -120,9 +151,20 @@ def test_a_killed_writer_keeps_others_out_and_then_leaves_the_old_result(tmp_pat
 
 def test_a_kill_between_the_two_renames_is_undone(tmp_path: Path) -> None:
     make(tmp_path / "mine")
+    (tmp_path / "mine" / ".own").touch()
     (tmp_path / "mine").rename(tmp_path / ".mine.old")
     put_back(tmp_path / "mine")
     assert (tmp_path / "mine" / "numbers.json").read_text() == "old"
+    (tmp_path / "mine").rename(tmp_path / ".mine.old")
+    make(tmp_path / "mine")
+    assert (tmp_path / "mine" / ".own").exists(), "the next writer puts back what is a user's"
+
+
+def test_an_old_result_that_a_kill_left_beside_the_new_one_goes(tmp_path: Path) -> None:
+    for name in ("mine", ".mine.old"):
+        make(tmp_path / name)
+    make(tmp_path / "mine")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 def test_what_is_kept_outlives_a_failure(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
+    loaded_runs,
     ranking,
     sizes_deg,
     tension_sizes,
@@ -78,6 +79,22 @@ class TestRanking:
         found = ranking(make_compare_file(diverged={C1: 0.02}))["joint_2"]["mae"]
         assert found["order"][-1] == C1
         assert not found["agrees"]
+
+    def test_one_diverged_run_at_the_printed_end_agrees(self) -> None:
+        found = ranking(make_compare_file(diverged={C3: 5.0}))["joint_2"]["mae"]
+        assert found == {"order": [C1, C2, C3], "agrees": True}
+
+    def test_a_users_law_is_ranked_but_is_no_part_of_the_printed_order(self) -> None:
+        own = "user law mine"
+        found = ranking(constant_errors({C1: (1, 1), C2: (2, 2), C3: (3, 3), own: (0.5, 2.5)}))
+        assert found["joint_2"]["mae"] == {"order": [own, C1, C2, C3], "agrees": True}
+        assert found["joint_3"]["rmse"] == {"order": [C1, C2, own, C3], "agrees": True}
+        assert ranking(constant_errors({C1: (1, 1), own: (2, 2)}))["joint_2"]["mae"]["agrees"] is None
+
+    def test_a_users_law_has_both_loads(self) -> None:
+        file = constant_errors({"mine": (1, 1), "mine_payload": (2, 2)})
+        found = {load: trace.name for load, trace in loaded_runs(file).items()}
+        assert found == {"mine_no_load": "mine", "mine_with_load": "mine_payload"}
 
     def test_two_diverged_runs_agree_with_nothing_and_one_run_has_no_rank(self) -> None:
         file = make_compare_file(diverged={C2: 5.0, C3: 5.0})

@@ -60,6 +60,14 @@ def test_table_1_agrees_with_the_print_to_its_digits() -> None:
     assert frame.loc["S_inv_21", "ours"] == pytest.approx(-35.0 / 37.0)
 
 
+def test_table_1_of_a_record_of_the_moving_joints_alone() -> None:
+    whole = frame_of(coupling_rows, make_decouple_file()).set_index("quantity")
+    file = with_plant(make_decouple_file(), S=S[1:, 1:], S_inv=S_INV[1:, 1:])
+    part = frame_of(coupling_rows, file).set_index("quantity")
+    assert len(part) == 9
+    pd.testing.assert_frame_equal(part, whole.loc[part.index])
+
+
 def another(file: TraceFile, what: str) -> TraceFile:
     """The file of another arm, of other joints, with other gains, or of another motion."""
     if what == "motion":

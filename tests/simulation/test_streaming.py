@@ -21,7 +21,8 @@ T, N, PERIOD, L = 400, 2, 150, 1e-3
 @pytest.fixture
 def signals() -> dict[str, Array]:
     rng = np.random.default_rng(3)
-    t = np.arange(T)[:, np.newaxis] / PERIOD
+    # Beside every turn there is a sample at 0.4 % of the peak speed, and one at 4 %.
+    t = (np.arange(T)[:, np.newaxis] + 0.1) / PERIOD
     smooth = {"dq_d": np.sin(2 * np.pi * t) * [1.0, 2.0], "ddq_d": np.cos(2 * np.pi * t) * [3.0, 1.0]}
     return smooth | {name: rng.normal(size=(T, N)) for name in ("e", "de", "s", "tau", "H_hat", "epsilon")}
 
@@ -32,7 +33,7 @@ def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
     for k in range(T):
         sample = Sample(
             *(x[name][k] for name in ("e", "de", "dq_d", "ddq_d", "s", "tau")),
-            tau_before=x["tau"][max(k - 1, 0)],
+            tau_before=x["tau"][k - 1] if k else np.zeros(N),
             H_hat=x["H_hat"][k],
             epsilon=x["epsilon"][k - 1] if k else np.zeros(N),
             saturated=1.0 * (x["tau"][k] > 1.0),
@@ -107,7 +108,9 @@ def overshoot(e: Array, speed: Array) -> Array:
     return largest
 
 
-def test_statistics_are_those_of_the_signals(signals: dict[str, Array]) -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_statistics_are_those_of_the_signals(signals: dict[str, Array], sign: float) -> None:
+    signals = {name: sign * values for name, values in signals.items()}
     found, expected = gathered(signals, np.ones(T)), by_hand(signals)
     assert tuple(found) == STATISTICS
     assert set(expected) == set(STATISTICS)
@@ -127,6 +130,7 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     assert all(np.isfinite(values).all() for values in found.values())
     early = gathered(signals, (np.arange(T) < 30).astype(float))
     assert np.isnan(early["mae_late"]).all()
+    assert thresholds(signals["dq_d"], signals["ddq_d"], L).period == T, "without a period nothing is late"
     for name in ("rms", "peak", "slow"):
         assert np.isnan(early[f"torque_{name}_down"]).all(), "a phase that never comes is not a number"
         assert np.isfinite(early[f"torque_{name}_up"]).all()

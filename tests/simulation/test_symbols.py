@@ -72,6 +72,7 @@ EXPRESSIONS = {
     "quotient": "x / y, p / x, 2.0 / x, 1.0 / x, x / 1.0, 0.0 / x",
     "sign": "-x, -p",
     "comparison": "1.0 * (x >= y), 1.0 * (y >= x), 1.0 * (x >= 0.3), 1.0 * (x >= x), 1.0 * (0.3 <= x)",
+    "equal numbers": "1.0 * (x > x), 1.0 * (x < x), 1.0 * (x <= x), 1.0 * (x > y), 1.0 * (x < y)",
     "functions": "np.sin(x), np.cos(x), np.tanh(y), np.exp(y), np.sqrt(x), np.abs(-x)",
     "NumPy number on the left": "two * x, two / x, two - x, two + x, 1.0 * (two >= x), np.maximum(two, x)",
     "NumPy number that is less": "np.maximum(0.0 * two, x), np.minimum(0.0 * two, x), 1.0 * (0.0 * two >= x)",

@@ -30,6 +30,7 @@ def fake_batch(loops, limits):
         status=np.array(codes, np.int8),
         status_time=np.array([loop.reference.time[-1] for loop in loops]),
         steps=np.full(len(loops), 2),
+        traces=None,
     )
 
 

@@ -50,7 +50,7 @@ def made_up(loops, limits, threads=1):
     values = dict.fromkeys(STATISTICS, np.zeros((len(loops), 2))) | {"mae": mae, "rmse": rmse}
     values |= {"mae_late": 2.0 * mae, "rmse_late": 2.0 * rmse}
     ends = np.array([loop.reference.time[-1] for loop in loops])
-    return Batch(values, np.zeros(len(loops), np.int8), ends, np.full(len(loops), 2))
+    return Batch(values, np.zeros(len(loops), np.int8), ends, np.full(len(loops), 2), None)
 
 
 def _size(loop):
