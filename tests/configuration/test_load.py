@@ -267,15 +267,6 @@ def test_controller_without_a_run(controllers: list[int]) -> None:
         load_config(None, "decouple", controllers=[1])
 
 
-@pytest.mark.parametrize(
-    "reading", ["error_rate=low_pass", "estimate_filter=acceleration", "estimate_filter=estimate"]
-)
-def test_a_filter_needs_its_cutoff(reading: str) -> None:
-    assert changed(f"control.readings.{reading}").control.filter_cutoff is not None
-    with pytest.raises(ConfigError):
-        changed(f"control.readings.{reading}", "control.filter_cutoff=null")
-
-
 def test_a_run_longer_than_memory_is_refused() -> None:
     with pytest.raises(ConfigError):
         changed("reference.periods=1000")

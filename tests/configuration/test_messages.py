@@ -144,6 +144,19 @@ def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at
     assert first.startswith(f"{name}.yaml:{line}: {message}")
 
 
+@pytest.mark.parametrize(
+    "reading", ["error_rate=low_pass", "estimate_filter=acceleration", "estimate_filter=estimate"]
+)
+def test_a_filter_needs_its_cutoff(files: Files, reading: str) -> None:
+    text, path, changed = TEXTS["compare"], files.path("compare"), [f"control.readings.{reading}"]
+    assert load_config(path, "compare", overrides=changed)
+    start = text.index("  filter_cutoff:")
+    files.replace("compare", text[start : text.index("\n\n", start)], "")
+    assert load_config(path, "compare")
+    with pytest.raises(ConfigError):
+        load_config(path, "compare", overrides=changed)
+
+
 def test_a_step_may_be_there_from_the_start(files: Files) -> None:
     files.replace("compare", "  kind: none ", STEP.replace("1.5", "0"))
     assert load_config(files.path("compare"), "compare").config.disturbance.kind == "step"
