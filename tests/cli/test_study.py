@@ -75,7 +75,8 @@ def test_options_reach_their_function(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, function: str, words: str, given: dict[str, Any]
 ) -> None:
     module, name = f"tendonrepro.{function}".rsplit(".", 1)
-    parameters, asked = inspect.signature(getattr(import_module(module), name)), {}
+    parameters = inspect.signature(getattr(import_module(module), name))
+    asked: dict[str, Any] = {}
 
     def stub(*args: Any, **others: Any) -> None:
         asked.update(parameters.bind(*args, **others).arguments)
