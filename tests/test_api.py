@@ -20,6 +20,7 @@ from support import ROOT
 import tendonrepro as tr
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.evidence.predict import READINGS
 from tendonrepro.files import to_json
 from tendonrepro.identification.command import run_identify
 from tendonrepro.monte_carlo.command import run_ensemble
@@ -159,6 +160,30 @@ def test_what_all_commands_share_is_asked_for(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(StopIteration):
         tr.tune(3, config="mine", set={"a.b": [1, 2]}, seed=2, out="x", force=True)
     assert asked == [Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True), 3]
+
+
+@pytest.mark.parametrize(
+    ("function", "words", "given"),
+    [
+        ("evidence.predict.run_predict", {"draws": 3, "readings": "printed"}, {}),
+        ("evidence.predict.run_predict", {}, {"draws": 256, "readings": READINGS}),
+        ("validation.command.run_validate", {"measured": "x.h5"}, {"measured": Path("x.h5")}),
+    ],
+)
+def test_arguments_reach_the_command(
+    monkeypatch: pytest.MonkeyPatch, function: str, words: dict[str, Any], given: dict[str, Any]
+) -> None:
+    asked: dict[str, Any] = {}
+
+    def run(**found: Any) -> None:
+        asked.update(found)
+        raise StopIteration
+
+    monkeypatch.setattr(f"tendonrepro.{function}", run)
+    with pytest.raises(StopIteration):
+        getattr(tr, function.rpartition("run_")[2])(**words)
+    del asked["request"], asked["talk"]
+    assert asked == words | given
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

@@ -69,6 +69,8 @@ MISTAKES = [
     ("link_mass_2:", "link_mas_2:", "unknown key 'link_mas_2', did you mean 'link_mass_2'"),
     ("low: 40, ", "low: 4000, ", "tendon_stiffness_2.low: must be below high, 2000, found 4000"),
     ("nominal: 280,", "nominal: 15,", "nominal: must be from 40 to 2000, found 15"),
+    ("nominal: 280,", "nominal: 2001,", "nominal: must be from 40 to 2000, found 2001"),
+    ("low: 40, ", "low: 2000, ", "tendon_stiffness_2.low: must be below high, 2000, found 2000"),
     ("12, scale: linear, unit: s", "12, scale: linear, unit: m", "box.period.unit: must be s or ms, found"),
     ("low: 0.55,", "low: -1,", "reducer_efficiency.low: must be above 0"),
     ("[none, sine, noise]", "[none, sinus]", "must be one of none, sine, noise, found 'sinus'"),

@@ -267,6 +267,17 @@ def test_controller_without_a_run(controllers: list[int]) -> None:
         load_config(None, "decouple", controllers=[1])
 
 
+def test_a_file_goes_before_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("compare").write_text(load_config(None, "compare", seed=9).yaml_text, encoding="utf-8")
+    assert load_config("compare", "compare").config.seed.value == 9
+
+
+def test_a_run_longer_than_memory_is_refused() -> None:
+    with pytest.raises(ConfigError):
+        changed("reference.periods=1000")
+
+
 # ---- copies and schema -------------------------------------------------------------------------------------
 
 

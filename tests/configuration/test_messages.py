@@ -129,6 +129,9 @@ OTHER_LINE = [
      "solver.max_step.value"),
     ("compare", "  kind: none ", STEP.replace("1.5", "1.0005"), "  start: {", "disturbance.start.value"),
     ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 1]"), "  band:", "disturbance.band.value"),
+    ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 9]"), "  band:", "disturbance.band.value"),
+    ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n", "    value:  0.3",
+     "solver.max_step.value"),
 ]  # fmt: skip
 
 
@@ -139,6 +142,24 @@ def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at
     line = text[: text.index(at)].count("\n") + 1
     first, *_ = files.mistakes("decouple" if name == "decouple" else "compare")
     assert first.startswith(f"{name}.yaml:{line}: {message}")
+
+
+@pytest.mark.parametrize(
+    "reading", ["error_rate=low_pass", "estimate_filter=acceleration", "estimate_filter=estimate"]
+)
+def test_a_filter_needs_its_cutoff(files: Files, reading: str) -> None:
+    text, path, changed = TEXTS["compare"], files.path("compare"), [f"control.readings.{reading}"]
+    assert load_config(path, "compare", overrides=changed)
+    start = text.index("  filter_cutoff:")
+    files.replace("compare", text[start : text.index("\n\n", start)], "")
+    assert load_config(path, "compare")
+    with pytest.raises(ConfigError):
+        load_config(path, "compare", overrides=changed)
+
+
+def test_a_step_may_be_there_from_the_start(files: Files) -> None:
+    files.replace("compare", "  kind: none ", STEP.replace("1.5", "0"))
+    assert load_config(files.path("compare"), "compare").config.disturbance.kind == "step"
 
 
 def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:

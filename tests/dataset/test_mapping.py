@@ -1,7 +1,10 @@
 """The mapping file: what its lines mean, and which line is wrong."""
 
+import numpy as np
 import pytest
 
+from tendonrepro.dataset.arrays import Columns, Source
+from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
 from tendonrepro.errors import ConfigError
 
@@ -59,3 +62,25 @@ def test_the_line_of_a_mistake_is_named(old, new, line):
     with pytest.raises(ConfigError) as caught:
         parse_mapping(GOOD.replace(old, new, 1), "m.yaml", 0.2)
     assert f"m.yaml:{line}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("step", "unit", "checks"),
+    [(0.01, "s", 4), (0.1, "s", 4), (0.2, "ms", 5), (10.0, "ms", 5), (1e4, "us", 5), (1e7, "ns", 5)],
+)
+def test_units_that_no_name_says_are_guessed_by_size(step, unit, checks):
+    """Angles beyond half a turn of 3.14 rad are degrees; each guess has its mark, but for seconds."""
+    sizes = {"q2": 3.1, "qd2": 3.3, "tau2": 1.0, "dq2": 1.0}
+    columns = {"t": step * np.arange(20.0)} | {name: np.linspace(0.0, x, 20) for name, x in sizes.items()}
+    text = guess_mapping([Source("controller_1.csv", Columns(columns), {})], "SYNTHETIC")["suggestion"]
+    found = parse_mapping(text, "m.yaml", 0.2)
+    units = {name: use.unit for name, use in found.runs["controller_1"].columns.items()}
+    assert units == {"t": unit, "q2": "rad", "qd2": "deg", "tau2": "N m", "dq2": "deg/s"}
+    assert len(found.guesses) == checks
+
+
+@pytest.mark.parametrize(("mass", "payload"), [("0.2kg", 0.2), ("0.5kg", 0.5)])
+def test_a_payload_in_a_name_is_that_of_the_run(mass, payload):
+    columns = Columns({"t (s)": np.arange(20.0), "q2 (deg)": np.arange(20.0)})
+    text = guess_mapping([Source(f"controller_1 {mass}.csv", columns, {})], "SYNTHETIC")["suggestion"]
+    assert parse_mapping(text, "m.yaml", 0.2).runs["controller_1_payload"].payload_mass_kg == payload

@@ -115,6 +115,17 @@ class TestLaw:
             ("gain_unit=law_in_degrees", "M_bar", 0.01 * DEGREES_PER_RADIAN),
             ("gain_unit=law_in_degrees", "power_floor", 0.022),
             ("error_rate=low_pass", "rate_filter", 1.0 - np.exp(-2.0 * np.pi * 77.0 * 1e-3)),
+            ("estimate_filter=acceleration", "ddq_filter", 1.0 - np.exp(-2.0 * np.pi * 77.0 * 1e-3)),
+            ("estimate_filter=estimate", "estimate_filter", 1.0 - np.exp(-2.0 * np.pi * 77.0 * 1e-3)),
+            ("error_rate=difference_of_error", "error_differenced", True),
+            ("stored_torque=applied", "stores_applied", True),
+            ("feedback=motor", "motor_side", True),
+            ("Delta_unit=deg", "Delta", np.deg2rad(0.2)),
+            ("gain_unit=phi_in_degrees", "Delta", 0.2),
+            ("delay_time=four_periods", "lag", 4),
+            # Rated 0.32 N m before a reducer of 100; 3 V stand for all of it.
+            ("torque_unit=percent_of_rated", "to_joint", 0.32 * np.eye(2)),
+            ("torque_unit=volt", "to_joint", 32.0 / 3.0 * np.eye(2)),
         ],
     )
     def test_readings(self, reading, field, value):
@@ -144,6 +155,22 @@ class TestPlants:
     def test_start_of_each_run(self):
         built, cold = loops(SHORT), loops(SHORT, "control.readings.start=cold")
         assert [{loop.cold for loop in found.values()} for found in (built, cold)] == [{False}, {True}]
+
+    def test_instruments_and_solver_are_those_of_the_configuration(self):
+        parts = {
+            "manipulator.encoders.joint": {"resolution": 0.5, "noise": 0.25},
+            "manipulator.encoders.motor": {"resolution": 0.125, "noise": 0.0625},
+            "manipulator.actuator": {"torque_resolution": 0.02, "torque_noise": 0.03},
+            "solver": {"rtol": 1e-4, "atol": 1e-6, "max_step": 0.5},
+            "status": {"divergence_limit": 7},
+        }
+        keys = [f"{part}.{key}={value}" for part, held in parts.items() for key, value in held.items()]
+        loop = loops(SHORT, *keys, "seed=5")["controller_1"]
+        assert np.rad2deg(loop.joint_encoder) == pytest.approx([0.5, 0.25])
+        assert np.rad2deg(loop.motor_encoder) == pytest.approx([0.125, 0.0625])
+        assert (loop.actuator.resolution, loop.actuator.noise, loop.seed) == (0.02, 0.03, 5)
+        assert (loop.solver.rtol, loop.solver.atol, loop.solver.max_step) == (1e-4, 1e-6, 5e-4)
+        assert np.rad2deg(loop.divergence_limit) == pytest.approx(7.0)
 
     def test_decoupling_runs(self):
         built = loops(experiment="decouple")
@@ -184,7 +211,7 @@ class TestReference:
     def test_turns(self):
         text = motion("minimum_jerk", [10, 20], rise=0.3, hold=0.2, periods=2)
         found = reference(f"reference={text[:-1]}, turns: [[2], [3], [2, 3]]}}")
-        assert found.time[-1] == pytest.approx(6.0)
+        assert (found.time[-1], found.period) == pytest.approx((6.0, 3.0))
         moves = np.abs(found.q_d[:-1]).reshape(6, 1000, 2).max(axis=1)
         pattern = [[1, 0], [0, 1], [1, 1]] * 2
         np.testing.assert_allclose(np.rad2deg(moves), pattern * np.array([10.0, 20.0]), rtol=1e-9)
@@ -197,6 +224,12 @@ class TestReference:
         found = reference(f"reference={{kind: per_joint, references: [{', '.join(parts)}]}}")
         np.testing.assert_allclose(found.q_d[500], np.deg2rad([10.0, 20.0 * 0.964506]), rtol=1e-5)
         np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
+        assert found.period == 0.0  # 1 s and 2 s
+
+    def test_strokes_of_a_trapezoid_turn_back_together(self):
+        rates = reference(f"reference={TRAPEZOID}").dq_d
+        assert (rates[1999] == 0.0).all()
+        assert (rates[2001] < 0.0).all()
 
     @pytest.mark.parametrize(
         ("experiment", "key"), [("compare", "reference"), ("decouple", "runs.decouple.reference")]
@@ -252,7 +285,13 @@ class TestSampledReference:
             reference(self.config(tmp_path, ["q2_deg"]))
         override, path = self.config(tmp_path, ["q2_deg", "q3_deg"]), tmp_path / "motion.csv"
         head, first, *rest = path.read_text().splitlines()
-        path.write_text("\n".join([head, f"{first.rpartition(',')[0]},0.5", *rest]))
-        loaded.cache_clear()
-        with pytest.raises(ConfigError, match=r"motion.csv:2: joint 3 starts at 0.5 deg"):
-            reference(override)
+        for start in ("0.5", "-0.5"):
+            path.write_text("\n".join([head, f"{first.rpartition(',')[0]},{start}", *rest]))
+            loaded.cache_clear()
+            with pytest.raises(ConfigError, match=rf"motion.csv:2: joint 3 starts at {start} deg"):
+                reference(override)
+
+    def test_a_file_shorter_than_a_period_is_no_motion(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(self, "TIME", 1e-4 * self.TIME)
+        with pytest.raises(ConfigError, match=r"1 to 1e\+06 periods"):
+            reference(self.config(tmp_path, ["q2_deg", "q3_deg"]))

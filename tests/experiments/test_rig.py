@@ -82,6 +82,11 @@ class TestDrive:
         drive = build_drive(config_of(experiment, f"manipulator.{override}"))
         assert getattr(drive, field) == pytest.approx(value, rel=1e-12)
 
+    def test_the_common_factor_is_on_every_damping(self):
+        keys = ("axial_damping=[1, 2, 3]", "damping_factor=5")
+        drive = build_drive(config_of("compare", *(f"manipulator.tendons.{key}" for key in keys)))
+        assert drive.damping == pytest.approx([5.0 * 2.0 * 0.0185**2, 5.0 * 3.0 * 0.0185**2], rel=1e-12)
+
 
 def test_tensioner_torque_at_each_joint():
     assert (build_preload(COMPARE) == 0.0).all()

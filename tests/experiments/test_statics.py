@@ -1,6 +1,7 @@
 """Tensions over the half-plane: against single postures worked by hand, and as text, pictures and files."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from support.oracles import TABLE_1, coupling_by_columns
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
+from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics.command import (
     RESERVE,
     half_plane,
@@ -45,6 +47,26 @@ def tension_by_hand(course, deg, payload=0.0, force=17.0):
     weight = np.array([(potential(turn) - potential(-turn)) / 2e-5 for turn in step])
     rope = coupling_by_columns(TABLE_1) * 0.0185
     return np.linalg.solve(rope.T, weight - RADIUS[course] * force)
+
+
+@pytest.mark.parametrize("course", RADIUS)
+def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
+    """17 N in the start posture, stretched by 0.1 m there."""
+    start, radius = found.data["start_link_angles_deg"], RADIUS[course]
+    for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
+        deg = [45.0, 2.0 * before, 2.0 * last]
+        drawn = -radius @ np.diff(np.deg2rad(np.subtract(deg, start)), prepend=0.0)
+        smallest = tension_by_hand(course, deg, force=max(17.0 + 170.0 * drawn, 0.0)).min()
+        assert found.maps[course].least["spring"][last, before] == pytest.approx(smallest, abs=1e-6)
+    # By the links' own angles; each turns from 0 to pi.
+    travel = 1e3 * np.pi * np.abs(np.diff(radius, append=0.0)).sum()
+    assert found.data["courses"][course]["change_of_length_mm"] == pytest.approx(travel)
+
+
+def test_one_moving_joint_is_refused():
+    loaded = load_config(None, "compare")
+    with pytest.raises(ConfigError):
+        survey(replace(loaded, config=loaded.config.model_copy(update={"joints": (3,)})))
 
 
 @pytest.mark.parametrize("course", RADIUS)

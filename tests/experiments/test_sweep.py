@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
 
+from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
@@ -171,6 +173,17 @@ class TestValues:
             assert point.loaded.config.solver.max_step.si == point.loaded.config.sampling_period.si
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
             load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
+
+    def test_a_swept_seed_leaves_no_place_for_another(self):
+        assert len(load_sweep(Request(), ["seed=1,2"]).points) == 2
+        with pytest.raises(UsageError):
+            load_sweep(Request(seed=3), ["seed=1,2"])
+
+    def test_files_of_all_points_are_inputs(self, tmp_path):
+        arms = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
+        for arm in arms:
+            arm.write_text(read_text(shipped_folder() / "lumidouce_ii.yaml"), encoding="utf-8")
+        assert set(arms) <= {*load_sweep(Request(), [f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"

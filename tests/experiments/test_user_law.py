@@ -11,7 +11,7 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.report import outcome_of
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import simulate_run, trace_file
-from tendonrepro.experiments.user_law import checked, laws_of, with_user_laws
+from tendonrepro.experiments.user_law import checked, laws_of, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
 from tendonrepro.results.figures.catalogue import draw
@@ -35,6 +35,7 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
         (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
         (LAW.format(body="return q[:1]"), None, "must return tau"),
+        (LAW.format(body="return q + 0j"), None, "must return tau"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
     ],
 )
@@ -119,6 +120,23 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
     assert data["ranking"]["joint_2"]["mae"]["order"][-1] == "away"
     words = [text.get_text() for text in draw(14, file).figure.legends[0].get_texts()]
     assert any("PD-law" in word for word in words)
+
+
+def test_a_law_runs_as_the_first_one_does_and_with_the_payload():
+    law = laws_of((), {"mine": abs})[0]
+    both = {"mine": "controller_1", "mine_payload": "controller_1_payload"}
+    assert runs_of(law, load_config(None, "compare").config) == both
+    assert runs_of(law, load_config(None, "compare", controllers=[2]).config) == {"mine": "controller_2"}
+
+
+def test_the_text_of_a_law_counts(tmp_path):
+    path, digests = tmp_path / "own.py", set()
+    for body in ("return q", "return 2 * q"):
+        path.write_text(LAW.format(body=body))
+        loaded = with_user_laws(load_config(None, "compare"), laws_of([f"{path}:mine"]))
+        digests.add(loaded.sha256)
+        assert loaded.inputs[-1] == path
+    assert len(digests) == 2
 
 
 def test_a_law_needs_a_name_that_files_can_bear():
