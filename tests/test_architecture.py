@@ -67,7 +67,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1_708,
     "configuration": 1_596,
-    "results": 1_955,
+    "results": 1_956,
     "experiments": 1_386,
     "analysis": 629,
     "evidence": 986,
