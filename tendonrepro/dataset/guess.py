@@ -21,6 +21,7 @@ Lines: TypeAlias = dict[str, tuple[str, str]]
 
 _USUAL = {"rate": "deg/s", "torque": "N m"}
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
+_OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
 _PAPERS_PAYLOAD = 0.2
@@ -75,6 +76,10 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
     numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
     counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
     is_compared = any(one.controller for one in (*said.values(), *around))
+    # Angles of joints in one table share a unit: a small error alone would pass for radians.
+    joints = [column for column, name in variables.items() if name in _OF_JOINTS and not said[column].unit]
+    sizes = [source.columns[column] for column in joints if source.columns[column].dtype.kind == "f"]
+    most = max((_largest(values) for values in sizes), default=0.0)
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
     shift = int(is_compared and counted == {1, 2})
     for column, values in source.columns.items():
@@ -84,7 +89,7 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
             number = joint if joint in (1, 2, 3) else "JOINT"
             yield f"{_scalar(column)}: {variable or 'VARIABLE'} {number} {one.unit or 'UNIT'}  # {problem}"
             continue
-        unit, sized = _unit(variable, one.unit, values)
+        unit, sized = _unit(variable, one.unit, values, most)
         use = Use(variable, 0 if variable == "time" else joint, unit)
         checks = list(_checks(one, use, sized))
         if use.joint and (shift or one.joint is None):
@@ -132,8 +137,15 @@ def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
     return "" if is_joint else "its name has no joint from 1 to 3"
 
 
-def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
-    """Unit of a column, as its name says, else by the size of its numbers, which is told."""
+def _largest(values: Array) -> float:
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
+def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[str, str]:
+    """Unit of a column, as its name says, else by the size of its numbers, which is told.
+
+    ``most`` is the largest angle of a joint in the table.
+    """
     kind = kind_of(variable)
     if kind is None or said in FACTORS[kind]:
         return said or "", ""
@@ -143,7 +155,7 @@ def _unit(variable: str, said: str | None, values: Array) -> tuple[str, str]:
         unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
         return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
     if kind == "angle":
-        most = float(np.nanmax(np.abs(values), initial=0.0))
+        most = most if variable in _OF_JOINTS else _largest(values)
         return "deg" if most > _MOST_RADIANS else "rad", f"no unit, up to {most:.3g}"
     return _USUAL[kind], "no unit"
 

@@ -65,17 +65,25 @@ def test_the_line_of_a_mistake_is_named(old, new, line):
 
 
 @pytest.mark.parametrize(
-    ("step", "unit", "checks"),
-    [(0.01, "s", 4), (0.1, "s", 4), (0.2, "ms", 5), (10.0, "ms", 5), (1e4, "us", 5), (1e7, "ns", 5)],
+    ("step", "unit", "most", "checks"),
+    [
+        (0.01, "s", 3.1, 5),
+        (0.1, "s", 3.3, 5),
+        (0.2, "ms", 3.1, 6),
+        (10.0, "ms", 3.3, 6),
+        (1e4, "us", 3.3, 6),
+        (1e7, "ns", 3.3, 6),
+    ],
 )
-def test_units_that_no_name_says_are_guessed_by_size(step, unit, checks):
-    """Angles beyond half a turn of 3.14 rad are degrees; each guess has its mark, but for seconds."""
-    sizes = {"q2": 3.1, "qd2": 3.3, "tau2": 1.0, "dq2": 1.0}
+def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
+    """Beyond half a turn the angles of a table are degrees; but for seconds a guess has its mark."""
+    sizes = {"q2": 3.0, "qd2": most, "e2": 0.4, "tau2": 1.0, "dq2": 1.0}
     columns = {"t": step * np.arange(20.0)} | {name: np.linspace(0.0, x, 20) for name, x in sizes.items()}
     text = guess_mapping([Source("controller_1.csv", Columns(columns), {})], "SYNTHETIC")["suggestion"]
     found = parse_mapping(text, "m.yaml", 0.2)
     units = {name: use.unit for name, use in found.runs["controller_1"].columns.items()}
-    assert units == {"t": unit, "q2": "rad", "qd2": "deg", "tau2": "N m", "dq2": "deg/s"}
+    angle = "deg" if most > 3.2 else "rad"
+    assert units == {"t": unit, "q2": angle, "qd2": angle, "e2": angle, "tau2": "N m", "dq2": "deg/s"}
     assert len(found.guesses) == checks
 
 
