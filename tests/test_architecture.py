@@ -73,7 +73,7 @@ BUDGETS = {
     "evidence": 986,
     "monte_carlo": 1_208,
     "identification": 640,
-    "dataset": 1_679,
+    "dataset": 1_685,
     "tuning": 700,
     "verdicts": 1_651,
     "validation": 402,
