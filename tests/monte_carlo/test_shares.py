@@ -24,7 +24,10 @@ from support.made_ensemble import (
 
 from tendonrepro.configuration.published import published
 from tendonrepro.monte_carlo.shares import (
+    METRICS,
     QUANTILES,
+    RATIOS,
+    agreement,
     printed_ratios,
     quantiles_of,
     reading_summary,
@@ -260,6 +263,20 @@ def test_a_reading_that_makes_the_print_agrees_and_another_cannot():
     nowhere_stable = ensemble(random_errors, lambda *_: np.full(PLANTS, RINGING, np.int8))
     for data, verdict in ((printed_like(1.17), "in part"), (nowhere_stable, "no plant")):
         assert reading_summary(data, "printed")["agreement"]["verdict"] == verdict
+
+
+@pytest.mark.parametrize(
+    ("printed", "verdict"),
+    [(0.6, "agrees"), (1.4, "agrees"), (0.4, "in part"), (1.6, "in part"), (0.2, "cannot"), (2.1, "cannot")],
+)
+def test_a_print_agrees_inside_the_central_90_percent(printed, verdict):
+    levels = {"q05": 0.5, "q25": 0.7, "q75": 1.3, "q95": 1.5}
+    held = {name: {"value": value} for name, value in levels.items()}
+    held |= {"plants": 400, "printed": printed, "lowest": 0.3, "highest": 2.0}
+    joints = {f"joint_{joint}": held for joint in JOINTS}
+    found = {key: {"all_ok": dict.fromkeys(METRICS, joints)} for key in RATIOS}
+    found["share_c1_lt_c2_lt_c3"] = {"all_ok": {"mae": {"both": {"plants": 400}}}}
+    assert agreement(found, JOINTS)["verdict"] == verdict
 
 
 @pytest.mark.parametrize(("plants", "verdict"), [(99, "too few"), (100, "agrees")])
