@@ -1,7 +1,7 @@
-"""What an ensemble left on disk: which blocks are there, and what they hold.
+"""What an ensemble left on disk.
 
-Opening shards takes longer than reading them, so of a small ensemble an array of all cases is kept once one
-of them was asked for. Of a large one memory holds only what is asked for.
+Opening shards takes longer than reading them. So an array of all cases of a small ensemble is kept once one
+of them was asked for; of a large one, only what was asked for.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PLAN = "plan.json"
 class EnsembleData:
     """One population of one ensemble; N draws of P numbers, n joints.
 
-    Draws stand in canonical order, scrambling after scrambling, whatever the order they were made in.
+    Draws stand in canonical order, scrambling after scrambling.
 
     Attributes
     ----------
@@ -41,16 +41,16 @@ class EnsembleData:
     joints : tuple of int
         The paper's numbers of the n joints.
     alpha : tuple of float
-        Weights of Controller 1's estimator as configured, one a joint.
+        Configured weights of Controller 1's estimator, one a joint.
     runs : tuple of str
     names : tuple of str
-        Of the P numbers drawn.
+        Of the P numbers.
     readings : tuple of str
-        Names that `status` and `statistic` take, as those of variations, which are no readings of the paper.
+        Those of the paper, and variations, which are none.
     lookup : mapping
         ``(run, reading or variation)`` -> place of its case.
     files : mapping of Block to Path
-        Shards by their blocks, in order.
+        In order.
     identity, planned
         Of the ensemble, and how many draws it was to have.
     """
@@ -78,7 +78,7 @@ class EnsembleData:
 
     @cached_property
     def replicate(self) -> NDArray[np.int64]:
-        """Number of the scrambling of each draw, (N,)."""
+        """Scrambling of each draw, (N,)."""
         return np.concatenate([np.full(block.count, block.replicate) for block in self.files])
 
     def has(self, run: str, reading: str) -> bool:
@@ -86,7 +86,7 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run under a reading or variation, (N,); see `physics.metrics.STATUSES`.
+        """Status codes of a run, (N,); see `physics.metrics.STATUSES`.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class EnsembleData:
         return values
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
-        """One array of one case over all draws."""
+        """An array of one case over all draws."""
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
@@ -131,7 +131,7 @@ def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
     folder : Path
         Results folder.
     population : str
-        ``box``, or ``firm`` for the one where only rows of high and medium confidence vary.
+        ``box``, or ``firm``, where only rows of high and medium confidence vary.
 
     Raises
     ------

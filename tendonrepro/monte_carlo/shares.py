@@ -1,4 +1,4 @@
-"""Shares of the box and quantiles over it, each with an interval from independent scramblings."""
+"""Shares and quantiles over the box, with intervals from independent scramblings."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ Ends: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of some plants on which a statement holds, with its interval over the scramblings.
+    """Part of some plants on which a statement holds.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Share:
     plants: int
 
     def as_row(self) -> dict[str, Any]:
-        """Plain data with the interval's ends apart."""
+        """Plain data, the interval's ends apart."""
         low, high = self.interval or (None, None)
         share = self.share if self.plants else None
         return {"share": share, "low": low, "high": high, "plants": self.plants}
@@ -73,7 +73,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Spread:
-    """Median and central 90 % of a number, with intervals of both ends over the scramblings."""
+    """Median and central 90 % of a number, with intervals of both ends."""
 
     median: float
     low: float
@@ -86,18 +86,18 @@ class Spread:
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
     """Share of the counted plants that are hits, with its interval.
 
-    The interval is Student's, 95 %, from the scatter of the scramblings. Each scrambling counts by its number
-    of plants (the linearised ratio estimator), so one with few counted plants cannot distort it; with equal
-    numbers it is the plain t interval of their means. Where no scrambling differs from 0 or 1 there is no
-    scatter, and the open end is where a share would show no exception among so many plants once in 20 times.
+    The interval is Student's, 95 %, from the scatter of the scramblings. Each counts by its number of plants
+    (the linearised ratio estimator), so one with few cannot distort it; equal numbers give the plain t
+    interval of the means. Where every scrambling gives 0, or 1, there is no scatter. The open end is then the
+    share that would show no exception among so many plants once in 20 times.
 
     Parameters
     ----------
     hits : bool array (N,)
     replicate : int array (N,)
-        Number of the scrambling.
+        Scrambling of each plant.
     counted : bool array (N,), optional
-        Plants that count; all if not given.
+        Plants that count; by default all.
     """
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
@@ -122,10 +122,10 @@ def _half_width(values: Array) -> float:
 
 
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
-    """Quantiles over plants (M,), each with the t interval of the scramblings' own quantiles around it.
+    """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is always the value of one of the plants (inverted distribution function), so infinite values
-    do no harm; NaN would. What is undefined is None.
+    A quantile is always one plant's value (inverted distribution function), so infinite values do no harm;
+    NaN would. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}
@@ -148,9 +148,9 @@ def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
     Parameters
     ----------
     values : array (K,)
-        One per plant judged, K > 0, finite.
+        One per plant, K > 0, finite.
     replicate : int array (K,)
-        Scrambling each plant belongs to.
+        Scrambling of each plant.
     """
     found = quantiles_of(values, replicate)
     low, high = found["q05"], found["q95"]
@@ -192,8 +192,8 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
 
-    Rankings and ratios are given over each of the sets of `_plants`, then by metric, then for ``both`` joints
-    or each; ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``,
+    which has no scale, is by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -234,12 +234,11 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
-    """The two sets of plants that every ranking is given over, from statuses of the controllers, (3, N).
+    """The two sets of plants for every ranking, from statuses of the controllers, (3, N).
 
-    ``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all on which not all three
-    diverged; a law that did has an infinite error, so that it comes last and two that did are not in order; a
-    law that rings is ranked by the error it has. Plants that the integrator could not resolve are in neither,
-    and are counted.
+    ``all_ok``: the three laws are ``ok``. ``diverged_last``: not all three diverged. A law that did has an
+    infinite error: it comes last, and two such are not in order. One that rings is ranked by its error.
+    Plants that the integrator could not resolve are in neither, and are counted.
     """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
@@ -253,7 +252,7 @@ def _quantiles(data: EnsembleData, values: Array, kept: Flags) -> dict[str, Any]
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
 ) -> dict[str, Any]:
-    """Shares over both joints together and over each, from flags (N, n)."""
+    """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
 
@@ -261,7 +260,7 @@ def _shares(
 def _ratio_quantiles(
     data: EnsembleData, errors: Array, kept: Flags, printed: Sequence[float]
 ) -> dict[str, Any]:
-    """Quantiles of the ratio of two controllers' errors, (2, N, n); where both diverged there is none."""
+    """Quantiles of the ratio of two controllers' errors, (2, N, n); none where both diverged."""
     defined = kept[:, np.newaxis] & np.isfinite(errors).any(axis=0) & (errors[1] > 0.0)
     ratio = errors[0] / errors[1]
     return {
@@ -275,12 +274,12 @@ def _shapes(
 ) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
-    Its growth is that of the last controller over that of the first. The distance of a plant is the root mean
-    square of log(ours/printed) over what Table 2 says without a scale: the ratios C1/C2 and C2/C3 of the MAE
-    and each RMSE/MAE, per joint. Beside it the shares on which other results of the paper hold on all joints,
-    alone, with the printed order, and all together: Controller 1's torque has the smallest steps, RMSE/MAE
-    rises; and that of the reverse order where every MAE is within a factor `NEAR` of the print. Arrays are
-    (3, N, n), of plants on which all three controllers are ``ok``.
+    Arrays are (3, N, n), of plants on which all three controllers are ``ok``. Growth is the last controller's
+    over the first's. A plant's distance is the root mean square of log(ours/printed) over what Table 2 says
+    without a scale, per joint: the ratios C1/C2 and C2/C3 of the MAE, and each RMSE/MAE. Beside it are shares
+    on which other results of the paper hold on all joints, alone, with the printed order, and all together:
+    Controller 1's torque has the smallest steps; RMSE/MAE rises. Last comes the share of the reverse order
+    where every MAE is within a factor `NEAR` of the print.
     """
     shape = rmse / mae
     defined = np.isfinite(shape).all(axis=(0, 2))
@@ -327,13 +326,13 @@ def printed_shape(run: str, joint: int) -> float:
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
-    """Ratio of two controllers' printed errors, Table 2, for each joint; NaN where none is printed."""
+    """Ratio of two controllers' errors in Table 2 for each joint; NaN where not printed."""
     above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
     return [a / b for a, b in zip(above, below, strict=True)]
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """Share of all plants on which each run ended in each status, with its ``count``."""
+    """Share and ``count`` of all plants on which each run ended in each status."""
     return {
         run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
@@ -345,10 +344,10 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 
 def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
-    """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
+    """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
-    ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
-    when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
+    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant. ``no plant``: none to
+    compare with. ``too few``: below `LEAST_PLANTS`. Else ``in part``.
     """
     judged = {
         f"{key} {metric} joint {joint}": held

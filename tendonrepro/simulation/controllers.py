@@ -22,9 +22,9 @@ class TimeDelayController:
     ----------
     law : Law
     command : CommandFunction, optional
-        A user's; the package's own, as machine code, if there is none.
+        A user's; by default the package's own, as machine code.
     on_lanes : bool
-        The command is arithmetic that chooses by `choose`, so that it becomes machine code too.
+        The command is arithmetic that chooses by `choose`, so it becomes machine code too.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")
@@ -33,7 +33,7 @@ class TimeDelayController:
     on_lanes: bool = False
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
+        """Lumped dynamics, Eq. (6), and estimation error, Eq. (19), in joint coordinates."""
         del plant
         M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
         H = variables["tau_m"] - variables["ddq"] @ M_bar.T
@@ -43,7 +43,7 @@ class TimeDelayController:
 
 @dataclass(frozen=True)
 class PositionController:
-    """Stiff motor-side position loop; knows the motors only through ``S_inv`` of the desired joint angles.
+    """Stiff motor-side position loop; of the desired joint angles it knows only ``S_inv`` of them.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class PositionController:
     law: Servo
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""
+        """Motor angles since the start, and joint angles from their encoders by ``S``."""
         start = variables["theta"][0]
         return {
             "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,

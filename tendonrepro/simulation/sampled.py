@@ -1,6 +1,6 @@
 """One sample of a run beside its plant: encoders, law, motors, and whether it goes on.
 
-Runs on numbers and on symbols alike, so both steppers and a user's own law go through the same lines.
+It takes numbers and symbols, so both steppers and a user's own law share it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Hardware(NamedTuple):
         Where motor angles are zero, in joint coordinates, rad.
     actuator : Actuator
     S, S_inv : array (n, n)
-        Coupling of Eq. (2).
+        Eq. (2).
     limit : float
         Error beyond which a run has diverged, rad.
     """
@@ -56,7 +56,7 @@ class Sampled(NamedTuple):
     Attributes
     ----------
     measured : (array (n,), array (n,))
-        Angles of the joints, those of the motors through S where the law looks at these, and of the motors.
+        Angles of joints, or through S of motors where the law looks at these, and of motors.
     tau, tau_m, torque : array (n,)
         Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
     signals : sequence of array (n,)
@@ -135,7 +135,7 @@ def sample(
 
 
 def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:
-    """What the encoders of joints, or through S those of the motors, and of motors read, rad."""
+    """Read the encoders of joints, or through S those of motors, and of motors, rad."""
     n = len(state) // 4
     turned = times(hardware.S_inv, state[2 * n : 3 * n] - hardware.theta_start)
     q_motor = _counted(turned, noise[n : 2 * n], hardware.motor_encoder)
@@ -152,14 +152,14 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
 
 
 def start(measured: Two, tau: Array, law: Law | Servo) -> Any:
-    """Memory at the first sample, given the torque that acted until then."""
+    """Memory at the first sample, given the torque before."""
     return (measured[1], tau) if isinstance(law, Servo) else start_memory(measured[0], tau, law.lag)
 
 
 def _decide(
     memory: Any, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
 ) -> tuple[Array, tuple[Array, ...], Any, Any]:
-    """Torque by Eq. (17) with estimate and surface, or of position loops beyond the one that held the arm."""
+    """Torque by Eq. (17) with estimate and surface; of position loops, beyond the one that held the arm."""
     if isinstance(law, Servo):
         before, offset = memory
         return offset + servo_torque(measured[1], before, desired[0], desired[1], law), (), None, None

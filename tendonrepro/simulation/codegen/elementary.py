@@ -1,8 +1,7 @@
-"""Elementary functions from plain arithmetic, for code that runs on many lanes at once.
+"""Elementary functions from plain arithmetic, for code on many lanes.
 
-A call of a mathematical library ends a processor's work on several lanes at a time. These forms use nothing
-but ``+ - * /``, rounding down, a choice, and the splitting of a number into mantissa and exponent. They take
-floats, arrays and symbols alike; their error bounds are tested against NumPy.
+A library call would end work on several lanes at a time. These take floats, arrays and symbols. They use only
+``+ - * /``, rounding down, a choice, and splitting into mantissa and exponent.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ def _sine_near(r: Any, k: Any) -> Any:
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a positive number, error below 4e-16 times the larger of 1 and its size.
+    """Natural logarithm for x > 0, error below 4e-16 times the larger of 1 and its size.
 
     Zero is taken for the smallest normal number.
     """
@@ -92,7 +91,7 @@ def power(x: Any, b: Any) -> Any:
 
 
 def horner(x: Any, terms: Sequence[float]) -> Any:
-    """Polynomial with the given coefficients, constant term first."""
+    """Polynomial, constant term first."""
     value: Any = terms[-1]
     for term in reversed(terms[:-1]):
         value = value * x + term
