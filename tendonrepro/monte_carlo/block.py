@@ -117,9 +117,9 @@ def spot_check(
 ) -> dict[str, float | int | str | None]:
     """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
 
-    A hash chooses block, draw and case, so the order of work does not matter; other blocks give an empty
-    answer. ``difference`` is the largest relative one of MAE and RMSE: 0 if both runs diverged or were not
-    resolved, None where the steppers disagree on the status.
+    A hash chooses, so the order of work does not matter; other blocks give an empty answer. ``difference`` is
+    the largest relative one of MAE and RMSE: 0 if both runs diverged or were not resolved, None where the
+    steppers disagree on the status.
     """
     digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))

@@ -22,24 +22,11 @@ _CHOICE = "choice"
 
 @dataclass(frozen=True)
 class Box:
-    """The unknowns, P rows; SI units and radians.
+    """The unknowns, (P,); SI units and radians.
 
-    Attributes
-    ----------
-    names, units : tuple of str
-    low, nominal, high : array (P,)
-        A choice among words counts as the word's place, from 0.
-    scale : tuple of str
-        ``linear``, ``log`` or ``choice``.
-    confidence : tuple of str
-    choices : tuple of array
-        Values of a ``choice``, else empty.
-    words : tuple of tuple of str
-        Names of a choice's values, else empty.
-    free : array (P,) of bool
-        Rows that vary; the others keep `nominal`.
-    shortest_run : float
-        Periods are repeated, at least twice, until a run lasts this long, s.
+    A choice among `words` counts as the word's place, from 0; `scale` is ``linear``, ``log`` or ``choice``.
+    Rows that are not `free` keep `nominal`. Periods are repeated, at least twice, until a run lasts
+    `shortest_run`, s.
     """
 
     names: tuple[str, ...]
@@ -80,12 +67,7 @@ class Box:
 
 
 def make_box(config: EnsembleConfig) -> Box:
-    """Box of a configuration, all rows free.
-
-    Parameters
-    ----------
-    config : EnsembleConfig
-    """
+    """Box of a configuration, all rows free."""
     items = dict(config.box)
     numbers = [_si_numbers(name, row) for name, row in items.items()]
     low, nominal, high, choices = zip(*numbers, strict=True)
@@ -117,20 +99,9 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 
 
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
-    """Points of a scrambled Sobol sequence; each depends on its number alone, not on how blocks are cut.
+    """Points (count, P) in the unit cube, of a scrambled Sobol sequence, from number `first`, counted from 0.
 
-    Parameters
-    ----------
-    box : Box
-    seed, replicate : int
-        Each pair has its own scrambling.
-    first, count : int
-        Number of the first point, from 0, and how many.
-
-    Returns
-    -------
-    array (count, P)
-        In the unit cube.
+    Each depends on its number alone. Each seed and replicate have their own scrambling.
     """
     from scipy.stats import qmc
 
@@ -145,20 +116,6 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
 
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
-    """Configuration of one draw, with every axis of readings as printed.
-
-    Parameters
-    ----------
-    base : LoadedConfig
-        Of `compare`; gives what is not drawn.
-    box : Box
-    values : array (P,)
-        A row of `Box.values`.
-
-    Returns
-    -------
-    CompareConfig
-        Validated; marks what was drawn in its source.
-    """
+    """Validated configuration of one draw (P,), every axis of readings as printed; `base` gives the rest."""
     tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
     return as_printed(CompareConfig.model_validate(tree))

@@ -87,7 +87,6 @@ def run_ensemble(
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
-    """What a run would do."""
     refuse_others(folder, study.identity, command="ensemble", force=force)
     cost = study.cost(draws)
     return {
@@ -187,7 +186,6 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 
 def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
-    """Numbers and tables of a complete ensemble."""
     populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
     of_paper = base_of_paper(study.config)
     summary: dict[str, Any] = {

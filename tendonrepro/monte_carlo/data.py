@@ -1,7 +1,6 @@
 """What an ensemble left on disk.
 
-Opening shards takes longer than reading them. So an array of all cases of a small ensemble is kept once one
-of them was asked for; of a large one, only what was asked for.
+Opening shards takes longer than reading them. So of a small ensemble an array of all cases is kept.
 """
 
 from __future__ import annotations
@@ -30,18 +29,16 @@ PLAN = "plan.json"
 
 @dataclass(frozen=True, eq=False)
 class EnsembleData:
-    """One population of one ensemble; N draws of P numbers, n joints.
-
-    Draws stand in canonical order, scrambling after scrambling.
+    """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
     Attributes
     ----------
     of_paper : bool
         Whether draws start from the paper's arm, gains and payload.
     joints : tuple of int
-        The paper's numbers of the n joints.
+        The paper's numbers.
     alpha : tuple of float
-        Configured weights of Controller 1's estimator, one a joint.
+        Configured weights of Controller 1's estimator.
     runs : tuple of str
     names : tuple of str
         Of the P numbers.
@@ -50,9 +47,9 @@ class EnsembleData:
     lookup : mapping
         ``(run, reading or variation)`` -> place of its case.
     files : mapping of Block to Path
-        In order.
-    identity, planned
-        Of the ensemble, and how many draws it was to have.
+    identity : str
+    planned : int
+        Number of draws.
     """
 
     of_paper: bool
@@ -110,7 +107,6 @@ class EnsembleData:
         return values
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
-        """An array of one case over all draws."""
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
@@ -124,14 +120,7 @@ class EnsembleData:
 
 
 def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
-    """Open a finished ensemble.
-
-    Parameters
-    ----------
-    folder : Path
-        Results folder.
-    population : str
-        ``box``, or ``firm``, where only rows of high and medium confidence vary.
+    """Open a finished ensemble; of population ``firm`` only rows of high and medium confidence vary.
 
     Raises
     ------

@@ -31,8 +31,8 @@ UNEQUAL = 2.0 / 3.0
 def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
     """Plain values of a comparison's configuration, to be validated.
 
-    A draw has a value of every row of the box, SI; a word counts as its place. `base` has the rest. Periods
-    are repeated, at least twice, until the motion lasts `shortest_run`, s.
+    A draw has a value of every row of the box, SI. Periods are repeated, at least twice, until the motion
+    lasts `shortest_run`, s.
     """
     tree: dict[str, Any] = _copied(base)
     arm = tree["manipulator"]
@@ -69,7 +69,7 @@ def _alike(value: float, unit: str, row: str) -> dict[str, Any]:
 
 
 def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
-    """Fill in a manipulator's links from one draw, or from arrays of draws."""
+    """Fill in a manipulator's links from one draw, or arrays of draws."""
     length = draw["link_length_2"], draw["link_length_3"]
     mass = draw["link_mass_2"], draw["link_mass_3"]
     com = draw["link_com_2"] * length[0], draw["link_com_3"] * length[1]

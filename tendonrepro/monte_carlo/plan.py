@@ -62,10 +62,10 @@ def _bare_code(path: Path) -> str:
 class Study:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Every draw starts from the comparison `base`. Claims are judged by the first of the populations `boxes`;
-    `shares` are their parts of the number asked for. `sha256` is of the ensemble's configuration.
-    `replicates` are independent scramblings. A block of `block_draws`, a power of two, is the most work that
-    a kill can cost each process. For `check_every` see `CHECK_EVERY`; 0 checks nothing.
+    Claims are judged by the first of the populations `boxes`; `shares` are their parts of the number asked
+    for. `sha256` is of the ensemble's configuration. `replicates` are independent scramblings. A block of
+    `block_draws`, a power of two, is the most work that a kill can cost a process. For `check_every` see
+    `CHECK_EVERY`; 0 checks nothing.
     """
 
     base: LoadedConfig

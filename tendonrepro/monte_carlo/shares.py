@@ -48,16 +48,9 @@ Ends: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of some plants on which a statement holds.
+    """Part of some plants on which a statement holds; NaN without plants.
 
-    Attributes
-    ----------
-    share : float
-        NaN without plants.
-    interval : tuple of float, or None
-        None with fewer than `LEAST_SCRAMBLINGS` scramblings.
-    plants : int
-        The number counted.
+    The interval is None with fewer than `LEAST_SCRAMBLINGS` scramblings.
     """
 
     share: float
@@ -84,20 +77,12 @@ class Spread:
 
 
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
-    """Share of the counted plants that are hits, with its interval.
+    """Share of the counted plants (N,) that are hits, with its interval; all count by default.
 
     The interval is Student's, 95 %, from the scatter of the scramblings. Each counts by its number of plants
-    (the linearised ratio estimator), so one with few cannot distort it; equal numbers give the plain t
-    interval of the means. Where every scrambling gives 0, or 1, there is no scatter. The open end is then the
-    share that would show no exception among so many plants once in 20 times.
-
-    Parameters
-    ----------
-    hits : bool array (N,)
-    replicate : int array (N,)
-        Scrambling of each plant.
-    counted : bool array (N,), optional
-        Plants that count; by default all.
+    (the linearised ratio estimator), so one with few cannot distort it. Where every scrambling gives 0, or 1,
+    there is no scatter. The open end is then the share that would show no exception among so many plants once
+    in 20 times.
     """
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
@@ -115,7 +100,6 @@ def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = 
 
 
 def _half_width(values: Array) -> float:
-    """Half the width of the t interval of a mean."""
     count = len(values)
     t = float(stdtrit(count - 1, 0.5 + 0.5 * _CONFIDENCE))
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
@@ -143,15 +127,7 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
 
 
 def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
-    """Median and central 90 % of a number over plants.
-
-    Parameters
-    ----------
-    values : array (K,)
-        One per plant, K > 0, finite.
-    replicate : int array (K,)
-        Scrambling of each plant.
-    """
+    """Median and central 90 % of finite values (K,), one per plant, K > 0."""
     found = quantiles_of(values, replicate)
     low, high = found["q05"], found["q95"]
     around = [None if end["low"] is None else (end["low"], end["high"]) for end in (low, high)]
@@ -190,10 +166,10 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 @np.errstate(divide="ignore", invalid="ignore")
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
+    """What one reading makes of the claims.
 
-    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``,
-    which has no scale, is by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``
+    is by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -238,7 +214,7 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
     ``all_ok``: the three laws are ``ok``. ``diverged_last``: not all three diverged. A law that did has an
     infinite error: it comes last, and two such are not in order. One that rings is ranked by its error.
-    Plants that the integrator could not resolve are in neither, and are counted.
+    Plants that the integrator could not resolve are in neither.
     """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
@@ -275,11 +251,11 @@ def _shapes(
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
     Arrays are (3, N, n), of plants on which all three controllers are ``ok``. Growth is the last controller's
-    over the first's. A plant's distance is the root mean square of log(ours/printed) over what Table 2 says
-    without a scale, per joint: the ratios C1/C2 and C2/C3 of the MAE, and each RMSE/MAE. Beside it are shares
-    on which other results of the paper hold on all joints, alone, with the printed order, and all together:
-    Controller 1's torque has the smallest steps; RMSE/MAE rises. Last comes the share of the reverse order
-    where every MAE is within a factor `NEAR` of the print.
+    over the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without
+    a scale, per joint: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE. Other results of the paper are that
+    Controller 1's torque has the smallest steps and that RMSE/MAE rises. Their shares, on all joints, are
+    alone, with the printed order, and all together; and for the reverse order where every MAE is within a
+    factor `NEAR` of the print.
     """
     shape = rmse / mae
     defined = np.isfinite(shape).all(axis=(0, 2))

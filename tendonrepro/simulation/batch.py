@@ -1,8 +1,8 @@
 """Many closed loops at once, by the compiled stepper.
 
-Loops that share the law's branches run through one code, in bundles of lanes. Each leaves statistics and a
-status, on request a trace. Neither neighbours nor the number of processors change a bit of a lane. Parts that
-act in none of a batch's loops are left out; beside loops with one part more, a run moves by some 1e-15.
+Loops that share the law's branches run through one code, in bundles of lanes. Neither neighbours nor the
+number of processors change a bit. Parts that act in no loop of a batch are left out; beside loops with one
+part more, a run moves by some 1e-15.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Batch:
     Attributes
     ----------
     statistics : mapping of str to array (N, n)
-        By the names of `STATISTICS`, SI; NaN where not defined. A diverged run counts up to its end.
+        By the names of `STATISTICS`, SI; NaN where not defined.
     status : array (N,) of int8
         Index into `STATUSES`.
     status_time : array (N,)
@@ -50,7 +50,7 @@ class Batch:
     steps : array (N,) of int64
         Integration steps per sample; 0 where unresolved.
     traces : list of dict, or None
-        As from `stepper.simulate`; None for an unresolved run. Only on request.
+        As from `stepper.simulate`; None for an unresolved run.
     """
 
     statistics: Mapping[str, Array]
@@ -76,17 +76,15 @@ def simulate_batch(
     loops : sequence of Loop
         With the same number of joints.
     limits : object
-        ``ringing_frequency.si``, Hz, above which error is ringing, and ``ringing_share.si``, the share of the
-        error's power from which a run rings.
+        ``ringing_frequency.si``, Hz, above which error is ringing, and ``ringing_share.si`` of its power.
     progress : callable, optional
         Called with the number of runs done since its last call.
     threads : int
     record : bool
         Keep the traces.
     tolerance : float
-        See `tendonrepro.simulation.resolution`. The default leaves q mostly within 1e-6 rad of the truth, and
-        within a tenth of an encoder count as long as no count differs. With ideal encoders 1e-8 gives 1e-9
-        rad.
+        The default leaves q mostly within 1e-6 rad of the truth, and within a tenth of an encoder count as
+        long as no count differs. With ideal encoders 1e-8 gives 1e-9 rad.
 
     Returns
     -------
@@ -152,7 +150,7 @@ def _parts(
 
 
 def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[dict[int, Loop]]:
-    """Loops by place, those of one key together."""
+    """Loops of one key, by place."""
     found: dict[Hashable, dict[int, Loop]] = {}
     for place, loop in enumerate(loops):
         found.setdefault(key(loop), {})[place] = loop
@@ -182,7 +180,6 @@ def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterat
 
 
 def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool) -> Batch:
-    """Results before any run is done."""
     count, n = len(loops), loops[0].plant.preload.size
     return Batch(
         statistics={name: np.full((count, n), np.nan) for name in streaming.STATISTICS},
@@ -194,7 +191,6 @@ def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool
 
 
 def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) -> None:
-    """Fill in the results of a pack."""
     places, L, frequency = list(loops), next(iter(loops.values())).L, limits.ringing_frequency.si
     fast = _fast_shares(ended, _block(L, frequency), L, frequency)
     for name, values in streaming.finished(ended.sums, ended.count, fast).items():
@@ -209,15 +205,14 @@ def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) ->
 
 
 def _block(L: float, frequency: float) -> int:
-    """Samples over which errors are summed up for the spectrum."""
+    """Samples whose errors are summed up for the spectrum."""
     return max(1, int(1.0 / (L * LINES_PER_RINGING * frequency)))
 
 
 def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
     """Share of the error's power above a frequency, (n, M): all of it less the slow lines of its spectrum.
 
-    What summing over blocks does to a line is divided out. A last block that is not full is filled with
-    zeros.
+    What blocks do to a line is divided out. A last block is filled up with zeros.
     """
     slow = np.empty_like(ended.sums["sq_e"])
     for samples in np.unique(ended.count):

@@ -18,13 +18,8 @@ from tendonrepro.simulation.sampled import CommandFunction
 class TimeDelayController:
     """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
 
-    Attributes
-    ----------
-    law : Law
-    command : CommandFunction, optional
-        A user's; by default the package's own, as machine code.
-    on_lanes : bool
-        The command is arithmetic that chooses by `choose`, so it becomes machine code too.
+    A user's `command` runs in Python; without one the package's own becomes machine code, as does one
+    `on_lanes`: arithmetic that chooses by `choose`.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")
@@ -43,12 +38,7 @@ class TimeDelayController:
 
 @dataclass(frozen=True)
 class PositionController:
-    """Stiff motor-side position loop; of the desired joint angles it knows only ``S_inv`` of them.
-
-    Attributes
-    ----------
-    law : Servo
-    """
+    """Stiff motor-side position loop; of the desired joint angles it knows only ``S_inv`` of them."""
 
     signals: ClassVar[tuple[str, ...]] = ()
     command: ClassVar[None] = None

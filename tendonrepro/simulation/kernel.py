@@ -1,7 +1,7 @@
 """The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant.
 
-Pure functions run on symbols for rows of one flat array. Code of a sample finds the plant's rows, motion and
-noise by pointers, one for each lane, that are rows too.
+Pure functions run on symbols for rows of one flat array. A sample finds the plant's rows, motion and noise by
+pointers, which are rows too.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
 def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
 
-    Rows ``steps`` and ``length`` hold number and length, s, of the steps at each level of demand. A lane that
-    meets a higher demand goes back and takes more. One that has ended keeps every bit. Row ``ddq`` receives
-    the joint acceleration at the start.
+    Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A lane that
+    meets a higher demand goes back. One that has ended keeps every bit. Row ``ddq`` receives the joint
+    acceleration at the start.
     """
     n = plant.preload.shape[0]
     code = _Recorder(plant_rows(n))
@@ -161,7 +161,6 @@ def sample_code(
     tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
 
     def at(name: str, index: Any, size: int) -> Symbol:
-        """Where a pointer leads at a sample or block."""
         return tape.write("moved", one(name), index * float(size))
 
     def of_plant(name: str, size: int) -> range:

@@ -16,16 +16,9 @@ from tendonrepro.simulation.controllers import Controller
 
 @dataclass(frozen=True)
 class Solver:
-    """How the plant is integrated between two samples.
+    """How the plant is integrated between two samples, by :class:`scipy.integrate.ode`.
 
-    Attributes
-    ----------
-    method : str
-        Of :class:`scipy.integrate.ode`.
-    rtol, atol : float
-        On the state, rad and rad s⁻¹.
-    max_step : float
-        s.
+    Tolerances are on the state, rad and rad s⁻¹; `max_step` is in s.
     """
 
     method: Literal["dopri5", "dop853", "lsoda"]
@@ -36,16 +29,9 @@ class Solver:
 
 @dataclass(frozen=True)
 class DesiredMotion:
-    """Desired motion at every sample.
+    """Desired motion at every sample, (T,) and (T, n), in s, rad, rad s⁻¹, rad s⁻².
 
-    Attributes
-    ----------
-    time : array (T,)
-        s.
-    q_d, dq_d, ddq_d : array (T, n)
-        rad, rad s⁻¹, rad s⁻².
-    period : float
-        After which it repeats, s; 0 if it does not.
+    It repeats after `period`, s; 0 if it does not.
     """
 
     time: Array
@@ -72,10 +58,9 @@ class Loop:
     divergence_limit : float
         Tracking error that ends the run, rad.
     cold : bool
-        A brake held the arm until the start, and the controller has seen no torque. Else its own holding
-        torque kept the arm at rest.
+        A brake held the arm until the start; else the controller's own holding torque did.
     seed : int
-        Of the instruments' noise; the same for all runs, so all meet the same noise.
+        Of the instruments' noise; all runs meet the same noise.
     """
 
     plant: Plant

@@ -24,8 +24,8 @@ SLICE = 500
 class Ended:
     """What M experiments left behind: samples done, whether they diverged, sums, each (n, M).
 
-    ``blocks`` (M, B, n) are errors summed over blocks of samples, ``trace`` (M, T, columns) the record, empty
-    unless asked for.
+    ``blocks`` (M, B, n) are errors summed over blocks of samples, ``trace`` (M, T, columns) the record if
+    asked for.
     """
 
     count: NDArray[np.int64]
@@ -45,8 +45,7 @@ def run_pack(
 ) -> Ended:
     """Run experiments of one sampling period, by place in the batch.
 
-    Plants and controllers are bundled by their code, each in the order given; a lane of the one knows its
-    lane of the other. ``block`` counts the samples of a block, see `Ended`.
+    Plants and controllers are bundled by their code, in the order given. ``block`` counts a block's samples.
     """
     first, count = next(iter(loops.values())), len(loops)
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
@@ -122,7 +121,6 @@ def _bundled(code: int, values: Array, members: NDArray[np.int64], *, idle: bool
 def _bundles(
     loops: Mapping[int, Loop], parts: Mapping[int, CompiledPart], *, idle: bool = False
 ) -> list[_Bundles]:
-    """Bundles by code, experiments at their start."""
     found = []
     for part in {id(parts[place]): parts[place] for place in loops}.values():
         members = {k: place for k, place in enumerate(loops) if parts[place] is part}

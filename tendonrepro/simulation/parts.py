@@ -68,7 +68,7 @@ def plant_parts(
     """Compile the plants of loops with as many joints and components of the disturbance.
 
     By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
-    none are enough, and its rest. `for_each` is `map`, or one on several threads.
+    none are enough, and its rest. `for_each` may be `map`.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
@@ -181,7 +181,6 @@ def memory_of(loop: Loop, rest: Rest) -> tuple[Any, Array]:
 
 
 def _start(loop: Loop, rest: Rest) -> dict[str, Array]:
-    """Values of a loop's rows at the first sample."""
     memory, tau = memory_of(loop, rest)
     return {
         "memory": np.concatenate([np.ravel(part) for part in memory]),

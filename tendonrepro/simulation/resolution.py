@@ -39,20 +39,10 @@ HIGHEST = 2.0
 
 
 def demand(before: Array, after: Array, plant: Plant) -> Any:
-    """Level of resolution that a step asks for, the highest of all joints and winches.
+    """Level of resolution that a step asks for, (...), the highest of all joints and winches.
 
-    2 is standstill or a change of direction, where dry friction is steep; 1 is slow and 0 fast motion. What
-    has no dry friction does not count. Takes numbers, lanes and symbols.
-
-    Parameters
-    ----------
-    before, after : array (4 n, ...)
-        States as in `tendonrepro.physics.dynamics.state_derivative`.
-    plant : Plant
-
-    Returns
-    -------
-    array (...)
+    States are (4 n, ...). 2 is standstill or a change of direction, where dry friction is steep; 1 is slow
+    and 0 fast motion. What has no dry friction does not count. Takes numbers, lanes and symbols.
     """
     n, drive, link = plant.preload.shape[0], plant.drive, plant.link_friction
     winches = [to_winch_angle(state[3 * n :], drive) for state in (before, after)]
@@ -74,8 +64,8 @@ def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.co
     """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n).
 
     Postures lie along the stroke, rad, (n, N). The pace is in units of the velocity over which friction
-    turns. At 0, standstill, friction is steepest and a plant fastest. Where the Stribeck effect falls
-    steepest is looked at too, if that is beyond the pace.
+    turns; at 0 friction is steepest. Where the Stribeck effect falls steepest counts too, if that is beyond
+    the pace.
     """
     q = np.linspace(0.0, 1.0, POSTURES)[:, np.newaxis] * stroke[:, np.newaxis]
     # A slack tendon is gentle: what a plant needs while taut will do.
@@ -118,8 +108,8 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
     """Integration steps per sample from `STEPS`, (N,); 0 where even the largest number is too small.
 
     A mode λ goes on by ``exp(λ L)``, in m Runge-Kutta steps by ``R(λ L/m)^m``; the difference stays below the
-    tolerance. What a torque jump moves through a mode faster than the sample is smaller by
-    ``(λ L)²``, and so is its error.
+    tolerance. What a torque jump moves through a mode faster than the sample is smaller by ``(λ L)²``; so is
+    its error.
     """
     z = modes.reshape(modes.shape[0], -1) * L
     # The fall of the Stribeck rise may let a mode of a moving plant grow, and then it shall.
@@ -139,5 +129,4 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
 
 
 def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Factor of one Runge-Kutta step of order four."""
     return 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))

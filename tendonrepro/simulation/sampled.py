@@ -1,7 +1,4 @@
-"""One sample of a run beside its plant: encoders, law, motors, and whether it goes on.
-
-It takes numbers and symbols, so both steppers and a user's own law share it.
-"""
+"""One sample of a run beside its plant; both steppers and a user's own law share it."""
 
 from __future__ import annotations
 
@@ -29,16 +26,8 @@ CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Arra
 class Hardware(NamedTuple):
     """What is between law and plant.
 
-    Attributes
-    ----------
-    joint_encoder, motor_encoder : Encoder
-    theta_start : array (n,)
-        Where motor angles are zero, in joint coordinates, rad.
-    actuator : Actuator
-    S, S_inv : array (n, n)
-        Eq. (2).
-    limit : float
-        Error beyond which a run has diverged, rad.
+    Motor angles are zero at `theta_start` (n,), in joint coordinates, rad. `S` and `S_inv` (n, n) are of Eq.
+    (2); beyond `limit`, rad, a run has diverged.
     """
 
     joint_encoder: Encoder
@@ -51,23 +40,23 @@ class Hardware(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """What one sample makes of a state.
+    """What one sample makes of a state; arrays are (n,).
 
     Attributes
     ----------
-    measured : (array (n,), array (n,))
-        Angles of joints, or through S of motors where the law looks at these, and of motors.
-    tau, tau_m, torque : array (n,)
+    measured : two arrays
+        Angles of joints, or through S of motors where the law looks at these, and of motors, rad.
+    tau, tau_m, torque : array
         Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
-    signals : sequence of array (n,)
+    signals : sequence of array
         Of the law.
-    rate : array (n,)
+    rate : array
         Of the error, rad s⁻¹; None of a position loop.
     memory : tuple
-        Of the law, for the next sample.
-    pending : list of array (n,)
+        For the next sample.
+    pending : list of array
         Commands on their way to the motors.
-    bounded : bool
+    bounded
         Whether the run can go on.
     """
 
@@ -92,24 +81,9 @@ def sample(
     hardware: Hardware,
     command: CommandFunction = control.command,
 ) -> Sampled:
-    """One sample.
+    """One sample, from a state (4 n,) and the desired motion, rad, rad s⁻¹, rad s⁻².
 
-    Parameters
-    ----------
-    state : array (4 n,)
-    memory : tuple
-    pending : sequence of array (n,)
-    desired : three arrays (n,)
-        rad, rad s⁻¹, rad s⁻².
-    noise : array (3 n,)
-        Unit noise of joint encoders, motor encoders and torque.
-    law : Law or Servo
-    hardware : Hardware
-    command : CommandFunction, optional
-
-    Returns
-    -------
-    Sampled
+    Noise (3 n,) is unit noise of joint encoders, motor encoders and torque.
     """
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)

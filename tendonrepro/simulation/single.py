@@ -52,7 +52,6 @@ class Arm:
 
 
 def _filled(part: CompiledPart) -> Array:
-    """Rows of a part's first column."""
     rows: Array = bundled(part.filled([0]))[0]
     return rows
 

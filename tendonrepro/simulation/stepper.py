@@ -1,7 +1,7 @@
 """The closed loop in time: a sampled controller around a plant integrated between samples.
 
-The torque is held between samples. The integrator starts afresh at each, so it never steps across a jump of
-the torque. Runs are integrated alone and cannot change one another.
+The integrator starts afresh at each sample, so it never steps across a jump of the torque. Runs cannot change
+one another.
 """
 
 from __future__ import annotations
@@ -65,7 +65,6 @@ def simulate(loop: Loop) -> dict[str, Array]:
 
 
 def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
-    """What takes the arm through one period, starting afresh because the torque jumps."""
     from scipy.integrate import ode
 
     problem = ode(arm.slope).set_integrator(

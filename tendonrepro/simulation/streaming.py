@@ -1,7 +1,4 @@
-"""Statistics of a run gathered sample by sample, without a trace; per joint, SI.
-
-:func:`add_sample` takes numbers, lanes and symbols; :func:`finished` turns sums into statistics.
-"""
+"""Statistics of a run gathered sample by sample, without a trace; per joint, SI."""
 
 from __future__ import annotations
 
@@ -103,16 +100,7 @@ limit, ``fast_share`` the share of the error's power above the ringing frequency
 
 
 def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thresholds:
-    """Thresholds of a reference.
-
-    Parameters
-    ----------
-    dq_d, ddq_d : array (T, n)
-    L : float
-        Sampling period, s.
-    period : float
-        In samples; 0 where there is none, and then the whole motion is the first.
-    """
+    """Thresholds of a reference (T, n), with L in s and the period in samples; 0 means the whole motion."""
     speed, acceleration = MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0)
     newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
     return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))

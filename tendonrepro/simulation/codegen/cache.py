@@ -13,7 +13,7 @@ import platformdirs
 def cache_folder() -> Path:
     """Folder for machine code; where it cannot be written, one for this process.
 
-    No temporary folder is shared: anybody could put code there, and it would be run.
+    It is no shared temporary folder, for its code is run.
     """
     own = Path(platformdirs.user_cache_dir("tendonrepro")) / "compiled"
     if _is_writable(own):

@@ -1,7 +1,6 @@
 """Elementary functions from plain arithmetic, for code on many lanes.
 
-A library call would end work on several lanes at a time. These take floats, arrays and symbols. They use only
-``+ - * /``, rounding down, a choice, and splitting into mantissa and exponent.
+A library call would end work on several lanes at a time. These take floats, arrays and symbols.
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ def exp(x: Any) -> Any:
 
 
 def _exp_near(x: Any) -> Any:
-    """``e^x`` for |x| <= 700."""
     k = np.floor(x * (1.0 / math.log(2.0)) + 0.5)
     r = x - k * LN2_HIGH - k * LN2_LOW
     return horner(r, EXP_TERMS) * np.exp2(k)
@@ -73,7 +71,7 @@ def _sine_near(r: Any, k: Any) -> Any:
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm for x > 0, error below 4e-16 times the larger of 1 and its size.
+    """Natural logarithm, error below 4e-16 times the larger of 1 and its size.
 
     Zero is taken for the smallest normal number.
     """

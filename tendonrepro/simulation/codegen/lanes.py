@@ -1,8 +1,7 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
-A row is ``LANES`` neighbouring numbers, one of each experiment. Pure functions run on symbols (`symbols`)
-that stand for rows, and what they write down becomes vector instructions (`machine`). What depends on
-parameters alone is worked out once, in a function of its own.
+A row is ``LANES`` neighbouring numbers, one of each experiment. Pure functions run on symbols for rows; what
+they write down becomes vector instructions. What depends on parameters alone is worked out once.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ class LaneRows:
         return cells
 
     def known(self, name: str, size: int) -> list[int]:
-        """Rows of the given name, taken when first asked for."""
+        """Rows of a name, taken when first asked for."""
         if name not in self.named:
             return self.take(name, size)
         return list(range(self.named[name], self.named[name] + size))
@@ -117,8 +116,8 @@ class LaneRows:
     def parameters(self, tape: LaneTape, record: Any) -> Any:
         """Replace the numbers of a stacked record, lanes last, by symbols.
 
-        What is zero, or one, in every experiment stays a number. So do integers and booleans: they choose
-        branches and are the same for all.
+        What is zero, or one, in every experiment stays a number. So do integers and booleans, which choose
+        branches.
         """
 
         def symbols(leaf: Any) -> Any:
@@ -136,7 +135,7 @@ class LaneRows:
         return mapped(symbols, record)
 
     def holding(self, record: Any) -> LaneRows:
-        """Return the same rows for another record of the same :func:`signature`."""
+        """Return the same rows for another record of one :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
 
@@ -156,7 +155,6 @@ def mapped(function: Callable[..., Any], *records: Any) -> Any:
 
 
 def _leaves(record: Any) -> list[Any]:
-    """Leaves in the order in which they become rows."""
     found: list[Any] = []
     mapped(found.append, record)
     return found
@@ -209,7 +207,7 @@ def stacked(records: list[Any]) -> Any:
 
 
 def part_of(record: Any, chosen: slice) -> Any:
-    """Some experiments of a stacked record."""
+    """Slice the experiments of a stacked record."""
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
@@ -243,7 +241,7 @@ Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
 def lane_code(
     name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
 ) -> str:
-    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first, see `machine.vector_code`.
+    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first.
 
     Results are by row. Values that depend on parameters alone get rows of their own.
     """

@@ -1,7 +1,7 @@
 """Recorded operations as vector instructions, and their machine code on disk.
 
-Only this module knows a compiler. Lanes cannot change one another. A product may be fused with a sum, in all
-lanes alike. LLVM gets plain instructions with nothing to infer or vectorise, and so takes about a second.
+Only this module knows a compiler. A product may be fused with a sum, in all lanes alike. LLVM has nothing to
+infer or vectorise, and so takes about a second.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ _CALLED = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor"}
 
 
 def _text(operand: str | float) -> str:
-    """A name, or a number in all lanes, written by its bits."""
     if isinstance(operand, str):
         return f"%{operand}"
     (bits,) = struct.unpack("<Q", struct.pack("<d", operand))
@@ -251,7 +250,6 @@ def _simplified(module: Any) -> bytes:
 
 
 def _stored(path: Path) -> bytes | None:
-    """Machine code in a file, if whole."""
     try:
         image = path.read_bytes()
     except OSError:

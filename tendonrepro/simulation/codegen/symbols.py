@@ -1,7 +1,7 @@
 """Straight-line code from the pure functions of the plant.
 
-Run on symbols instead of numbers, they write down every operation in order. For a given number of joints this
-gives plain code without loops, arrays or calls. It compiles quickly and runs many times faster.
+Run on symbols, they write down every operation in order. For a given number of joints this gives plain code
+without loops, arrays or calls, which compiles quickly.
 
 Entries that are exactly zero or one stay numbers. Products with zero vanish, and with them every feature that
 is switched off.
@@ -77,7 +77,7 @@ class Tape:
 
 
 def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
-    """Names that results depend on, their own included, in order."""
+    """Names that results depend on, their own included."""
     wanted = {as_operand(result) for result in results}
     for name in reversed(list(lines)):
         if name in wanted:
