@@ -31,25 +31,10 @@ PLAN = "plan.json"
 class EnsembleData:
     """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
-    Attributes
-    ----------
-    of_paper : bool
-        Whether draws start from the paper's arm, gains and payload.
-    joints : tuple of int
-        The paper's numbers.
-    alpha : tuple of float
-        Configured weights of Controller 1's estimator.
-    runs : tuple of str
-    names : tuple of str
-        Of the P numbers.
-    readings : tuple of str
-        Those of the paper, and variations, which are none.
-    lookup : mapping
-        ``(run, reading or variation)`` -> place of its case.
-    files : mapping of Block to Path
-    identity : str
-    planned : int
-        Number of draws.
+    `of_paper` tells whether draws start from the paper's arm, gains and payload. `joints` are the paper's
+    numbers; `alpha` are the configured weights of Controller 1's estimator; `names` are of the P numbers.
+    `lookup` gives the place of a case from ``(run, reading or variation)``. `planned` is how many draws there
+    were to be.
     """
 
     of_paper: bool

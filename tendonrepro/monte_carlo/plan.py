@@ -64,8 +64,7 @@ class Study:
 
     Claims are judged by the first of the populations `boxes`; `shares` are their parts of the number asked
     for. `sha256` is of the ensemble's configuration. `replicates` are independent scramblings. A block of
-    `block_draws`, a power of two, is the most work that a kill can cost a process. For `check_every` see
-    `CHECK_EVERY`; 0 checks nothing.
+    `block_draws`, a power of two, is the most work that a kill can cost a process.
     """
 
     base: LoadedConfig

@@ -250,12 +250,11 @@ def _shapes(
 ) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
-    Arrays are (3, N, n), of plants on which all three controllers are ``ok``. Growth is the last controller's
-    over the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without
-    a scale, per joint: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE. Other results of the paper are that
-    Controller 1's torque has the smallest steps and that RMSE/MAE rises. Their shares, on all joints, are
-    alone, with the printed order, and all together; and for the reverse order where every MAE is within a
-    factor `NEAR` of the print.
+    Arrays are (3, N, n), of plants on which all controllers are ``ok``. Growth is the last controller's over
+    the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without a
+    scale: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE, per joint. Other shares are those on which
+    Controller 1's torque has the smallest steps, with and without the printed order and the rise. The reverse
+    order counts where every MAE is within a factor `NEAR` of the print.
     """
     shape = rmse / mae
     defined = np.isfinite(shape).all(axis=(0, 2))

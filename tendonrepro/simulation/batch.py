@@ -1,8 +1,8 @@
 """Many closed loops at once, by the compiled stepper.
 
-Loops that share the law's branches run through one code, in bundles of lanes. Neither neighbours nor the
-number of processors change a bit. Parts that act in no loop of a batch are left out; beside loops with one
-part more, a run moves by some 1e-15.
+Loops that share the law's branches run through one code, in bundles of lanes. Neither neighbours nor
+processors change a bit. What acts in no loop of a batch is left out; beside loops with more, a run moves by
+some 1e-15.
 """
 
 from __future__ import annotations

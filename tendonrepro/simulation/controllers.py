@@ -18,8 +18,7 @@ from tendonrepro.simulation.sampled import CommandFunction
 class TimeDelayController:
     """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
 
-    A user's `command` runs in Python; without one the package's own becomes machine code, as does one
-    `on_lanes`: arithmetic that chooses by `choose`.
+    A user's `command` runs in Python, unless it is `on_lanes`: arithmetic that chooses by `choose`.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")

@@ -1,7 +1,6 @@
 """The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant.
 
-Pure functions run on symbols for rows of one flat array. A sample finds the plant's rows, motion and noise by
-pointers, which are rows too.
+A sample finds the plant's rows, motion and noise by pointers, which are rows too.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def run_pack(
 class _Bundles:
     """Bundles (B, rows, lanes) of experiments that share code; ``members`` (M,) are their places in the pack.
 
-    Lanes to spare come last: idle ones are zero, others repeat the last experiment.
+    Lanes to spare are last: idle ones are zero, others repeat the last experiment.
     """
 
     code: int

@@ -67,8 +67,8 @@ def plant_parts(
 ) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Rest]]:
     """Compile the plants of loops with as many joints and components of the disturbance.
 
-    By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
-    none are enough, and its rest. `for_each` may be `map`.
+    By place: the code, integration steps per sample at each level of demand, (levels,), 0 where none are
+    enough, and its rest.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}

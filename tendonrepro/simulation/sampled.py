@@ -40,24 +40,12 @@ class Hardware(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """What one sample makes of a state; arrays are (n,).
+    """What one sample makes of a state; arrays (n,).
 
-    Attributes
-    ----------
-    measured : two arrays
-        Angles of joints, or through S of motors where the law looks at these, and of motors, rad.
-    tau, tau_m, torque : array
-        Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
-    signals : sequence of array
-        Of the law.
-    rate : array
-        Of the error, rad s⁻¹; None of a position loop.
-    memory : tuple
-        For the next sample.
-    pending : list of array
-        Commands on their way to the motors.
-    bounded
-        Whether the run can go on.
+    `measured` are angles of joints, or through S of motors where the law looks at these, and of motors, rad.
+    Torques are `tau` commanded, `tau_m` applied, and `torque` with the noise that no controller knows, in
+    joint coordinates, N m. `rate` is of the error, rad s⁻¹; None of a position loop. Commands in `pending`
+    are on their way to the motors. The run can go on while `bounded`.
     """
 
     measured: Two

@@ -1,7 +1,4 @@
-"""One run: SciPy integrates the arm, and the law is machine code or a user's own.
-
-The code is that of `kernel`; only the first lane counts.
-"""
+"""One run: SciPy integrates the arm; the law is machine code, in the first lane, or a user's own."""
 
 from __future__ import annotations
 

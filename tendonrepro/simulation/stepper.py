@@ -1,7 +1,6 @@
 """The closed loop in time: a sampled controller around a plant integrated between samples.
 
-The integrator starts afresh at each sample, so it never steps across a jump of the torque. Runs cannot change
-one another.
+The integrator starts afresh at each sample, so it never steps across a jump of the torque.
 """
 
 from __future__ import annotations
@@ -39,8 +38,7 @@ def simulate(loop: Loop) -> dict[str, Array]:
     Returns
     -------
     dict of array
-        ``time`` (T,) and the variables, each (T, n), SI. A diverged run ends with the first sample beyond
-        the limit.
+        ``time`` (T,) and variables (T, n), SI. A diverged run ends with the first sample beyond the limit.
 
     Raises
     ------

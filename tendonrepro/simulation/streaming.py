@@ -31,8 +31,8 @@ motion of the box; what is faster the error hardly follows, and the shipped ``st
 class Thresholds(NamedTuple):
     """What tells the phases of a reference apart.
 
-    Speed from which a joint moves up or down, (n,), rad s⁻¹; acceleration from which it moves rapidly, (n,),
-    rad s⁻²; weight of the newest sample in a low-pass at `SLOW`; samples of the first period.
+    Joints move up or down from a speed, rad s⁻¹, and rapidly from an acceleration, rad s⁻², each (n,).
+    `newest` is the weight in a low-pass at `SLOW`, `period` the samples of the first period.
     """
 
     speed: Array

@@ -1,7 +1,7 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
-A row is ``LANES`` neighbouring numbers, one of each experiment. Pure functions run on symbols for rows; what
-they write down becomes vector instructions. What depends on parameters alone is worked out once.
+A row is ``LANES`` neighbouring numbers, one of each experiment. Symbols stand for rows. What depends on
+parameters alone is worked out once.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Recorded operations as vector instructions, and their machine code on disk.
 
-Only this module knows a compiler. A product may be fused with a sum, in all lanes alike. LLVM has nothing to
-infer or vectorise, and so takes about a second.
+Only this module knows a compiler. A product may be fused with a sum, in all lanes alike.
 """
 
 from __future__ import annotations
@@ -221,10 +220,7 @@ def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> 
 
 @cache
 def assembled(source: str, *names: str) -> tuple[int, ...]:
-    """Addresses of functions of a source, from disk if they are there.
-
-    A damaged file is made again; one that cannot be written is done without.
-    """
+    """Addresses of functions of a source; machine code is taken from disk if it is there and whole."""
     digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
     path = CACHE / f"{names[-1]}_{digest.hexdigest()[:16]}.o"
     code = _stored(path)

@@ -1,10 +1,7 @@
 """Straight-line code from the pure functions of the plant.
 
-Run on symbols, they write down every operation in order. For a given number of joints this gives plain code
-without loops, arrays or calls, which compiles quickly.
-
-Entries that are exactly zero or one stay numbers. Products with zero vanish, and with them every feature that
-is switched off.
+Run on symbols, they write down every operation in order: no loops, arrays or calls. Entries that are exactly
+zero or one stay numbers. Products with zero vanish, and with them every feature that is switched off.
 """
 
 from __future__ import annotations
