@@ -33,8 +33,8 @@ class EnsembleData:
 
     `of_paper` tells whether draws start from the paper's arm, gains and payload. `joints` are the paper's
     numbers; `alpha` are the configured weights of Controller 1's estimator; `names` are of the P numbers.
-    `lookup` gives the place of a case from ``(run, reading or variation)``. `planned` is how many draws there
-    were to be.
+    `readings` include variations. `lookup` gives the place of a case from ``(run, reading or variation)``.
+    `planned` is how many draws there were to be.
     """
 
     of_paper: bool

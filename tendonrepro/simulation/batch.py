@@ -42,7 +42,7 @@ class Batch:
     Attributes
     ----------
     statistics : mapping of str to array (N, n)
-        By the names of `STATISTICS`, SI; NaN where not defined.
+        By the names of `STATISTICS`, SI; NaN where not defined. Of a diverged run, up to its end.
     status : array (N,) of int8
         Index into `STATUSES`.
     status_time : array (N,)

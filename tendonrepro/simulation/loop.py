@@ -58,7 +58,7 @@ class Loop:
     divergence_limit : float
         Tracking error that ends the run, rad.
     cold : bool
-        A brake held the arm until the start; else the controller's own holding torque did.
+        A brake held the arm until the start, and the controller has seen no torque; else its own did.
     seed : int
         Of the instruments' noise; all runs meet the same noise.
     """

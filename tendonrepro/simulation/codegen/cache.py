@@ -1,4 +1,4 @@
-"""Where machine code is kept on disk."""
+"""Where machine code is kept on disk; loads nothing that compiles."""
 
 from __future__ import annotations
 
