@@ -1,4 +1,4 @@
-"""One block of an ensemble: from its place in the plan to a finished shard, whatever other blocks do."""
+"""One block of an ensemble: from its place in the plan to a finished shard."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
 def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
-    """Compute a block and put it into the form in which it is stored."""
+    """Compute a block in the form in which it is stored."""
     return block, shard_image(compute_block(study, block, simulate))
 
 
@@ -71,7 +71,7 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
 
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
-    """Yield the loops of one draw (P,), in the order of the cases; what readings do not change is shared."""
+    """Yield the loops of one draw (P,), in the order of the cases; what readings leave alone is shared."""
     box, folder = study.boxes[block.population], study.base.folder
     draw = box.named(row)
     try:
@@ -100,7 +100,7 @@ def _differing(changed: Model, before: Model) -> set[str]:
 
 
 def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
-    """Build only the law and the instruments of a loop anew."""
+    """Build only law and instruments of a loop anew."""
     encoders = changed.manipulator.encoders
     return replace(
         loop,
@@ -117,9 +117,9 @@ def spot_check(
 ) -> dict[str, float | int | str | None]:
     """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
 
-    Which block, draw and case is settled by a hash, so it does not depend on how the work is done; for other
-    blocks the answer is empty. ``difference`` is the largest relative one of MAE and RMSE, 0 for a run that
-    diverged or was not resolved in both, None where the steppers disagree on the status.
+    A hash chooses, so the order of work does not matter; other blocks give an empty answer. ``difference`` is
+    the largest relative one of MAE and RMSE: 0 if both runs diverged or were not resolved, None where the
+    steppers disagree on the status.
     """
     digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
@@ -133,7 +133,7 @@ def spot_check(
 
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
-    """Largest relative difference of the errors' sizes; None when the steppers disagree on the status."""
+    """Largest relative difference of the errors' sizes, or None, see :func:`spot_check`."""
     status, limits = STATUSES[int(batch.status[0])], study.config.status
     if status == "unresolved":
         return 0.0

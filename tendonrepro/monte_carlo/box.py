@@ -1,4 +1,4 @@
-"""Draws from the box of plausible plants, and the configuration that each draw stands for."""
+"""Draws from the box of plausible plants, and their configurations."""
 
 from __future__ import annotations
 
@@ -22,25 +22,11 @@ _CHOICE = "choice"
 
 @dataclass(frozen=True)
 class Box:
-    """The unknowns; arrays have one entry per row and are in SI units and radians.
+    """The unknowns, (P,); SI units and radians.
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        Name and SI unit of each row.
-    low, nominal, high : array (P,)
-        Bounds and middle; a choice among words is the place of the word, from 0.
-    scale : tuple of str
-        ``linear``, ``log`` or ``choice``.
-    confidence : tuple of str
-    choices : tuple of array
-        Values of a ``choice``, empty for other rows.
-    words : tuple of tuple of str
-        Names of a choice's values where it is among words, empty for other rows.
-    free : array (P,) of bool
-        Rows that vary; the others keep `nominal`.
-    shortest_run : float
-        Periods of the motion are repeated, at least twice, until a run lasts this long, s.
+    A choice among `words` counts as the word's place, from 0; `scale` is ``linear``, ``log`` or ``choice``.
+    Rows that are not `free` keep `nominal`. Periods are repeated, at least twice, until a run lasts
+    `shortest_run`, s.
     """
 
     names: tuple[str, ...]
@@ -56,7 +42,7 @@ class Box:
     shortest_run: float
 
     def values(self, unit: Array) -> Array:
-        """Map points of the unit cube, (N, P), to values, (N, P); choices take equal slices."""
+        """Map points of the unit cube to values, both (N, P); choices take equal slices."""
         columns = [self._column(i, unit[:, i]) for i in range(len(self.names))]
         return np.stack(columns, axis=1)
 
@@ -71,7 +57,7 @@ class Box:
         return np.asarray(np.clip(value, low, high), dtype=np.float64)
 
     def only(self, confidences: Collection[str]) -> Box:
-        """Box in which only rows of these confidences vary; the others keep their nominal value."""
+        """Box in which only rows of these confidences vary."""
         kept = np.array([confidence in confidences for confidence in self.confidence])
         return replace(self, free=self.free & kept)
 
@@ -81,12 +67,7 @@ class Box:
 
 
 def make_box(config: EnsembleConfig) -> Box:
-    """Box of a configuration, all rows free.
-
-    Parameters
-    ----------
-    config : EnsembleConfig
-    """
+    """Box of a configuration, all rows free."""
     items = dict(config.box)
     numbers = [_si_numbers(name, row) for name, row in items.items()]
     low, nominal, high, choices = zip(*numbers, strict=True)
@@ -106,7 +87,7 @@ def make_box(config: EnsembleConfig) -> Box:
 
 
 def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
-    """Low, nominal, high and choices of a row in SI; a word counts as its place among the known ones."""
+    """Low, nominal, high and choices of a row in SI; a word counts as its place."""
     if isinstance(row, BoxRange):
         low, nominal, high = (to_si(value, row.unit) for value in (row.low, row.nominal, row.high))
         return low, nominal, high, np.zeros(0)
@@ -118,20 +99,9 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 
 
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
-    """Points of a scrambled Sobol sequence; a point depends on its number alone, not on how blocks are cut.
+    """Points (count, P) in the unit cube, of a scrambled Sobol sequence, from number `first`, counted from 0.
 
-    Parameters
-    ----------
-    box : Box
-    seed, replicate : int
-        Each pair has its own scrambling.
-    first, count : int
-        Number of the first point, from 0, and how many.
-
-    Returns
-    -------
-    array (count, P)
-        In the unit cube.
+    Each depends on its number alone. Each seed and replicate have their own scrambling.
     """
     from scipy.stats import qmc
 
@@ -146,20 +116,6 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
 
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
-    """Configuration of one draw, with every axis of readings as printed.
-
-    Parameters
-    ----------
-    base : LoadedConfig
-        Of `compare`; gives what is not drawn.
-    box : Box
-    values : array (P,)
-        A row of what `Box.values` returns.
-
-    Returns
-    -------
-    CompareConfig
-        Validated; what was drawn says so in its source.
-    """
+    """Validated configuration of one draw (P,), every axis of readings as printed; `base` gives the rest."""
     tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
     return as_printed(CompareConfig.model_validate(tree))

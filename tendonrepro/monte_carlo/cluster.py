@@ -1,4 +1,4 @@
-"""Blocks computed on a dask.distributed cluster, in whatever order they become ready."""
+"""Blocks computed on a dask.distributed cluster."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 def on_cluster(
     function: Callable[[Item], Result], items: Sequence[Item], address: str
 ) -> Generator[Result, None, None]:
-    """Yield results in the order in which they become ready; what a dying worker had is given to another."""
+    """Yield results as they become ready; a dying worker's items are given to another."""
     try:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker

@@ -1,4 +1,4 @@
-"""The ensemble: blocks computed on this machine or a cluster, stored as they come, and resumed by itself."""
+"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed by itself."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def run_ensemble(
     jobs : int
         Processes; results do not depend on it.
     dask : str or None
-        Address of a dask.distributed scheduler to send the blocks to.
+        Address of a dask.distributed scheduler.
     readings : str
         ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between,
         beside which the printed reading is run.
@@ -87,7 +87,6 @@ def run_ensemble(
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
-    """What a run would do."""
     refuse_others(folder, study.identity, command="ensemble", force=force)
     cost = study.cost(draws)
     return {
@@ -104,7 +103,7 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
 
 
 def load_study(source: str | None, overrides: Sequence[str], seed: int | None, readings: str) -> Study:
-    """Read a configuration of an ensemble; `readings` as for :func:`run_ensemble`."""
+    """Read an ensemble's configuration; `readings` as for :func:`run_ensemble`."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
@@ -133,7 +132,7 @@ def run_study(
     dask: str | None = None,
     simulate: Simulate = simulate_batch,
 ) -> dict[str, Any]:
-    """Compute the blocks that are not on disk yet, then tables and figures of all."""
+    """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
     with replaced(folder, study.identity, command="ensemble", force=force, keep=FOLDER) as result:
         shards = result.path / FOLDER
@@ -172,7 +171,7 @@ def run_study(
 
 
 def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
-    """Begin with the blocks of an interrupted run and of the earlier result; those of others give way."""
+    """Begin with the blocks of an interrupted run and of the earlier result; others give way."""
     shards.mkdir(exist_ok=True)
     ours = shard_files(shards, study.identity)
     others = [path for path in shards.iterdir() if path not in ours]
@@ -187,7 +186,6 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 
 def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
-    """Numbers and tables of a complete ensemble."""
     populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
     of_paper = base_of_paper(study.config)
     summary: dict[str, Any] = {

@@ -1,7 +1,6 @@
-"""What an ensemble left on disk: which blocks are there, and what they hold.
+"""What an ensemble left on disk.
 
-Opening shards takes longer than reading them, so of a small ensemble an array of all cases is kept once one
-of them was asked for. Of a large one memory holds only what is asked for.
+Opening shards takes longer than reading them. So of a small ensemble an array of all cases is kept.
 """
 
 from __future__ import annotations
@@ -30,29 +29,12 @@ PLAN = "plan.json"
 
 @dataclass(frozen=True, eq=False)
 class EnsembleData:
-    """One population of one ensemble; N draws of P numbers, n joints.
+    """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
-    Draws stand in canonical order, scrambling after scrambling, whatever the order they were made in.
-
-    Attributes
-    ----------
-    of_paper : bool
-        Whether draws start from the paper's arm, gains and payload.
-    joints : tuple of int
-        The paper's numbers of the n joints.
-    alpha : tuple of float
-        Weights of Controller 1's estimator as configured, one a joint.
-    runs : tuple of str
-    names : tuple of str
-        Of the P numbers drawn.
-    readings : tuple of str
-        Names that `status` and `statistic` take, as those of variations, which are no readings of the paper.
-    lookup : mapping
-        ``(run, reading or variation)`` -> place of its case.
-    files : mapping of Block to Path
-        Shards by their blocks, in order.
-    identity, planned
-        Of the ensemble, and how many draws it was to have.
+    `of_paper` tells whether draws start from the paper's arm, gains and payload. `joints` are the paper's
+    numbers; `alpha` are the configured weights of Controller 1's estimator; `names` are of the P numbers.
+    `readings` include variations. `lookup` gives the place of a case from ``(run, reading or variation)``.
+    `planned` is how many draws there were to be.
     """
 
     of_paper: bool
@@ -78,7 +60,7 @@ class EnsembleData:
 
     @cached_property
     def replicate(self) -> NDArray[np.int64]:
-        """Number of the scrambling of each draw, (N,)."""
+        """Scrambling of each draw, (N,)."""
         return np.concatenate([np.full(block.count, block.replicate) for block in self.files])
 
     def has(self, run: str, reading: str) -> bool:
@@ -86,7 +68,7 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run under a reading or variation, (N,); see `physics.metrics.STATUSES`.
+        """Status codes of a run, (N,); see `physics.metrics.STATUSES`.
 
         Raises
         ------
@@ -110,7 +92,6 @@ class EnsembleData:
         return values
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
-        """One array of one case over all draws."""
         if not self.has(run, reading):
             message = f"the ensemble holds no run {run!r} under {reading!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
@@ -124,14 +105,7 @@ class EnsembleData:
 
 
 def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
-    """Open a finished ensemble.
-
-    Parameters
-    ----------
-    folder : Path
-        Results folder.
-    population : str
-        ``box``, or ``firm`` for the one where only rows of high and medium confidence vary.
+    """Open a finished ensemble; of population ``firm`` only rows of high and medium confidence vary.
 
     Raises
     ------

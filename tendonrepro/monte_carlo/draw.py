@@ -1,4 +1,4 @@
-"""What a draw from the box stands for: the tree of a comparison's configuration, filled in."""
+"""What a draw from the box stands for: a comparison's configuration, filled in."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ UNEQUAL = 2.0 / 3.0
 def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
     """Plain values of a comparison's configuration, to be validated.
 
-    A draw has a value of every row of the box, SI; a word counts as its place among the known ones. `base`
-    has the rest. Periods of the motion are repeated, at least twice, until it lasts `shortest_run`, s.
+    A draw has a value of every row of the box, SI. Periods are repeated, at least twice, until the motion
+    lasts `shortest_run`, s.
     """
     tree: dict[str, Any] = _copied(base)
     arm = tree["manipulator"]
@@ -51,7 +51,7 @@ def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run:
 
 
 def _copied(node: Any) -> Any:
-    """Copy mappings and share the rest, which is replaced and never changed."""
+    """Copy mappings; share the rest, which is never changed."""
     return {key: _copied(value) for key, value in node.items()} if isinstance(node, dict) else node
 
 
@@ -60,7 +60,7 @@ def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
 
 
 def _per_joint(two: Any, three: Any, unit: str, row: str) -> dict[str, Any]:
-    """Vector of the manipulator; joint 1 is held, so that its entry matters to nothing."""
+    """Vector of the manipulator; joint 1 is held, so its entry does not matter."""
     return _drawn([two, two, three], unit, row)
 
 
@@ -69,7 +69,7 @@ def _alike(value: float, unit: str, row: str) -> dict[str, Any]:
 
 
 def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
-    """Fill in a manipulator's links from one draw; of arrays of draws, from each."""
+    """Fill in a manipulator's links from one draw, or arrays of draws."""
     length = draw["link_length_2"], draw["link_length_3"]
     mass = draw["link_mass_2"], draw["link_mass_3"]
     com = draw["link_com_2"] * length[0], draw["link_com_3"] * length[1]
@@ -147,7 +147,7 @@ def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Motion of both joints: equal angles but for ``unequal``, in which joint 2 moves two thirds as far."""
+    """Motion of both joints: equal angles; in ``unequal``, joint 2 moves two thirds as far."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
     share = UNEQUAL if kind == "unequal" else 1.0

@@ -26,7 +26,7 @@ _FRAME_MM = 26.0
 
 
 def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw and save the ratios of every population as pdf, svg and png."""
+    """Save every population's ratios as pdf, svg and png."""
     return [
         path
         for name, held in summary["populations"].items()
@@ -37,7 +37,7 @@ def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path
 
 
 def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
-    """Ratios of MAE under each reading, against the printed ratio and that of slowly changing errors."""
+    """Ratios of MAE under each reading, against those printed and of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
     def draw(axes: Sequence[Axes]) -> None:
@@ -91,7 +91,7 @@ def rows_figure(
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
 ) -> Drawing:
-    """Draw panels with these titles side by side over rows with these names, the first on top."""
+    """Draw titled panels side by side over named rows, the first on top."""
     with journal_style():
         figure = open_figure(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
         axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]

@@ -1,4 +1,4 @@
-"""What an ensemble consists of: populations, scramblings, readings, and the blocks that they are cut into."""
+"""What an ensemble consists of: populations, scramblings, readings and blocks."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _COMPRESSION = 0.9
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """SHA-256 of the code of some rooms; neither comments and docstrings nor layout count."""
+    """SHA-256 of some rooms' code without comments, docstrings and layout."""
     package = Path(__file__).parents[1]
     files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
     return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
@@ -60,12 +60,11 @@ def _bare_code(path: Path) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything that determines an ensemble's numbers but how many draws there are.
+    """Everything that determines an ensemble's numbers but the number of draws.
 
-    Every draw starts from the comparison `base`. Populations are `boxes` by name, the first of which claims
-    are judged by, with their `shares` of the number asked for. `sha256` is the digest of the ensemble's
-    configuration; `replicates` are independent scramblings; a block of `block_draws`, a power of two, is
-    the most work that a kill can cost each process. Of `check_every` see `CHECK_EVERY`; 0 checks nothing.
+    Claims are judged by the first of the populations `boxes`; `shares` are their parts of the number asked
+    for. `sha256` is of the ensemble's configuration. `replicates` are independent scramblings. A block of
+    `block_draws`, a power of two, is the most work that a kill can cost a process.
     """
 
     base: LoadedConfig
@@ -88,7 +87,7 @@ class Study:
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
-        """What is simulated for every run under every reading; a variation asks only runs that it changes."""
+        """What to simulate for each run and reading; a variation asks only for runs that it changes."""
         return {
             (run, reading.name): (run, case)
             for reading in (*self.readings, *self.variations)
@@ -99,7 +98,7 @@ class Study:
 
     @cached_property
     def cases(self) -> tuple[tuple[str, Reading], ...]:
-        """Distinct runs under distinct readings; what one draw costs."""
+        """Distinct runs under distinct readings: what one draw costs."""
         return tuple(dict.fromkeys(self._asked.values()))
 
     @cached_property
@@ -109,7 +108,7 @@ class Study:
 
     @cached_property
     def identity(self) -> str:
-        """SHA-256 of all that a stored number depends on, version included."""
+        """SHA-256 of all that a stored number depends on, the version included."""
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
@@ -125,9 +124,9 @@ class Study:
         return digest_of(content)
 
     def blocks(self, draws: int) -> list[Block]:
-        """Cut the draws of every population, so many of each at a share of 1, into blocks.
+        """Cut the draws of every population, `draws` at a share of 1, into blocks.
 
-        Blocks depend on nothing else. Too few draws, or not a power of two of them, are refused.
+        Too few draws, or not a power of two, are refused.
         """
         return [
             Block(population, replicate, first, min(each, self.block_draws))
@@ -138,7 +137,7 @@ class Study:
         ]
 
     def draws_of(self, population: str, draws: int) -> int:
-        """Draws of one population when so many are asked for."""
+        """Draws of one population."""
         share = min(self.shares.values())
         fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
         if not fewest <= draws <= MOST_DRAWS or draws & (draws - 1) or (draws * share) % self.replicates:
@@ -148,7 +147,7 @@ class Study:
         return int(draws * self.shares[population])
 
     def plan(self, draws: int) -> dict[str, Any]:
-        """Describe the ensemble as the plain values one needs to read its results."""
+        """Describe the ensemble as plain values that its reader needs."""
         return {
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
@@ -168,7 +167,7 @@ class Study:
         }
 
     def cost(self, draws: int) -> dict[str, float]:
-        """Estimate experiments, processor hours and disk space of an ensemble."""
+        """Estimate experiments, processor hours and disk space."""
         experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
         numbers = len(STATISTICS) * len(self.config.joints) * 4 + 1
         return {

@@ -1,4 +1,4 @@
-"""The table of readings: what each makes of the printed ranking, as numbers, rows, text and words."""
+"""The table of readings: what each makes of the printed ranking."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tendonrepro.results.tables import Table
 def population_summary(data: EnsembleData) -> dict[str, Any]:
     """Everything the table says about one population.
 
-    ``laws`` counts statuses under the printed reading; a reading's ``theory`` is the ratio C1/C2 of slowly
-    changing errors per joint, beside what `shares.reading_summary` finds.
+    ``laws`` counts statuses under the printed reading. A reading has what `shares.reading_summary` finds, and
+    as ``theory`` the ratio C1/C2 of slowly changing errors per joint.
     """
     found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
     laws = {
@@ -48,9 +48,9 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest difference from the SciPy stepper among the blocks that were checked, and where it was.
+    """Largest difference from the SciPy stepper, and where it was.
 
-    ``compared`` are those that ran to their end in both steppers, so that sizes could be compared.
+    ``compared`` are those that ran to their end in both steppers.
     """
     stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
     checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
@@ -67,7 +67,7 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
 
 
 def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, object]:
-    """What a table says of one reading: shares, and medians over plants on which all laws are ok."""
+    """A reading's row: shares, and medians over plants on which all laws are ok."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
     shares = {
@@ -97,7 +97,7 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
 
 
 def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield a table of the readings for each population, of which the terminal shows the first in part."""
+    """Yield each population's table; the terminal shows the first in part."""
     for place, (name, held) in enumerate(summary["populations"].items()):
         caption = (
             f"Population {name}, {held['plants']} plants. Shares of the box, low and high from the 95 % "

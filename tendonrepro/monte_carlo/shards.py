@@ -1,4 +1,4 @@
-"""Shards: one block of an ensemble as plain arrays in one file, which is written whole or not at all."""
+"""Shards: one block as plain arrays in one file, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ found.
 class Block:
     """Consecutive draws of one scrambling: the unit of work, of storage and of resuming.
 
-    The population is ``box`` or ``firm``, `replicate` the number of the scrambling, `first` and `count` its
-    draws.
+    The population is ``box`` or ``firm``, `replicate` the scrambling.
     """
 
     population: str
@@ -46,24 +45,24 @@ class Block:
         return f"{self.population}-r{self.replicate:03d}-d{self.first:08d}-n{self.count}"
 
     def file_name(self, identity: str) -> str:
-        """Name of its shard in an ensemble; no other block or ensemble has it."""
+        """Name of its shard; no other block or ensemble has it."""
         return f"{self}-{identity[:12]}.npz"
 
 
 def shard_files(folder: Path, identity: str = "*") -> list[Path]:
-    """Shards of an ensemble, or of any, in canonical order; none when there is no such folder."""
+    """Shards of an ensemble, or of any, in canonical order."""
     return sorted(folder.glob(f"[!.]*-{identity[:12]}.npz"))
 
 
 def shard_image(arrays: Arrays) -> bytes:
-    """Bytes of a shard's file; made in memory, so that a worker can send them to the only writer."""
+    """Bytes of a shard, made in memory so that a worker can send them to the only writer."""
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     return stream.getvalue()
 
 
 def read_array(path: Path, name: str) -> NDArray[Any]:
-    """Read one array of a shard; what is missing or damaged is told as missing data."""
+    """Read one array; a missing or damaged one is told as missing data."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return np.asarray(stored[name])

@@ -1,4 +1,4 @@
-"""Shares of the box and quantiles over it, each with an interval from independent scramblings."""
+"""Shares and quantiles over the box, with intervals from independent scramblings."""
 
 from __future__ import annotations
 
@@ -48,16 +48,9 @@ Ends: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of some plants on which a statement holds, with its interval over the scramblings.
+    """Part of some plants on which a statement holds; NaN without plants.
 
-    Attributes
-    ----------
-    share : float
-        NaN without plants.
-    interval : tuple of float, or None
-        None with fewer than `LEAST_SCRAMBLINGS` scramblings.
-    plants : int
-        The number counted.
+    The interval is None with fewer than `LEAST_SCRAMBLINGS` scramblings.
     """
 
     share: float
@@ -65,7 +58,7 @@ class Share:
     plants: int
 
     def as_row(self) -> dict[str, Any]:
-        """Plain data with the interval's ends apart."""
+        """Plain data, the interval's ends apart."""
         low, high = self.interval or (None, None)
         share = self.share if self.plants else None
         return {"share": share, "low": low, "high": high, "plants": self.plants}
@@ -73,7 +66,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Spread:
-    """Median and central 90 % of a number, with intervals of both ends over the scramblings."""
+    """Median and central 90 % of a number, with intervals of both ends."""
 
     median: float
     low: float
@@ -84,20 +77,12 @@ class Spread:
 
 
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
-    """Share of the counted plants that are hits, with its interval.
+    """Share of the counted plants (N,) that are hits, with its interval; all count by default.
 
-    The interval is Student's, 95 %, from the scatter of the scramblings. Each scrambling counts by its number
-    of plants (the linearised ratio estimator), so one with few counted plants cannot distort it; with equal
-    numbers it is the plain t interval of their means. Where no scrambling differs from 0 or 1 there is no
-    scatter, and the open end is where a share would show no exception among so many plants once in 20 times.
-
-    Parameters
-    ----------
-    hits : bool array (N,)
-    replicate : int array (N,)
-        Number of the scrambling.
-    counted : bool array (N,), optional
-        Plants that count; all if not given.
+    The interval is Student's, 95 %, from the scatter of the scramblings. Each counts by its number of plants
+    (the linearised ratio estimator), so one with few cannot distort it. Where every scrambling gives 0, or 1,
+    there is no scatter. The open end is then the share that would show no exception among so many plants once
+    in 20 times.
     """
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
@@ -115,17 +100,16 @@ def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = 
 
 
 def _half_width(values: Array) -> float:
-    """Half the width of the t interval of a mean."""
     count = len(values)
     t = float(stdtrit(count - 1, 0.5 + 0.5 * _CONFIDENCE))
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
 
 
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
-    """Quantiles over plants (M,), each with the t interval of the scramblings' own quantiles around it.
+    """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is always the value of one of the plants (inverted distribution function), so infinite values
-    do no harm; NaN would. What is undefined is None.
+    A quantile is always one plant's value (inverted distribution function), so infinite values do no harm;
+    NaN would. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}
@@ -143,15 +127,7 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
 
 
 def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
-    """Median and central 90 % of a number over plants.
-
-    Parameters
-    ----------
-    values : array (K,)
-        One per plant judged, K > 0, finite.
-    replicate : int array (K,)
-        Scrambling each plant belongs to.
-    """
+    """Median and central 90 % of finite values (K,), one per plant, K > 0."""
     found = quantiles_of(values, replicate)
     low, high = found["q05"], found["q95"]
     around = [None if end["low"] is None else (end["low"], end["high"]) for end in (low, high)]
@@ -190,10 +166,10 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 @np.errstate(divide="ignore", invalid="ignore")
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """What one reading makes of the claims: shares, ratios, statuses, agreement with the printed ratios.
+    """What one reading makes of the claims.
 
-    Rankings and ratios are given over each of the sets of `_plants`, then by metric, then for ``both`` joints
-    or each; ``rmse_over_mae``, which has no scale, by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``
+    is by run over plants on which the three laws are ``ok``.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -234,12 +210,11 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
-    """The two sets of plants that every ranking is given over, from statuses of the controllers, (3, N).
+    """The two sets of plants for every ranking, from statuses of the controllers, (3, N).
 
-    ``all_ok``: plants on which the three laws are ``ok``. ``diverged_last``: all on which not all three
-    diverged; a law that did has an infinite error, so that it comes last and two that did are not in order; a
-    law that rings is ranked by the error it has. Plants that the integrator could not resolve are in neither,
-    and are counted.
+    ``all_ok``: the three laws are ``ok``. ``diverged_last``: not all three diverged. A law that did has an
+    infinite error: it comes last, and two such are not in order. One that rings is ranked by its error.
+    Plants that the integrator could not resolve are in neither.
     """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
@@ -253,7 +228,7 @@ def _quantiles(data: EnsembleData, values: Array, kept: Flags) -> dict[str, Any]
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
 ) -> dict[str, Any]:
-    """Shares over both joints together and over each, from flags (N, n)."""
+    """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
 
@@ -261,7 +236,7 @@ def _shares(
 def _ratio_quantiles(
     data: EnsembleData, errors: Array, kept: Flags, printed: Sequence[float]
 ) -> dict[str, Any]:
-    """Quantiles of the ratio of two controllers' errors, (2, N, n); where both diverged there is none."""
+    """Quantiles of the ratio of two controllers' errors, (2, N, n); none where both diverged."""
     defined = kept[:, np.newaxis] & np.isfinite(errors).any(axis=0) & (errors[1] > 0.0)
     ratio = errors[0] / errors[1]
     return {
@@ -275,12 +250,11 @@ def _shapes(
 ) -> dict[str, Any]:
     """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
 
-    Its growth is that of the last controller over that of the first. The distance of a plant is the root mean
-    square of log(ours/printed) over what Table 2 says without a scale: the ratios C1/C2 and C2/C3 of the MAE
-    and each RMSE/MAE, per joint. Beside it the shares on which other results of the paper hold on all joints,
-    alone, with the printed order, and all together: Controller 1's torque has the smallest steps, RMSE/MAE
-    rises; and that of the reverse order where every MAE is within a factor `NEAR` of the print. Arrays are
-    (3, N, n), of plants on which all three controllers are ``ok``.
+    Arrays are (3, N, n), of plants on which all controllers are ``ok``. Growth is the last controller's over
+    the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without a
+    scale: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE, per joint. Other shares are those on which
+    Controller 1's torque has the smallest steps, with and without the printed order and the rise. The reverse
+    order counts where every MAE is within a factor `NEAR` of the print.
     """
     shape = rmse / mae
     defined = np.isfinite(shape).all(axis=(0, 2))
@@ -327,13 +301,13 @@ def printed_shape(run: str, joint: int) -> float:
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
-    """Ratio of two controllers' printed errors, Table 2, for each joint; NaN where none is printed."""
+    """Ratio of two controllers' errors in Table 2 for each joint; NaN where not printed."""
     above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
     return [a / b for a, b in zip(above, below, strict=True)]
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """Share of all plants on which each run ended in each status, with its ``count``."""
+    """Share and ``count`` of all plants on which each run ended in each status."""
     return {
         run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
@@ -345,10 +319,10 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
 
 
 def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
-    """Compare the printed ratios with what a reading gives over plants on which all laws are ``ok``.
+    """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
-    ``agrees`` when all are inside the central 90 %; ``cannot`` when one is beyond every plant; ``no plant``
-    when there is none to compare with, ``too few`` below `LEAST_PLANTS`; else ``in part``.
+    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant. ``no plant``: none to
+    compare with. ``too few``: below `LEAST_PLANTS`. Else ``in part``.
     """
     judged = {
         f"{key} {metric} joint {joint}": held

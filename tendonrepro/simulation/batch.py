@@ -1,9 +1,8 @@
 """Many closed loops at once, by the compiled stepper.
 
-Loops that share the law's branches run through one piece of code, in bundles of lanes. What a run leaves
-behind are statistics and a status; traces are kept on request. Every lane is worked out alone: neither its
-neighbours nor the number of processors change a bit of it. What acts in none of a batch's loops is left out
-of their code, which rounds otherwise: beside loops with a part more, a run moves by some 1e-15 of itself.
+Loops that share the law's branches run through one code, in bundles of lanes. Neither neighbours nor
+processors change a bit. What acts in no loop of a batch is left out; beside loops with more, a run moves by
+some 1e-15.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class Batch:
     Attributes
     ----------
     statistics : mapping of str to array (N, n)
-        By the names of `STATISTICS`, SI units; NaN where not defined; of a diverged run, up to its end.
+        By the names of `STATISTICS`, SI; NaN where not defined. Of a diverged run, up to its end.
     status : array (N,) of int8
         Index into `STATUSES`.
     status_time : array (N,)
@@ -51,8 +50,7 @@ class Batch:
     steps : array (N,) of int64
         Integration steps per sample; 0 where unresolved.
     traces : list of dict, or None
-        Variables of every run, as `stepper.simulate` returns them; None of an unresolved
-        one. Only on request.
+        As from `stepper.simulate`; None for an unresolved run.
     """
 
     statistics: Mapping[str, Array]
@@ -76,30 +74,26 @@ def simulate_batch(
     Parameters
     ----------
     loops : sequence of Loop
-        All with the same number of joints and a :class:`TimeDelayController`.
+        With the same number of joints.
     limits : object
-        What makes a run ringing, such as the configuration's status section: ``ringing_frequency.si``, Hz,
-        above which error is ringing, and ``ringing_share.si``, the share of the error's power.
+        ``ringing_frequency.si``, Hz, above which error is ringing, and ``ringing_share.si`` of its power.
     progress : callable, optional
         Called with the number of runs done since its last call.
     threads : int
-        Packs worked on at the same time.
     record : bool
         Keep the traces.
     tolerance : float
-        Of the integration, see `tendonrepro.simulation.resolution`. The default leaves q mostly
-        within 1e-6 rad of the truth and always within a tenth of an encoder count, as long as no count
-        differs; 1e-8 brings runs with ideal encoders within 1e-9 rad.
+        The default leaves q mostly within 1e-6 rad of the truth, and within a tenth of an encoder count as
+        long as no count differs. With ideal encoders 1e-8 gives 1e-9 rad.
 
     Returns
     -------
     Batch
-        In the order of the loops.
 
     Raises
     ------
     TendonreproError
-        If there is no loop, or one has another controller: only the package's own law runs on lanes.
+        If there is no loop, or a law does not run on lanes.
     """
     _refuse_others(loops)
     report, block = progress or (lambda _: None), partial(_block, frequency=limits.ringing_frequency.si)
@@ -156,7 +150,7 @@ def _parts(
 
 
 def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[dict[int, Loop]]:
-    """Loops by place, those of one key together."""
+    """Loops of one key, by place."""
     found: dict[Hashable, dict[int, Loop]] = {}
     for place, loop in enumerate(loops):
         found.setdefault(key(loop), {})[place] = loop
@@ -164,7 +158,7 @@ def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[d
 
 
 def _branches(loop: Loop) -> Hashable:
-    """What the code of a sample depends on, besides what is zero or one in all its loops."""
+    """What the code of a sample depends on, besides zeros and ones."""
     law = loop.controller.law
     if isinstance(law, Law) and law.surface != Surface.NTSM:
         # There is no phi in it.
@@ -174,7 +168,7 @@ def _branches(loop: Loop) -> Hashable:
 
 
 def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:
-    """Places of each pack: loops of one sampling period, those that move alike side by side."""
+    """Places of each pack: one sampling period, loops that move alike side by side."""
     found: dict[float, list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
@@ -186,7 +180,6 @@ def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterat
 
 
 def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool) -> Batch:
-    """Results of which no run is done yet."""
     count, n = len(loops), loops[0].plant.preload.size
     return Batch(
         statistics={name: np.full((count, n), np.nan) for name in streaming.STATISTICS},
@@ -198,7 +191,6 @@ def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool
 
 
 def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) -> None:
-    """Fill in what the experiments of a pack, by place, left behind."""
     places, L, frequency = list(loops), next(iter(loops.values())).L, limits.ringing_frequency.si
     fast = _fast_shares(ended, _block(L, frequency), L, frequency)
     for name, values in streaming.finished(ended.sums, ended.count, fast).items():
@@ -213,15 +205,14 @@ def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) ->
 
 
 def _block(L: float, frequency: float) -> int:
-    """Samples over which errors are summed up for the spectrum."""
+    """Samples whose errors are summed up for the spectrum."""
     return max(1, int(1.0 / (L * LINES_PER_RINGING * frequency)))
 
 
 def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
     """Share of the error's power above a frequency, (n, M): all of it less the slow lines of its spectrum.
 
-    The slow lines come from sums over blocks; what a block does to a line is divided out. A last block that
-    is not full counts as filled up with zeros.
+    What blocks do to a line is divided out. A last block is filled up with zeros.
     """
     slow = np.empty_like(ended.sums["sq_e"])
     for samples in np.unique(ended.count):

@@ -18,13 +18,7 @@ from tendonrepro.simulation.sampled import CommandFunction
 class TimeDelayController:
     """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
 
-    Attributes
-    ----------
-    law : Law
-    command : CommandFunction, optional
-        A user's; the package's own, as machine code, if there is none.
-    on_lanes : bool
-        The command is arithmetic that chooses by `choose`, so that it becomes machine code too.
+    A user's `command` runs in Python, unless it is `on_lanes`: arithmetic that chooses by `choose`.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")
@@ -33,7 +27,7 @@ class TimeDelayController:
     on_lanes: bool = False
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Lumped dynamics by Eq. (6) and estimation error by Eq. (19), in joint coordinates."""
+        """Lumped dynamics, Eq. (6), and estimation error, Eq. (19), in joint coordinates."""
         del plant
         M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
         H = variables["tau_m"] - variables["ddq"] @ M_bar.T
@@ -43,19 +37,14 @@ class TimeDelayController:
 
 @dataclass(frozen=True)
 class PositionController:
-    """Stiff motor-side position loop; knows the motors only through ``S_inv`` of the desired joint angles.
-
-    Attributes
-    ----------
-    law : Servo
-    """
+    """Stiff motor-side position loop; of the desired joint angles it knows only ``S_inv`` of them."""
 
     signals: ClassVar[tuple[str, ...]] = ()
     command: ClassVar[None] = None
     law: Servo
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Motor angles since the start, and the joint angles that ``S`` calculates from their encoders."""
+        """Motor angles since the start, and joint angles from their encoders by ``S``."""
         start = variables["theta"][0]
         return {
             "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,

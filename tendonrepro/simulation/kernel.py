@@ -1,7 +1,6 @@
-"""The closed loop as code on lanes: one sample of encoders, law and motors, and one step of the plant.
+"""The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant.
 
-Both come from pure functions, run on symbols for the rows of one flat array. Code of a sample finds the
-plant's rows, the motion and the noise by pointers that are rows too, one for each lane.
+A sample finds the plant's rows, motion and noise by pointers, which are rows too.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ recorded, (T, columns), are written."""
 
 
 class LoopNumbers(NamedTuple):
-    """All numbers of a loop, stacked over experiments: the leaves' last axis (N,).
+    """All numbers of a loop, experiments as the leaves' last axis (N,).
 
-    ``samples`` (N,) are those of the reference, ``block`` (N,) those whose errors are summed up together.
+    ``samples`` (N,) are the reference's, ``block`` (N,) those whose errors are summed up together.
     """
 
     law: Law | Servo
@@ -45,7 +44,7 @@ class LoopNumbers(NamedTuple):
 
 
 def plant_rows(n: int) -> LaneRows:
-    """Rows of a plant that the code of a sample reads and writes, for n joints."""
+    """Rows of a plant with n joints that the code of a sample uses."""
     rows = LaneRows()
     for name, size in (("state", 4 * n), ("torque", n), ("ddq", n), ("live", 1)):
         rows.take(name, size)
@@ -53,7 +52,7 @@ def plant_rows(n: int) -> LaneRows:
 
 
 def sample_rows(n: int) -> LaneRows:
-    """Rows that the loop shares with the sample's code, for n joints."""
+    """Rows of the sample's code that the loop uses, for n joints."""
     rows = LaneRows()
     for name in ("live", "count", "diverged", *POINTERS):
         rows.take(name, 1)
@@ -62,7 +61,7 @@ def sample_rows(n: int) -> LaneRows:
 
 
 class _Recorder:
-    """A tape on which rows are read by name, and the values that are written to rows."""
+    """Tape with rows by name, and the values written to rows."""
 
     def __init__(self, rows: LaneRows) -> None:
         self.tape, self.rows = LaneTape(), rows
@@ -80,7 +79,7 @@ class _Recorder:
 
 @remembered
 def slope_code(plant: Plant) -> tuple[str, LaneRows]:
-    """Source of ``slope``: the state's derivative at a time into row ``slope``."""
+    """Source of ``slope``: the state's derivative into row ``slope``."""
     tape, n = LaneTape(), plant.preload.shape[0]
     rows = plant_rows(n)
     state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
@@ -93,9 +92,9 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
 def advance_code(plant: Plant) -> tuple[str, LaneRows]:
     """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
 
-    Rows ``steps`` and ``length`` hold the number of steps at each level of demand, and their length, s. A
-    lane that meets a higher demand than its steps are for goes back and takes more. One whose experiment has
-    ended stays as it is to the last bit. Row ``ddq`` receives the joint acceleration at the start.
+    Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A lane that
+    meets a higher demand goes back. One that has ended keeps every bit. Row ``ddq`` receives the joint
+    acceleration at the start.
     """
     n = plant.preload.shape[0]
     code = _Recorder(plant_rows(n))
@@ -142,7 +141,7 @@ def advance_code(plant: Plant) -> tuple[str, LaneRows]:
 def runge_kutta(
     derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Any
 ) -> tuple[Array, Array]:
-    """Classical Runge-Kutta step of order four: state at ``t + h``, and slope at ``t``, each (m, ...)."""
+    """Classical Runge-Kutta step, order four: state at ``t + h`` and slope at ``t``, each (m, ...)."""
     half = 0.5 * h
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
@@ -155,13 +154,12 @@ def runge_kutta(
 def sample_code(
     numbers: LoopNumbers, statistics: bool, record: bool, command: CommandFunction
 ) -> tuple[str, LaneRows]:
-    """Source of ``sample``: encoders, law and motors at sample k, and if wanted statistics and a record."""
+    """Source of ``sample``: encoders, law and motors at sample k."""
     n = numbers.hardware.S.shape[0]
     code, plant = _Recorder(sample_rows(n)), plant_rows(n).named
     tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
 
     def at(name: str, index: Any, size: int) -> Symbol:
-        """Where a pointer leads at a sample or block."""
         return tape.write("moved", one(name), index * float(size))
 
     def of_plant(name: str, size: int) -> range:
@@ -203,7 +201,7 @@ def sample_code(
 
 
 def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:
-    """What a sample contributes; before are torque and estimate of the last one, and acceleration since."""
+    """What a sample contributes; `before` are last torque and estimate, and acceleration since."""
     n, actuator = len(found.tau), x.hardware.actuator
     winch = times(x.hardware.S.T, found.tau_m)
     tau, H_hat, ddq = before
@@ -222,7 +220,7 @@ def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streami
 
 
 def unpacked(values: Array, example: Any) -> Any:
-    """Memory from all its numbers in order, shaped as an example."""
+    """Memory from its numbers in order, shaped as an example."""
     parts = np.split(values, np.cumsum([part.size for part in example])[:-1])
     shaped = [part.reshape(like.shape) for part, like in zip(parts, example, strict=True)]
     return type(example)(*shaped) if hasattr(example, "_fields") else tuple(shaped)

@@ -1,4 +1,4 @@
-"""One run: plant, instruments, controller and reference, and the trace of it."""
+"""One run and its trace."""
 
 from __future__ import annotations
 
@@ -16,16 +16,9 @@ from tendonrepro.simulation.controllers import Controller
 
 @dataclass(frozen=True)
 class Solver:
-    """How the plant is integrated between two samples.
+    """How the plant is integrated between two samples, by :class:`scipy.integrate.ode`.
 
-    Attributes
-    ----------
-    method : str
-        ``dopri5``, ``dop853`` or ``lsoda`` of :class:`scipy.integrate.ode`.
-    rtol, atol : float
-        Tolerances on the state, in rad and rad s⁻¹.
-    max_step : float
-        Longest step, s.
+    Tolerances are on the state, rad and rad s⁻¹; `max_step` is in s.
     """
 
     method: Literal["dopri5", "dop853", "lsoda"]
@@ -36,16 +29,9 @@ class Solver:
 
 @dataclass(frozen=True)
 class DesiredMotion:
-    """Desired motion at every sample.
+    """Desired motion at every sample, (T,) and (T, n), in s, rad, rad s⁻¹, rad s⁻².
 
-    Attributes
-    ----------
-    time : array (T,)
-        s.
-    q_d, dq_d, ddq_d : array (T, n)
-        rad, rad s⁻¹, rad s⁻².
-    period : float
-        Duration after which it repeats, s; 0 if it does not.
+    It repeats after `period`, s; 0 if it does not.
     """
 
     time: Array
@@ -70,12 +56,11 @@ class Loop:
         Sampling period, s.
     solver : Solver
     divergence_limit : float
-        Tracking error beyond which the run ends, rad.
+        Tracking error that ends the run, rad.
     cold : bool
-        The arm is held by a brake until the start, and the controller has seen no torque; else it has been
-        at rest under the controller's own holding torque.
+        A brake held the arm until the start, and the controller has seen no torque; else its own did.
     seed : int
-        Seed of the instruments' noise. It does not depend on the run, so all runs meet the same noise.
+        Of the instruments' noise; all runs meet the same noise.
     """
 
     plant: Plant
@@ -101,7 +86,7 @@ def recorded_columns(loop: Loop) -> int:
 
 
 def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
-    """Time (T,) and all variables of a trace, each (T, n), from what was recorded, (T, columns)."""
+    """Time (T,) and the variables of a trace, each (T, n), from a record (T, columns)."""
     plant, reference, done = loop.plant, loop.reference, len(record)
     names = RECORDED + tuple(loop.controller.signals)
     state, rest = np.split(record.T, [4 * plant.preload.size])

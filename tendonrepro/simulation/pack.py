@@ -1,4 +1,4 @@
-"""A pack of experiments taken through time in slices, and what is left of it."""
+"""A pack of experiments taken through time in slices."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SLICE = 500
 class Ended:
     """What M experiments left behind: samples done, whether they diverged, sums, each (n, M).
 
-    ``blocks`` (M, B, n) are errors summed up over blocks of samples, ``trace`` (M, T, columns) what was
-    recorded, without entries unless asked for.
+    ``blocks`` (M, B, n) are errors summed over blocks of samples, ``trace`` (M, T, columns) the record if
+    asked for.
     """
 
     count: NDArray[np.int64]
@@ -45,9 +45,7 @@ def run_pack(
 ) -> Ended:
     """Run experiments of one sampling period, by place in the batch.
 
-    Plants and controllers are each bundled by their code, in the order given; a lane of the one knows its
-    lane of the other. ``block`` is the number of samples of a block, see `Ended`; with ``record`` traces are
-    kept.
+    Plants and controllers are bundled by their code, in the order given. ``block`` counts a block's samples.
     """
     first, count = next(iter(loops.values())), len(loops)
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
@@ -88,9 +86,9 @@ def run_pack(
 
 @dataclass(frozen=True)
 class _Bundles:
-    """Bundles (B, rows, lanes) of experiments that share their code, and which those are in the pack, (M,).
+    """Bundles (B, rows, lanes) of experiments that share code; ``members`` (M,) are their places in the pack.
 
-    Lanes to spare come last: idle ones are zero, others do as the last experiment does.
+    Lanes to spare are last: idle ones are zero, others repeat the last experiment.
     """
 
     code: int
@@ -98,7 +96,7 @@ class _Bundles:
     members: NDArray[np.int64]
 
     def staying(self, going: NDArray[np.bool_], *, idle: bool = False) -> _Bundles:
-        """Only experiments that still go on, closed up."""
+        """Only experiments that go on, closed up."""
         stay = np.flatnonzero(going[self.members])
         return _bundled(self.code, columns(self.rows)[:, stay], self.members[stay], idle=idle)
 
@@ -109,7 +107,7 @@ class _Bundles:
         return found
 
     def point(self, pointers: Mapping[int, NDArray[np.int64]]) -> None:
-        """Fill rows of pointers with where each experiment's own lies, (M + 1,), the last for idle lanes."""
+        """Fill rows of pointers with each experiment's own, (M + 1,), the last for idle lanes."""
         experiments = np.full(len(self.rows) * LANES, -1)
         experiments[: self.members.size] = self.members
         for row, places in pointers.items():
@@ -123,7 +121,6 @@ def _bundled(code: int, values: Array, members: NDArray[np.int64], *, idle: bool
 def _bundles(
     loops: Mapping[int, Loop], parts: Mapping[int, CompiledPart], *, idle: bool = False
 ) -> list[_Bundles]:
-    """Bundles by code, with the rows of the experiments at their start."""
     found = []
     for part in {id(parts[place]): parts[place] for place in loops}.values():
         members = {k: place for k, place in enumerate(loops) if parts[place] is part}
@@ -133,15 +130,15 @@ def _bundles(
 
 
 def _starts(values: Array, first: int = 0) -> NDArray[np.int64]:
-    """Address of sample 0 of each part of an array (parts, samples, columns) that begins with another."""
+    """Address of sample 0 of each part of an array (parts, samples, columns) that begins at `first`."""
     starts = values.ctypes.data + values.strides[0] * np.arange(len(values))
     return np.asarray(starts - first * values.strides[1])
 
 
 class _Signals:
-    """Desired motions and noises of experiments, each distinct one once.
+    """Desired motions and noises, each distinct one once.
 
-    ``motion`` and ``noise`` say which are those of every experiment, and, last, of lanes to spare.
+    ``motion`` and ``noise`` give each experiment's, and, last, that of lanes to spare.
     """
 
     def __init__(self, loops: Sequence[Loop]) -> None:

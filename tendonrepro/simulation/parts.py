@@ -1,4 +1,4 @@
-"""What a batch compiles: the code that its loops share, and the numbers of each loop for it."""
+"""What a batch compiles: code that loops share, and each loop's numbers for it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CHUNK = 128
 
 
 class Rest(NamedTuple):
-    """State (4 n,) of a plant at the start posture and motor torque (n,) that holds it there, N m."""
+    """State (4 n,) at the start posture and motor torque (n,) that holds it there, N m."""
 
     state: Array
     tau: Array
@@ -36,8 +36,8 @@ class Rest(NamedTuple):
 class CompiledPart:
     """Compiled code that some loops share, with the numbers of each.
 
-    ``start`` holds values of rows at the first sample, (rows, N), by name; ``column`` says which column of
-    them belongs to a loop, by its place in the batch.
+    ``start`` holds first values of rows, (rows, N), by name; ``column`` a loop's column by its place in the
+    batch.
     """
 
     code: LaneCode
@@ -46,7 +46,7 @@ class CompiledPart:
     column: dict[int, int]
 
     def filled(self, places: Sequence[int]) -> Array:
-        """Rows with the parameters and starting values of the experiments at some places, (rows, M)."""
+        """Rows with parameters and starting values of some places, (rows, M)."""
         own = [self.column[place] for place in places]
         values = np.zeros((self.rows.count, len(places)))
         for row, numbers in self.rows.constants.items():
@@ -67,8 +67,8 @@ def plant_parts(
 ) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Rest]]:
     """Compile the plants of loops with as many joints and components of the disturbance.
 
-    By place in the batch: the code, integration steps per sample at each level of demand, (levels,), 0 where
-    none are enough, and its rest. `for_each` is `map`, or one on several threads.
+    By place: the code, integration steps per sample at each level of demand, (levels,), 0 where none are
+    enough, and its rest.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
@@ -116,7 +116,7 @@ def slope_part(plant: Plant) -> CompiledPart:
 def _steps(
     plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
 ) -> dict[float, NDArray[np.int64]]:
-    """Steps per sample of stacked plants along their strokes by sampling period, (levels, N)."""
+    """Steps per sample of stacked plants along their strokes, (levels, N), by sampling period."""
     modes = [plant_modes(*plants, pace) for pace in PACES]
     return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
@@ -129,7 +129,7 @@ def sample_part(
     statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law and motors of loops alike in command and branches, with statistics or a record.
+    """Compile encoders, law and motors of loops alike in command and branches.
 
     ``block(L)`` is the number of samples whose errors are summed up together.
     """
@@ -174,14 +174,13 @@ def hardware_of(loop: Loop, rest: Rest) -> Hardware:
 
 
 def memory_of(loop: Loop, rest: Rest) -> tuple[Any, Array]:
-    """Memory of the law by the start-up rule, and the torque that acted before."""
+    """Memory of the law by the start-up rule, and the torque before."""
     tau = np.zeros_like(rest.tau) if loop.cold else rest.tau
     noise, law = unit_noise(loop)(1)[0] if is_noisy(loop) else np.zeros(3 * tau.size), loop.controller.law
     return start(measure(rest.state, noise, law, hardware_of(loop, rest)), tau, law), tau
 
 
 def _start(loop: Loop, rest: Rest) -> dict[str, Array]:
-    """Values of a loop's rows at the first sample."""
     memory, tau = memory_of(loop, rest)
     return {
         "memory": np.concatenate([np.ravel(part) for part in memory]),
@@ -198,7 +197,7 @@ def is_noisy(loop: Loop) -> bool:
 
 
 def unit_noise(loop: Loop) -> Callable[[int], Array]:
-    """Noise of encoders and torque before it is scaled, (samples, 3 n), the next samples at each call."""
+    """Unscaled noise of encoders and torque, (samples, 3 n), the next samples at each call."""
     n = loop.plant.preload.size
     streams = [np.random.default_rng([loop.seed, stream]) for stream in range(3)]
     return lambda samples: np.hstack([stream.standard_normal((samples, n)) for stream in streams])

@@ -39,20 +39,10 @@ HIGHEST = 2.0
 
 
 def demand(before: Array, after: Array, plant: Plant) -> Any:
-    """Level of resolution that a step asks for, of several joints and winches the highest.
+    """Level of resolution that a step asks for, (...), the highest of all joints and winches.
 
-    2 is standstill, or a change of direction, where dry friction is steep; 1 is slow and 0 fast motion.
-    Joints and winches without dry friction do not count. Runs on numbers, lanes and symbols alike.
-
-    Parameters
-    ----------
-    before, after : array (4 n, ...)
-        States at both ends, as in `tendonrepro.physics.dynamics.state_derivative`.
-    plant : Plant
-
-    Returns
-    -------
-    array (...)
+    States are (4 n, ...). 2 is standstill or a change of direction, where dry friction is steep; 1 is slow
+    and 0 fast motion. What has no dry friction does not count. Takes numbers, lanes and symbols.
     """
     n, drive, link = plant.preload.shape[0], plant.drive, plant.link_friction
     winches = [to_winch_angle(state[3 * n :], drive) for state in (before, after)]
@@ -73,9 +63,9 @@ def demand(before: Array, after: Array, plant: Plant) -> Any:
 def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.complex128]:
     """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n).
 
-    Postures lie along the stroke, rad, (n, N). At standstill, pace 0, friction is steepest, so a plant is
-    fastest. A pace is in units of the velocity over which friction turns; the speed where the Stribeck effect
-    falls steepest is looked at too, if it is beyond.
+    Postures lie along the stroke, rad, (n, N). The pace is in units of the velocity over which friction
+    turns; at 0 friction is steepest. Where the Stribeck effect falls steepest counts too, if that is beyond
+    the pace.
     """
     q = np.linspace(0.0, 1.0, POSTURES)[:, np.newaxis] * stroke[:, np.newaxis]
     # A slack tendon is gentle: what a plant needs while taut will do.
@@ -85,7 +75,7 @@ def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.co
 
 
 def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
-    """Velocities of joints and winches, each (n, 1, N)."""
+    """Velocities of joints and winches, (n, 1, N)."""
     laws = plant.link_friction, plant.drive.friction
     edge = [pace * law.smoothing_velocity for law in laws]
     if pace == 0.0:
@@ -96,14 +86,14 @@ def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
 
 
 def _spread(record: Any) -> Any:
-    """Stacked record with an axis before that of the experiments, along which it is the same."""
+    """Stacked record with an axis of length one before that of the experiments."""
     if isinstance(record, tuple):
         return type(record)(*map(_spread, record))
     return np.expand_dims(record, -2)
 
 
 def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
-    """Eigenvalues at postures (n, P, N), at velocities of joints and winches: (P, N, 4 n)."""
+    """Eigenvalues (P, N, 4 n) at postures (n, P, N) and velocities of joints and winches."""
     state, tau, n = rest_state(q, plant), holding_torque(q, plant), q.shape[0]
     state[n : 2 * n], state[3 * n :] = speed[0], times(plant.drive.S, speed[1])
     nudges = NUDGE * np.hstack([np.eye(4 * n), -np.eye(4 * n)])
@@ -115,11 +105,11 @@ def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.comp
 
 
 def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOLERANCE) -> NDArray[np.int64]:
-    """Integration steps per sample from `STEPS`, (N,); 0 for a plant that the largest number cannot resolve.
+    """Integration steps per sample from `STEPS`, (N,); 0 where even the largest number is too small.
 
-    Over a sample a mode λ goes on by ``exp(λ L)``, in m Runge-Kutta steps by ``R(λ L/m)^m``. The difference
-    is held below the tolerance. What a torque jump moves through a mode faster than the sample is smaller by
-    ``(λ L)²``, and so is its error.
+    A mode λ goes on by ``exp(λ L)``, in m Runge-Kutta steps by ``R(λ L/m)^m``; the difference stays below the
+    tolerance. What a torque jump moves through a mode faster than the sample is smaller by ``(λ L)²``; so is
+    its error.
     """
     z = modes.reshape(modes.shape[0], -1) * L
     # The fall of the Stribeck rise may let a mode of a moving plant grow, and then it shall.
@@ -139,5 +129,4 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
 
 
 def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Factor by which one Runge-Kutta step of order four carries a mode on."""
     return 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))

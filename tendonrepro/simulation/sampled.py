@@ -1,7 +1,4 @@
-"""One sample of a run beside its plant: encoders, law, motors, and whether it goes on.
-
-Runs on numbers and on symbols alike, so both steppers and a user's own law go through the same lines.
-"""
+"""One sample of a run beside its plant; both steppers and a user's own law share it."""
 
 from __future__ import annotations
 
@@ -29,16 +26,8 @@ CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Arra
 class Hardware(NamedTuple):
     """What is between law and plant.
 
-    Attributes
-    ----------
-    joint_encoder, motor_encoder : Encoder
-    theta_start : array (n,)
-        Where motor angles are zero, in joint coordinates, rad.
-    actuator : Actuator
-    S, S_inv : array (n, n)
-        Coupling of Eq. (2).
-    limit : float
-        Error beyond which a run has diverged, rad.
+    Motor angles are zero at `theta_start` (n,), in joint coordinates, rad. `S` and `S_inv` (n, n) are of Eq.
+    (2); beyond `limit`, rad, a run has diverged.
     """
 
     joint_encoder: Encoder
@@ -51,24 +40,12 @@ class Hardware(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """What one sample makes of a state.
+    """What one sample makes of a state; arrays (n,).
 
-    Attributes
-    ----------
-    measured : (array (n,), array (n,))
-        Angles of the joints, those of the motors through S where the law looks at these, and of the motors.
-    tau, tau_m, torque : array (n,)
-        Commanded, applied, and with the noise that no controller knows, in joint coordinates, N m.
-    signals : sequence of array (n,)
-        Of the law.
-    rate : array (n,)
-        Of the error, rad s⁻¹; None of a position loop.
-    memory : tuple
-        Of the law, for the next sample.
-    pending : list of array (n,)
-        Commands on their way to the motors.
-    bounded : bool
-        Whether the run can go on.
+    `measured` are angles of joints, or through S of motors where the law looks at these, and of motors, rad.
+    Torques are `tau` commanded, `tau_m` applied, and `torque` with the noise that no controller knows, in
+    joint coordinates, N m. `rate` is of the error, rad s⁻¹; None of a position loop. Commands in `pending`
+    are on their way to the motors. The run can go on while `bounded`.
     """
 
     measured: Two
@@ -92,24 +69,9 @@ def sample(
     hardware: Hardware,
     command: CommandFunction = control.command,
 ) -> Sampled:
-    """One sample.
+    """One sample, from a state (4 n,) and the desired motion, rad, rad s⁻¹, rad s⁻².
 
-    Parameters
-    ----------
-    state : array (4 n,)
-    memory : tuple
-    pending : sequence of array (n,)
-    desired : three arrays (n,)
-        rad, rad s⁻¹, rad s⁻².
-    noise : array (3 n,)
-        Unit noise of joint encoders, motor encoders and torque.
-    law : Law or Servo
-    hardware : Hardware
-    command : CommandFunction, optional
-
-    Returns
-    -------
-    Sampled
+    Noise (3 n,) is unit noise of joint encoders, motor encoders and torque.
     """
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
@@ -135,7 +97,7 @@ def sample(
 
 
 def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:
-    """What the encoders of joints, or through S those of the motors, and of motors read, rad."""
+    """Read the encoders of joints, or through S those of motors, and of motors, rad."""
     n = len(state) // 4
     turned = times(hardware.S_inv, state[2 * n : 3 * n] - hardware.theta_start)
     q_motor = _counted(turned, noise[n : 2 * n], hardware.motor_encoder)
@@ -152,14 +114,14 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
 
 
 def start(measured: Two, tau: Array, law: Law | Servo) -> Any:
-    """Memory at the first sample, given the torque that acted until then."""
+    """Memory at the first sample, given the torque before."""
     return (measured[1], tau) if isinstance(law, Servo) else start_memory(measured[0], tau, law.lag)
 
 
 def _decide(
     memory: Any, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
 ) -> tuple[Array, tuple[Array, ...], Any, Any]:
-    """Torque by Eq. (17) with estimate and surface, or of position loops beyond the one that held the arm."""
+    """Torque by Eq. (17) with estimate and surface; of position loops, beyond the one that held the arm."""
     if isinstance(law, Servo):
         before, offset = memory
         return offset + servo_torque(measured[1], before, desired[0], desired[1], law), (), None, None

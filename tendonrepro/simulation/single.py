@@ -1,7 +1,4 @@
-"""One run at its samples: the arm that SciPy integrates, and the law as machine code or as a user wrote it.
-
-The code is that of `kernel`, for bundles of experiments; here the first lane is all that counts.
-"""
+"""One run: SciPy integrates the arm; the law is machine code, in the first lane, or a user's own."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ from tendonrepro.simulation.parts import (
 
 
 class Arm:
-    """State (4 n,) of a plant and the torque (n,) held on it: views of the rows of its machine code."""
+    """State (4 n,) of a plant and its torque (n,): views of the rows of its machine code."""
 
     def __init__(self, loop: Loop) -> None:
         part, n = slope_part(loop.plant), loop.plant.preload.size
@@ -52,7 +49,6 @@ class Arm:
 
 
 def _filled(part: CompiledPart) -> Array:
-    """Rows of a part's first column, as the only experiment of a bundle."""
     rows: Array = bundled(part.filled([0]))[0]
     return rows
 
@@ -79,13 +75,13 @@ class MachineLaw:
         )
 
     def __call__(self, k: int) -> bool:
-        """From the arm's state to its torque at sample k; whether the run goes on."""
+        """Set the arm's torque at sample k; whether the run goes on."""
         self._run(self._address, k)
         return bool(self._live[0] > 0.0)
 
 
 class PlainLaw:
-    """A user's own law, which stays Python."""
+    """A user's own law, in Python."""
 
     def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
         self._loop, self._arm, self._trace = loop, arm, trace
@@ -94,7 +90,7 @@ class PlainLaw:
         self._pending = [tau] * loop.actuator.delay
 
     def __call__(self, k: int) -> bool:
-        """From the arm's state to its torque at sample k; whether the run goes on."""
+        """Set the arm's torque at sample k; whether the run goes on."""
         reference, controller, state = self._loop.reference, self._loop.controller, self._arm.state.copy()
         assert controller.command is not None
         found = sampled.sample(

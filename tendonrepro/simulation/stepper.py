@@ -1,8 +1,6 @@
 """The closed loop in time: a sampled controller around a plant integrated between samples.
 
-At every sample the encoders are read, the controller decides, and the torque is held until the next sample.
-The integrator starts afresh each period, so it never steps across a jump of the torque, and each run is
-integrated alone, so adding or removing a run cannot change another.
+The integrator starts afresh at each sample, so it never steps across a jump of the torque.
 """
 
 from __future__ import annotations
@@ -40,13 +38,12 @@ def simulate(loop: Loop) -> dict[str, Array]:
     Returns
     -------
     dict of array
-        ``time`` (T,) and the variables of a trace, each (T, n), in SI units. A run that diverged ends
-        with the first sample beyond the limit.
+        ``time`` (T,) and variables (T, n), SI. A diverged run ends with the first sample beyond the limit.
 
     Raises
     ------
     TendonreproError
-        If the integrator cannot follow the plant within its tolerances.
+        If the integrator cannot keep its tolerances.
     """
     # Where nothing is run, whoever builds a loop needs no compiler.
     from tendonrepro.simulation.single import Arm, MachineLaw, PlainLaw
@@ -66,7 +63,6 @@ def simulate(loop: Loop) -> dict[str, Array]:
 
 
 def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
-    """What takes the arm through one period, afresh in every one, for the torque jumps there."""
     from scipy.integrate import ode
 
     problem = ode(arm.slope).set_integrator(

@@ -1,8 +1,4 @@
-"""Statistics of a run gathered sample by sample, so that no trace has to be kept.
-
-:func:`add_sample` is a pure function of sums and one sample; it runs on numbers, lanes and symbols alike.
-:func:`finished` turns sums into statistics. All are per joint, in SI units.
-"""
+"""Statistics of a run gathered sample by sample, without a trace; per joint, SI."""
 
 from __future__ import annotations
 
@@ -35,8 +31,8 @@ motion of the box; what is faster the error hardly follows, and the shipped ``st
 class Thresholds(NamedTuple):
     """What tells the phases of a reference apart.
 
-    Speed from which a joint moves up or down, (n,), rad s⁻¹, acceleration from which it moves rapidly, (n,),
-    rad s⁻², the weight of the newest sample in a low-pass at `SLOW`, and the samples of the first period.
+    Joints move up or down from a speed, rad s⁻¹, and rapidly from an acceleration, rad s⁻², each (n,).
+    `newest` is the weight in a low-pass at `SLOW`, `period` the samples of the first period.
     """
 
     speed: Array
@@ -46,7 +42,7 @@ class Thresholds(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What one sample contributes, each (n,); ``epsilon`` is that of the sample before."""
+    """What one sample contributes, each (n,); ``epsilon`` is of the sample before."""
 
     e: Array
     de: Array
@@ -104,17 +100,7 @@ limit, ``fast_share`` the share of the error's power above the ringing frequency
 
 
 def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thresholds:
-    """Thresholds of a reference.
-
-    Parameters
-    ----------
-    dq_d, ddq_d : array (T, n)
-        Desired velocity and acceleration.
-    L : float
-        Time between samples, s.
-    period : float
-        Samples of a period; 0 where there is none, and then the whole motion is its first.
-    """
+    """Thresholds of a reference (T, n), with L in s and the period in samples; 0 means the whole motion."""
     speed, acceleration = MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0)
     newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
     return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))
@@ -123,8 +109,8 @@ def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thre
 def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
     """Sums, by the names of `SUMS`, after sample ``k``, from 0.
 
-    Unless ``live`` is 1 they stay, whatever the sample holds. Those named ``max_`` are maxima, ``overshoot``
-    too; ``direction`` is that of the last stroke; ``slow_`` are low-passed signals as they stand.
+    Unless ``live`` is 1 they stay. ``max_`` and ``overshoot`` are maxima; ``direction`` is the last stroke's;
+    ``slow_`` are low-passed signals.
     """
     joints = []
     for i in range(sample.e.shape[0]):
@@ -200,7 +186,7 @@ SUMS = tuple(_add_joint(defaultdict(float), Sample(*np.zeros(len(Sample._fields)
 
 
 def finished(sums: Mapping[str, Array], count: Any, fast_share: Array) -> dict[str, Array]:
-    """Statistics by name, (n, ...), from sums over ``count`` samples; NaN where a phase has no sample."""
+    """Statistics by name, (n, ...), from ``count`` samples; NaN where a phase has none."""
     count = np.asarray(count, dtype=np.float64)
     # The first sample has no change and no epsilon: that comes one sample late.
     pairs = np.maximum(count - 1.0, 0.0)

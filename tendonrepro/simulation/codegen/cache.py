@@ -1,7 +1,4 @@
-"""Where machine code is kept on disk; loads nothing that compiles.
-
-Each file is named after what it was made from, see `machine`.
-"""
+"""Where machine code is kept on disk; loads nothing that compiles."""
 
 from __future__ import annotations
 
@@ -14,9 +11,9 @@ import platformdirs
 
 
 def cache_folder() -> Path:
-    """Folder for machine code, made if it is missing; where it cannot be written, one for this process.
+    """Folder for machine code; where it cannot be written, one for this process.
 
-    No folder among the temporary files is shared: anybody could put code there, and it would be run.
+    It is no shared temporary folder, for its code is run.
     """
     own = Path(platformdirs.user_cache_dir("tendonrepro")) / "compiled"
     if _is_writable(own):

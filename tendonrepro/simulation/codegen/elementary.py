@@ -1,8 +1,6 @@
-"""Elementary functions from plain arithmetic, for code that runs on many lanes at once.
+"""Elementary functions from plain arithmetic, for code on many lanes.
 
-A call of a mathematical library ends a processor's work on several lanes at a time. These forms use nothing
-but ``+ - * /``, rounding down, a choice, and the splitting of a number into mantissa and exponent. They take
-floats, arrays and symbols alike; their error bounds are tested against NumPy.
+A library call would end work on several lanes at a time. These take floats, arrays and symbols.
 """
 
 from __future__ import annotations
@@ -41,7 +39,6 @@ def exp(x: Any) -> Any:
 
 
 def _exp_near(x: Any) -> Any:
-    """``e^x`` for |x| <= 700."""
     k = np.floor(x * (1.0 / math.log(2.0)) + 0.5)
     r = x - k * LN2_HIGH - k * LN2_LOW
     return horner(r, EXP_TERMS) * np.exp2(k)
@@ -74,7 +71,7 @@ def _sine_near(r: Any, k: Any) -> Any:
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a positive number, error below 4e-16 times the larger of 1 and its size.
+    """Natural logarithm, error below 4e-16 times the larger of 1 and its size.
 
     Zero is taken for the smallest normal number.
     """
@@ -92,7 +89,7 @@ def power(x: Any, b: Any) -> Any:
 
 
 def horner(x: Any, terms: Sequence[float]) -> Any:
-    """Polynomial with the given coefficients, constant term first."""
+    """Polynomial, constant term first."""
     value: Any = terms[-1]
     for term in reversed(terms[:-1]):
         value = value * x + term

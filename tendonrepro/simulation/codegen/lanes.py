@@ -1,9 +1,7 @@
-"""Code for many experiments at once: one array (rows, lanes), and experiments as its innermost axis.
+"""Code for many experiments at once, on arrays (rows, lanes).
 
-A row is ``LANES`` neighbouring numbers, one of each experiment of a bundle. The pure functions of the plant
-and of the loop are run on symbols (`symbols`) that stand for rows; what they write down becomes a function of
-vector instructions (`machine`). To that end no library is called in it, and what depends on parameters alone
-is worked out once in a function of its own.
+A row is ``LANES`` neighbouring numbers, one of each experiment. Symbols stand for rows. What depends on
+parameters alone is worked out once.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ EXPANDED = {
 class LaneTape(Tape):
     """Tape for code on lanes.
 
-    A quotient becomes a product with the divisor's reciprocal, so that divisions by one number share it.
+    A quotient becomes a product with the reciprocal, so that divisions by one number share it.
     """
 
     def __init__(self) -> None:
@@ -49,7 +47,7 @@ class LaneTape(Tape):
         return symbol
 
     def function(self, ufunc: Any, x: Symbol) -> Any:
-        """Elementary function of a symbol, from arithmetic where a library would be called."""
+        """Elementary function of a symbol, from arithmetic."""
         if ufunc in EXPANDED:
             return EXPANDED[ufunc](x)
         if ufunc is np.frexp:
@@ -57,7 +55,7 @@ class LaneTape(Tape):
         return super().function(ufunc, x)
 
     def binary(self, operator: str, left: Any, right: Any) -> Any:
-        """Operation on two numbers of which at least one is a symbol."""
+        """Operation on at least one symbol."""
         if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
             return NotImplemented
         if operator == "**":
@@ -67,7 +65,7 @@ class LaneTape(Tape):
         return super().binary(operator, left, right)
 
     def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
-        """Symbols of numbers so many places behind those that the pointers of a row lead to."""
+        """Symbols of numbers so many places behind where each lane's pointer leads."""
         found = [self.write("load", pointer, float(place)) for place in places]
         cells = np.empty(len(found), dtype=object)
         cells[:] = found
@@ -89,8 +87,7 @@ def _is_one(operand: Any) -> bool:
 class LaneRows:
     """Rows of the flat array, handed out one after the other.
 
-    ``named`` holds the first row of what was asked for by name, ``constants`` the values (N,) of the rows
-    that hold parameters, one of each experiment.
+    ``named`` holds the first row of each name, ``constants`` the values (N,) of parameters' rows.
     """
 
     count: int = 0
@@ -104,14 +101,14 @@ class LaneRows:
         return list(range(self.named[name], self.count))
 
     def variables(self, tape: LaneTape, name: str, size: int) -> Array:
-        """Symbols of rows that change, (size,); the same rows when asked for again."""
+        """Symbols of rows that change, (size,); the same ones when asked again."""
         rows = self.known(name, size)
         cells = np.empty(size, dtype=object)
         cells[:] = [tape.row(row) for row in rows]
         return cells
 
     def known(self, name: str, size: int) -> list[int]:
-        """Rows of the given name, taken when first asked for."""
+        """Rows of a name, taken when first asked for."""
         if name not in self.named:
             return self.take(name, size)
         return list(range(self.named[name], self.named[name] + size))
@@ -119,8 +116,8 @@ class LaneRows:
     def parameters(self, tape: LaneTape, record: Any) -> Any:
         """Replace the numbers of a stacked record, lanes last, by symbols.
 
-        Numbers that are exactly zero, or exactly one, in every experiment stay numbers, and so do whole
-        numbers and booleans, which choose between branches and are the same for all.
+        What is zero, or one, in every experiment stays a number. So do integers and booleans, which choose
+        branches.
         """
 
         def symbols(leaf: Any) -> Any:
@@ -138,7 +135,7 @@ class LaneRows:
         return mapped(symbols, record)
 
     def holding(self, record: Any) -> LaneRows:
-        """Return the same rows for another record of the same :func:`signature`."""
+        """Return the same rows for another record of one :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
 
@@ -149,7 +146,7 @@ def _plain(values: Array) -> float | None:
 
 
 def mapped(function: Callable[..., Any], *records: Any) -> Any:
-    """Nested tuples of one structure, each leaf a function's value of theirs."""
+    """Apply a function to the leaves of nested tuples of one structure."""
     first = records[0]
     if not isinstance(first, tuple):
         return function(*records)
@@ -158,7 +155,6 @@ def mapped(function: Callable[..., Any], *records: Any) -> Any:
 
 
 def _leaves(record: Any) -> list[Any]:
-    """Leaves of nested tuples in the order in which they become rows."""
     found: list[Any] = []
     mapped(found.append, record)
     return found
@@ -172,7 +168,7 @@ def _varying(record: Any) -> Iterator[Array]:
 
 
 def signature(record: Any) -> tuple[Any, ...]:
-    """What the code made from a stacked record depends on: its shape, and what is zero or one throughout."""
+    """What a stacked record's code depends on: its shape, and what is zero or one throughout."""
     return tuple(
         leaf
         if isinstance(leaf, bool | int)
@@ -200,7 +196,7 @@ def remembered(write: Writer) -> Writer:
 
 
 def stacked(records: list[Any]) -> Any:
-    """Records of one structure as one, experiments as its leaves' last axis; whole numbers must agree."""
+    """One record of many, experiments as its leaves' last axis; whole numbers must agree."""
 
     def stack(*leaves: Any) -> Any:
         if isinstance(leaves[0], bool | int):
@@ -211,12 +207,12 @@ def stacked(records: list[Any]) -> Any:
 
 
 def part_of(record: Any, chosen: slice) -> Any:
-    """Some experiments of a stacked record."""
+    """Slice the experiments of a stacked record."""
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
 def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:
-    """Columns (rows, M) as bundles (B, rows, LANES); what is in lanes to spare, or the last column again."""
+    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare get `spare`, or the last column again."""
     missing = -values.shape[1] % LANES
     filler = np.repeat(values[:, -1:] if spare is None else spare, missing, axis=1)
     filled = np.hstack([values, filler])
@@ -224,7 +220,7 @@ def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[
 
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
-    """Copy an array, rows of lanes last, to where machine code may load a row at once."""
+    """Copy an array (..., lanes) to where machine code may load a row at once."""
     size = values.size * values.itemsize
     room = np.empty(size + ALIGNED, dtype=np.uint8)
     first = -room.ctypes.data % ALIGNED
@@ -245,9 +241,9 @@ Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
 def lane_code(
     name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
 ) -> str:
-    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first, see `machine.vector_code`.
+    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first.
 
-    Results say what each row becomes; rows gain one for each value that depends on parameters alone.
+    Results are by row. Values that depend on parameters alone get rows of their own.
     """
     stores = list(stores)
     fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
@@ -265,7 +261,7 @@ def lane_code(
 
 
 def _fixed(tape: LaneTape, results: Iterable[Any]) -> list[str]:
-    """Names the results need that parameters alone determine, but for the parameters themselves."""
+    """Names the results need that depend on parameters alone, parameters left out."""
     wanted = {value.name for value in results if isinstance(value, Symbol)}
     fixed: list[str] = []
     for name in reversed(tape.lines):

@@ -1,10 +1,6 @@
-"""Recorded operations as vector instructions, and those as machine code that is kept on disk.
+"""Recorded operations as vector instructions, and their machine code on disk.
 
-This is the only place that knows a compiler.
-
-Every lane does the same arithmetic on its own numbers, so no lane can change another. A product may be fused
-with a sum; all lanes do so alike. LLVM is handed the instructions as they stand: with nothing to infer and
-nothing to vectorise it compiles in about a second.
+Only this module knows a compiler. A product may be fused with a sum, in all lanes alike.
 """
 
 from __future__ import annotations
@@ -40,7 +36,6 @@ _CALLED = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor"}
 
 
 def _text(operand: str | float) -> str:
-    """A name, or a number in all lanes, written by its bits."""
     if isinstance(operand, str):
         return f"%{operand}"
     (bits,) = struct.unpack("<Q", struct.pack("<d", operand))
@@ -48,14 +43,14 @@ def _text(operand: str | float) -> str:
 
 
 class LaneCode(NamedTuple):
-    """Addresses of two functions ``void (double *rows, double k)``, of which the first runs first."""
+    """Addresses of two functions ``void (double *rows, double k)``; ``prepare`` comes first."""
 
     prepare: int
     run: int
 
 
 class Store(NamedTuple):
-    """A value for every lane, to be put ``offset`` numbers behind where each lane's pointer leads."""
+    """A value to be put ``offset`` numbers behind where each lane's pointer leads."""
 
     pointer: str
     offset: int
@@ -65,7 +60,7 @@ class Store(NamedTuple):
 def vector_code(
     name: str, lines: Mapping[str, Line], results: Mapping[int, str | float], stores: Iterable[Store] = ()
 ) -> str:
-    """Source of ``<name>(rows, k)``: every line the results need, each result stored in its row."""
+    """Source of ``<name>(rows, k)``: the lines that the results need, each result into its row."""
     stores = list(stores)
     wanted = [*results.values(), *(part for store in stores for part in (store.pointer, store.value))]
     body = [part for x in needed(lines, wanted) for part in _instructions(x, *lines[x])]
@@ -133,7 +128,7 @@ end:
 
 
 def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
-    """Call codes in turn, each with its own bundle (rows, lanes), at every sample of a span."""
+    """Call codes in turn, each with its bundle (rows, lanes), at every sample of a span."""
     (address,) = assembled(_SWEEP, "sweep")
     run = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(address)
     codes = np.array([code for code, _ in parts])
@@ -142,7 +137,7 @@ def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
 
 
 def callable_code(address: int) -> Callable[[int, float], None]:
-    """Return machine code as a function of the address of a bundle and a number."""
+    """Machine code as a function of a bundle's address and a number."""
     return ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(address)
 
 
@@ -225,10 +220,7 @@ def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> 
 
 @cache
 def assembled(source: str, *names: str) -> tuple[int, ...]:
-    """Addresses of functions of a source, whose machine code is taken from disk if it is there.
-
-    A file that is not as it was written is made again; one that cannot be written is done without.
-    """
+    """Addresses of functions of a source; machine code is taken from disk if it is there and whole."""
     digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
     path = CACHE / f"{names[-1]}_{digest.hexdigest()[:16]}.o"
     code = _stored(path)
@@ -244,7 +236,7 @@ def assembled(source: str, *names: str) -> tuple[int, ...]:
 
 
 def _simplified(module: Any) -> bytes:
-    """Machine code of a module, its instructions combined: the symbols write many that undo each other."""
+    """Machine code of a module; first instructions that undo each other are combined."""
     target = _target()
     passes = binding.create_new_module_pass_manager()
     passes.add_instruction_combine_pass()
@@ -254,7 +246,6 @@ def _simplified(module: Any) -> bytes:
 
 
 def _stored(path: Path) -> bytes | None:
-    """Machine code in a file, if it is whole."""
     try:
         image = path.read_bytes()
     except OSError:

@@ -1,11 +1,7 @@
 """Straight-line code from the pure functions of the plant.
 
-The physics is written once, as loops over joints on NumPy arrays. For a given number of joints those loops
-are known, so running the functions on symbols instead of numbers writes down every operation in order. The
-result is plain code without loops, arrays or calls, which compiles quickly and runs many times faster.
-
-Entries of a plant that are exactly zero or one are written as such. Products with zero then vanish, and with
-them every feature of the plant that is switched off.
+Run on symbols, they write down every operation in order: no loops, arrays or calls. Entries that are exactly
+zero or one stay numbers. Products with zero vanish, and with them every feature that is switched off.
 """
 
 from __future__ import annotations
@@ -45,14 +41,14 @@ Line: TypeAlias = tuple[str, tuple[str | float, ...]]
 
 
 class Tape:
-    """Operations in the order they were first needed; an operation asked for twice is written once."""
+    """Operations in order; one asked for twice is written once."""
 
     def __init__(self) -> None:
         self.lines: dict[str, Line] = {}
         self._known: dict[Line, Symbol] = {}
 
     def write(self, operation: str, *operands: Any) -> Symbol:
-        """Symbol of an operation on symbols and numbers, new or known."""
+        """Symbol of an operation, new or known."""
         line = operation, tuple(as_operand(operand) for operand in operands)
         if line not in self._known:
             name = f"x{len(self.lines)}"
@@ -65,7 +61,7 @@ class Tape:
         return self.write(FUNCTIONS[ufunc], x)
 
     def binary(self, operator: str, left: Any, right: Any) -> Any:
-        """Sum, difference, product, quotient, power or comparison; a comparison is 1 or 0."""
+        """Arithmetic or comparison; a comparison is 1 or 0."""
         if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
             return NotImplemented
         if short := _simplified(operator, left, right):
@@ -78,7 +74,7 @@ class Tape:
 
 
 def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
-    """Names that results, symbols or their names, depend on, their own among them, in order."""
+    """Names that results depend on, their own included."""
     wanted = {as_operand(result) for result in results}
     for name in reversed(list(lines)):
         if name in wanted:
@@ -87,14 +83,14 @@ def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
 
 
 class Symbol(NDArrayOperatorsMixin):
-    """A number that is not known yet; arithmetic and NumPy functions on it go on its tape."""
+    """A number not known yet; arithmetic and NumPy functions go on its tape."""
 
     def __init__(self, tape: Tape, name: str) -> None:
         self.tape = tape
         self.name = name
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
-        """NumPy functions of a symbol, also where the other operand is a NumPy number."""
+        """NumPy functions, also beside a NumPy number."""
         # ``x += y`` names x as output; it becomes a new symbol.
         if method != "__call__" or kwargs.get("out", (self,))[0] is not self:
             return NotImplemented
@@ -123,11 +119,11 @@ class Symbol(NDArrayOperatorsMixin):
         return self.tape.where(condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:
-        """A symbol is a scalar: the only key is the empty one."""
+        """The only key of a scalar is the empty one."""
         return self
 
     def __bool__(self) -> bool:
-        """Refuse: the code that is recorded takes one branch for all numbers."""
+        """Refuse: recorded code takes one branch for all numbers."""
         message = "a number that is not known yet is neither true nor false"
         raise TypeError(message)
 
