@@ -6,6 +6,7 @@ import doctest
 import importlib
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -184,6 +185,16 @@ def test_arguments_reach_the_command(
         getattr(tr, function.rpartition("run_")[2])(**words)
     del asked["request"], asked["talk"]
     assert asked == words | given
+
+
+def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path, tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    for folder in (tmp_path, inner):
+        shutil.copy(saved / "traces.h5", folder)
+    assert {path.parent.parent for path in tr.tables(tmp_path)} == {tmp_path}
+    (tmp_path / "traces.h5").unlink()
+    assert {path.parent.parent for path in tr.tables(tmp_path)} == {inner}
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

@@ -22,7 +22,7 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
     # Those of the base are no keys of the ensemble's own file.
     draft = Draft(found, None, [text for text in overrides if not text.startswith("base.")])
     if draft.kind == MANIPULATOR:
-        return draft.validate(Manipulator)
+        return Draft(found, MANIPULATOR, overrides).validate(Manipulator)
     if draft.kind == "ensemble":
         return load_ensemble(found, overrides=overrides)
     return load_config(found, None, overrides=overrides)

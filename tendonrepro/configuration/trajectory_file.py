@@ -33,12 +33,14 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
     if not joints or names != ["time_s", *(f"q{joint}_deg" for joint in dict.fromkeys(joints))]:
         message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
         raise ConfigError(message, where=f"{path}:1")
-    lines = [line for line, text in enumerate(rest, 2) if text.strip()]
+    lines = [line for line, text in enumerate(rest, 2) if text.partition("#")[0].strip()]
     if len(lines) < FEWEST:
         raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(lines)}", where=str(path))
     try:
-        table = np.loadtxt(rest, delimiter=",", ndmin=2, comments=None)
+        table = np.loadtxt(rest, delimiter=",", ndmin=2)
         time, *angles = table.T
+        if len(angles) != len(joints):
+            raise ValueError(f"{table.shape[1]} in each row")
         found = {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}
     except ValueError as error:
         message = f"rows must hold {len(names)} numbers with commas between: {error}"

@@ -226,6 +226,10 @@ def test_the_config_inside_the_traces_runs_again(compared: tuple[Path, Any], tmp
 def test_dry_run_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "traces.h5").write_text("of another run")
+    (tmp_path / "law.py").write_text("def f(*_): return 0.0\n")
+    words = ("compare", "--dry-run", "--solver", "compiled", "--law", "law.py:f")
+    assert run(*words, cwd=tmp_path).returncode == 2
+    (tmp_path / "law.py").unlink()
     done = run("compare", "--dry-run", "--out", "other", cwd=tmp_path)
     assert done.returncode == 0
     assert "other/traces.h5" in done.stderr

@@ -14,7 +14,7 @@ import pytest
 
 from tendonrepro.configuration.fields.quantity import Quantity
 from tendonrepro.configuration.fields.strict_yaml import read_text
-from tendonrepro.configuration.kinds import json_schema
+from tendonrepro.configuration.kinds import checked, json_schema
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
 from tendonrepro.errors import ConfigError, UsageError
@@ -330,3 +330,11 @@ def test_schema_states_units_and_limits_of_every_quantity() -> None:
         for name, field in definition["properties"].items():
             if "value" in field.get("properties", {}):
                 assert re.search(r"; unit \S", field["description"]), name
+
+
+def test_an_override_is_one_of_the_kind_that_is_checked() -> None:
+    masses = checked("lumidouce_ii", ["links.mass=3"]).links.mass.si
+    assert set(masses) == {3.0}
+    with pytest.raises(ConfigError):
+        checked("lumidouce_ii", ["base.x=3"])
+    assert checked("ensemble", ["base.seed=3"]).base.config.seed.si == 3

@@ -212,3 +212,21 @@ class TestFigures:
         assert panels["d"].get_xlabel() == "sampling_period (ms)"
         shown = {line.get_label(): line.get_ydata() for line in panels["d"].lines}
         np.testing.assert_array_equal(shown["C1/C2"], ratios(data)[:, 1])
+
+    @pytest.mark.parametrize(
+        ("numbers", "scale", "x"),
+        [
+            (None, "linear", [0.0, 1.0, 2.0]),
+            ([1.0, 3.0, 2.0], "linear", [1.0, 2.0, 3.0]),
+            ([0.1, 1.0, 10.0], "log", [0.1, 1.0, 10.0]),
+        ],
+    )
+    def test_axis_of_the_values(self, numbers, scale, x):
+        """Decades ask for a logarithmic axis, numbers stand in their order, and no line joins words."""
+        data = json.loads(json.dumps(swept(PERIOD)))
+        data["keys"][0]["numbers"] = numbers and [[number, number] for number in numbers]
+        panel = draw_sweep(data).axes["a"]
+        assert panel.get_xscale() == scale
+        (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
+        assert line.get_xdata().tolist() == x
+        assert (line.get_linestyle() == "None") == (numbers is None)

@@ -37,6 +37,7 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
         (LAW.format(body="return q[:1]"), None, "must return tau"),
         (LAW.format(body="return q + 0j"), None, "must return tau"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
+        ("import sys\nsys.exit(3)\n", 2, "SystemExit"),
     ],
 )
 def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):

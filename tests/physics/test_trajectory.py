@@ -178,8 +178,13 @@ class TestFile:
         np.testing.assert_allclose(angles[2], np.deg2rad(3.0 * np.arange(8)), rtol=1e-15)
         np.testing.assert_allclose(angles[3], np.deg2rad(-1.0 * np.arange(8)), rtol=1e-15)
 
+    def test_comments_and_empty_lines(self, tmp_path):
+        path = self.write(tmp_path, "time_s,q2_deg,q3_deg", "# a stroke", *ROWS, "")
+        np.testing.assert_array_equal(read_samples(path)[0], 0.5 * np.arange(8))
+
     @pytest.mark.parametrize(
-        "header", ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", ""]
+        "header",
+        ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", "time_s,q2_deg,q2_deg", ""],
     )
     def test_header(self, tmp_path, header):
         path = self.write(tmp_path, header, *ROWS)
@@ -191,6 +196,7 @@ class TestFile:
         ("rows", "line"),
         [
             *(((*ROWS[:k], ROWS[k - 1], *ROWS[k + 1 :]), f":{k + 2}") for k in (1, 4, 7)),
+            ((*ROWS[:5], "", "# pause", *ROWS[4:]), ":9"),
             (ROWS[:5], ""),
             ((), ""),
             ((*ROWS, "9,nan,0"), ""),
@@ -199,7 +205,19 @@ class TestFile:
             ((*ROWS, "9,one,0"), ""),
             (tuple(row + ",0" for row in ROWS), ""),
         ],
-        ids=["still 1", "still 4", "still 7", "few", "none", "nan", "inf", "ragged", "word", "wide"],
+        ids=[
+            "still 1",
+            "still 4",
+            "still 7",
+            "after a pause",
+            "few",
+            "none",
+            "nan",
+            "inf",
+            "ragged",
+            "word",
+            "wide",
+        ],
     )
     def test_rows(self, tmp_path, rows, line):
         path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)
