@@ -30,11 +30,11 @@ _BEYOND = 1e-4
 
 
 class ChannelMargins(NamedTuple):
-    """Margins of one joint's torque with the other loops closed; NaN where there is none.
+    """Margins of one joint's torque with the other loops closed; NaN where there is none or the loop grows.
 
     The gain margins are the smallest factor above 1 and the largest below 1 that make the loop grow, at
-    `_hz`; the phase margin is the smallest lag or lead that does, the delay margin the shortest extra delay
-    unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
+    `_hz`; the phase margin is the smallest lag or lead that does, at `crossover_hz`, the delay margin the
+    shortest extra delay unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
     """
 
     stable: bool = False

@@ -21,7 +21,6 @@ from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of, to_json, write_atomically
-from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
@@ -64,7 +63,10 @@ def run_fetch(
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
-        refuse_existing(out / file["key"], force=force)
+        path = out / file["key"]
+        if path.exists() and not force:
+            hint = "move it away, or say --force to replace it"
+            raise UsageError("is not the file of the record", where=str(path), hint=hint)
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(held, to_json(lock))

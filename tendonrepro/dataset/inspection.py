@@ -27,7 +27,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
         If a path is missing.
     """
     if mapping is not None:
-        refuse_existing(mapping, force=force)
+        refuse_existing(mapping, force=force, option="--mapping")
     sources, unread = read_files(paths)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:

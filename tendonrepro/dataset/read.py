@@ -78,9 +78,11 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
 def _unpack(path: Path, folder: Path) -> None:
     if zipfile.is_zipfile(path):
         shutil.unpack_archive(path, folder, "zip")
-    else:
+    elif tarfile.is_tarfile(path):
         with tarfile.open(path) as archive:
             archive.extractall(folder, filter="data")
+    else:
+        raise Unreadable("neither zip nor tar")
 
 
 def read_file(path: Path, name: str) -> list[Source]:

@@ -25,7 +25,8 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
             ends = np.array([row["lowest_deg"], row["highest_deg"]]) / row["printed_deg"]
             panel.plot(ends, [place, place], color=stroke.colour, linewidth=2.2, solid_capstyle="butt")
             panel.plot(row["ratio"], place, "o", color="white", markeredgecolor=stroke.colour, markersize=3.6)
-        for stroke, label in zip(SERIES, ("fitted", "not fitted"), strict=False):
+        kinds = ("fitted", "not fitted") if any(not row["fitted"] for row in numbers) else ("fitted",)
+        for stroke, label in zip(SERIES, kinds, strict=False):
             panel.plot([], [], color=stroke.colour, linewidth=2.2, label=label)
         panel.axvline(1.0, color="black", linewidth=0.6, zorder=0.5)
         panel.margins(x=0.04)

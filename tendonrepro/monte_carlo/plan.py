@@ -35,7 +35,7 @@ MOST_DRAWS = 2**20
 SECONDS_PER_EXPERIMENT = 6e-3
 """Time on a fast processor, for estimates before anything has run; of the same order is all that is needed.
 
-Measured: 17 ms on slow processors that had other work too (docs/results.md).
+Measured: 17 ms on slow processors that had other work too.
 """
 
 _COMPRESSION = 0.9

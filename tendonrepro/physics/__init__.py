@@ -1,6 +1,7 @@
 """The paper's equations as pure functions: no files, no clock, no state.
 
-Arrays have the joint or tendon axis first; further axes are independent lanes.
+Arrays of arm, drive and statics have the joint or tendon axis first; further axes are independent lanes.
+Signals over time are (T, n).
 
 What a law of your own builds on (docs/python.md) can be imported from here.
 """

@@ -17,9 +17,9 @@ TYPICAL_ERROR_DEG = 0.25
 def estimate_age(law: Law, delay: int = 0) -> Array:
     """Mean age of the estimate when it acts, in periods, (n,), with whole samples of output delay.
 
-    1 + α by Eq. (15), 1 by Eq. (8), 1 − α extrapolating. A delay of the output adds to it only where the law
-    remembers the applied torque: a command meets the delay on both sides of its equation. The mean lag of a
-    low-pass filter of the estimate adds to it too.
+    As assumed 1 + α by Eq. (15), 1 by Eq. (8), 1 − α extrapolating. A delay of the output adds to it only
+    where the law remembers the applied torque: a command meets the delay on both sides of its equation. The
+    mean lag of a low-pass filter of the estimate adds to it too.
     """
     waited = delay * law.stores_applied + (1.0 / law.estimate_filter - 1.0)
     return np.asarray(law.lag * (law.weights[0] + 2.0 * law.weights[1]) + waited)

@@ -255,9 +255,9 @@ def stored_traces(source: Path) -> TraceFile:
     return read_traces(source / TRACES if source.is_dir() else source)
 
 
-def refuse_existing(path: Path, *, force: bool) -> None:
-    """Raise a UsageError where a file is in the way, unless `force`."""
+def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
+    """Raise a UsageError where a file is in the way of what an option names, unless `force`."""
     if path.exists() and not force:
         message = "is there already"
-        hint = "choose another name with --out, or overwrite it with --force"
+        hint = f"choose another name with {option}, or overwrite it with --force"
         raise UsageError(message, where=str(path), hint=hint)

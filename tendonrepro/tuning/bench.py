@@ -135,7 +135,7 @@ def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Lo
     controller = TimeDelayController(law, command, on_lanes=command is not None)
     given = [plants.loops[0].reference, plants.loops[-1].reference]
     if candidate.knows != "none":
-        for held, reference in enumerate(given):
+        for held, reference in enumerate(given[: 1 + (runs == ALL_RUNS)]):
             torque, _ = plants.known[candidate.knows, bool(held)]
             extra = _entering(torque, law, increments=command is None) @ law.from_joint.T / law.M_bar
             given[held] = replace(reference, ddq_d=reference.ddq_d + extra)

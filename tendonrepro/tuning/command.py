@@ -75,6 +75,9 @@ def run_tune(
     loaded = load_ensemble(request.config, overrides=request.overrides)
     users = laws_of(laws, given)
     own = [user_law(user) for user in users]
+    if taken := [law.name for law in own if law.name in LAWS]:
+        message = f"there is a law {taken[0]!r} already"
+        raise UsageError(message, where="--law", hint="give it another name")
     task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0)
     for law in own:
         _try(task, law)
@@ -91,7 +94,9 @@ def run_tune(
         head = {"experiment": "tune", "seed": task.seed, "solver": solver, "ensemble_sha256": loaded.sha256}
         return replace(outcome(task, drawn), manifest=head)
 
-    return run_study("tune", replace(base, sha256=identity), request, study, talk, keep=states)
+    return run_study(
+        "tune", replace(base, sha256=identity, origin=loaded.origin), request, study, talk, keep=states
+    )
 
 
 def _try(task: Task, law: TunedLaw) -> None:

@@ -223,12 +223,17 @@ STEPS: tuple[Step, ...] = (
 _TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
 
 
+def _is_range(bounds: Any) -> bool:
+    return np.size(bounds) == 2 and 0.0 < bounds[0] < bounds[1]
+
+
 def user_law(own: UserLaw) -> TunedLaw:
     """A user's law with the bounds it brings, refused where they are missing or it asks for the plant."""
     function, setup = own.load()
     bounds = getattr(function, "bounds", None)
-    is_dict = isinstance(bounds, dict) and bounds.keys() <= _TUNABLE
-    if not bounds or not is_dict or not all(0.0 < low < high for low, high in bounds.values()):
+    if not isinstance(bounds, dict) or not bounds.keys() <= _TUNABLE:
+        bounds = {}
+    if not bounds or not all(map(_is_range, bounds.values())):
         names = ", ".join(sorted(_TUNABLE))
         hint = (
             f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"

@@ -78,7 +78,7 @@ def _miss(errors: Sequence[float | None]) -> float:
 
 
 def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Yield errors, roughness, share of draws with gains and what limits them, by law, condition and cap."""
+    """Yield errors, roughness and share of draws with gains, by law, condition and cap."""
     names = ("law", "knows", "filtered", "cap", "alpha")
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:

@@ -111,6 +111,13 @@ def reversed_bounds(*_: Any) -> None:
 reversed_bounds.bounds = {"K_p": (10.0, 1.0)}  # type: ignore[attr-defined]
 
 
+def one_bound(*_: Any) -> None:
+    """Never called."""
+
+
+one_bound.bounds = {"K_p": 10.0}  # type: ignore[attr-defined]
+
+
 class Told:
     """A law that asks for its plant."""
 
@@ -131,6 +138,8 @@ class Told:
         {"given": {"branching": branching}},
         {"given": {"told": Told()}},
         {"given": {"reversed": reversed_bounds}},
+        {"given": {"one": one_bound}},
+        {"given": {"pid": surface}},
         {"given": {"boundless": lambda *_: None}},
     ],
 )

@@ -15,7 +15,7 @@ from tendonrepro.physics.control import Surface
 from tendonrepro.tuning import search
 from tendonrepro.tuning.bench import Candidate, Measured, Plants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Seen, Tuning, best, costs
+from tendonrepro.tuning.search import Seen, Tuning, _lost, best, costs
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -84,3 +84,14 @@ def test_an_unstable_place_is_never_the_best_and_costs_more_than_any_error() -> 
     assert best([bad], np.inf) is best([good], 0.5) is None
     (cheap,), (dear,), (rough,) = costs([good], 1.0), costs([bad], 1.0), costs([good], 0.5)
     assert cheap < rough < dear
+
+
+def test_a_law_behind_its_own_special_case_is_told() -> None:
+    def seen(error: float) -> Seen:
+        return Seen(np.zeros(1), error, 1.0, np.ones(3, dtype=bool))
+
+    case = ("none", False, "none")
+    found = {("tsm", *case): [seen(0.0), seen(1.0)], ("ntsm", *case): [None, seen(0.5)]}
+    (row,) = _lost(found)
+    assert (row["law"], row["to"]) == ("ntsm", "tsm")
+    assert not list(_lost(found | {("ntsm", *case): [seen(0.5), seen(-0.1)]}))
