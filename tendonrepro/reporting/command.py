@@ -28,6 +28,8 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     if not folder.is_dir():
         hint = "run tendonrepro reproduce, or name another one"
         raise DataMissingError("there is no such folder", where=str(folder), hint=hint)
+    if path.is_dir():
+        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
     if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
         message = "exists and is no report of tendonrepro"
         raise UsageError(message, where=str(path), hint="choose another --out, or say --force")

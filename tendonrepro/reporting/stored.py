@@ -55,6 +55,10 @@ class Stored:
     origins: Mapping[str, str]
 
 
+_SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
+"""Interpretations that the answer speaks of."""
+
+
 def stored_under(folder: Path) -> Stored:
     """Read all there is under a results folder.
 
@@ -70,9 +74,9 @@ def stored_under(folder: Path) -> Stored:
     claims, ensemble = folder / "claims" / "claims.json", folder / "ensemble" / "summary.json"
     ledger = _read(claims if claims.exists() else ours / "claims.json")
     summary, own = _read(ours / "ensemble.json"), False
-    if ledger["ensemble"]["source"] == "local" and ensemble.exists():
+    if claims.exists() and ledger["ensemble"]["source"] == "local" and ensemble.exists():
         found = _read(ensemble)
-        own = found["of_paper"] and {"printed", BOTH, STEPS, FINE_STEPS} <= by_name(found).keys()
+        own = found["of_paper"] and by_name(found).keys() >= _SHOWN
         summary = thinned(found) if own else summary
     origins = {name: "run" if name in manifests else "missing" for name in PARTS}
     origins |= {"claims": "run" if claims.exists() else "shipped", "ensemble": "run" if own else "shipped"}

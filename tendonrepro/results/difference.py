@@ -87,9 +87,13 @@ def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
 
 
 def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
-    for name in dict.fromkeys([*first.variables, *second.variables]):
+    both = [
+        {"time": trace.time[:, np.newaxis], "joint": np.array([trace.joint]), **trace.variables}
+        for trace in (first, second)
+    ]
+    for name in dict.fromkeys([*both[0], *both[1]]):
         row = {"run": first.name, "variable": name}
-        a, b = (trace.variables.get(name, np.zeros(0)) for trace in (first, second))
+        a, b = (arrays.get(name, np.zeros(0)) for arrays in both)
         if a.shape != b.shape:
             yield row | {"shape_first": list(a.shape), "shape_second": list(b.shape)}
         elif not np.array_equal(a, b, equal_nan=True):

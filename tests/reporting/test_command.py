@@ -36,6 +36,8 @@ def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path)
     assert run_report(folder, None, force=True) == first
     with pytest.raises(DataMissingError):
         run_report(tmp_path / "none", None, force=False)
+    with pytest.raises(UsageError):
+        run_report(folder, tmp_path, force=True)
 
 
 @pytest.mark.parametrize("content", ["", '{"a": '])
@@ -86,3 +88,5 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(
     found = stored_under(tmp_path)
     assert (found.origins["claims"], found.origins["ensemble"]) == ("run", origin)
     assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")
+    (tmp_path / "claims" / "claims.json").unlink()
+    assert stored_under(tmp_path).origins["ensemble"] == "shipped"

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -87,6 +88,7 @@ def stored(tmp_path_factory):
 @pytest.mark.parametrize(
     ("options", "key"),
     [
+        ({"out": Path("film.mp4")}, "--out"),
         ({"speed": 0.0}, "--speed"),
         ({"speed": float("nan")}, "--speed"),
         ({"speed": 1.0 / MOST_PICTURES}, "--speed"),

@@ -135,6 +135,20 @@ def test_missing_runs_variables_and_samples_are_told(folder):
     assert shapes["e"] == (len(short.time), len(trace.time))
 
 
+@pytest.mark.parametrize(
+    ("change", "variable"),
+    [(lambda run: {"time": run.time + 0.5}, "time"), (lambda _: {"joint": (1, 2)}, "joint")],
+    ids=["time", "joint"],
+)
+def test_equal_values_at_other_times_or_of_other_joints_differ(folder, change, variable):
+    name, trace = next(iter(FILE.runs.items()))
+    run = replace(trace, variables={"tau_m": trace["tau_m"]})
+    for place, one in (("a", run), ("b", replace(run, **change(run)))):
+        write_traces(folder / place / "traces.h5", replace(FILE, runs={name: one}))
+    (row,) = difference(folder / "a", folder / "b")["traces"]
+    assert row["variable"] == variable
+
+
 def test_exit_code_says_whether_anything_differs(folder):
     assert answer("diff", ".", ".", cwd=folder)["same"] is True
     changed(folder, tendonrepro_version="9.9")

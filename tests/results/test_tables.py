@@ -24,6 +24,7 @@ from tendonrepro.results.paper_tables import (
     decoupling_rows,
     load_rows,
     made_tables,
+    motor_rows,
     table_data,
 )
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
@@ -187,6 +188,12 @@ def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
     }
     read_otherwise = controller_rows(dataclasses.replace(file, runs=runs))
     assert all("mae_low_deg" not in row and row["mae_printed_deg"] > 0.0 for row in read_otherwise)
+
+
+def test_motors_have_torque_and_tension() -> None:
+    frame = frame_of(motor_rows, make_compare_file())
+    assert {"rms_Nm", "at_limit", "least_N", "at_s", "slack_s"} <= set(frame.columns)
+    assert len(frame) == 8
 
 
 def test_table_of_the_decoupling_experiment() -> None:

@@ -139,6 +139,11 @@ class TestValidate:
     def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
+        file = read_traces(shipped)
+        write_traces(tmp_path / "SYNTHETIC.h5", replace(file, runs=dict([*file.runs.items()][:1])))
+        lighter = validate(shipped, tmp_path / "out", "manipulator.gravity=9.8", dry_run=True)
+        other = validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out", dry_run=True)
+        assert len({one["config_sha256"] for one in (plan, lighter, other)}) == 3
         assert not (tmp_path / "out").exists()
 
 

@@ -76,7 +76,9 @@ def animate(
     file = stored_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
-    target = (out or (source if source.is_dir() else source.parent) / name).with_suffix(".gif")
+    target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
+    if target.suffix != ".gif":
+        raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
     refuse_existing(target, force=force)
     places = _places(scene.trace.time, speed)
     film = []
