@@ -127,10 +127,13 @@ def _column(values: Sequence[Any]) -> Array:
 
 
 def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:
+    def during(phase: Any) -> Any:
+        return choose(live > 0.0, phase, 0.0)
+
     size, square = abs(x.e), x.e * x.e
-    up, down = live * (x.dq_d > phases.speed[i]), live * (x.dq_d < -phases.speed[i])
-    late, rapid = live * (k >= phases.period), live * (abs(x.ddq_d) > phases.acceleration[i])
-    still = live * (abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
+    up, down = during(x.dq_d > phases.speed[i]), during(x.dq_d < -phases.speed[i])
+    late, rapid = during(k >= phases.period), during(abs(x.ddq_d) > phases.acceleration[i])
+    still = during(abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
     direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums["direction"]))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
 

@@ -60,15 +60,24 @@ class Store(NamedTuple):
 def vector_code(
     name: str, lines: Mapping[str, Line], results: Mapping[int, str | float], stores: Iterable[Store] = ()
 ) -> str:
-    """Source of ``<name>(rows, k)``: the lines that the results need, each result into its row."""
+    """Source of ``<name>(rows, k)``: the lines that the results need, each result into its row.
+
+    Rows are read just before their first use and written as soon as known: few values wait in registers.
+    """
     stores = list(stores)
     wanted = [*results.values(), *(part for store in stores for part in (store.pointer, store.value))]
-    body = [part for x in needed(lines, wanted) for part in _instructions(x, *lines[x])]
+    order = needed(lines, wanted)
+    turn: dict[str | float, float] = {x: float(k) for k, x in enumerate(order)}
+    reads = {x: lines[x][1][0] for x in order if lines[x][0] == "row"}
+    for x in reversed(order):
+        turn |= {operand: turn[x] - 0.5 for operand in lines[x][1] if operand in reads}
+    pieces = [(turn[x], _instructions(x, *lines[x])) for x in order]
+    read = {row: turn[x] for x, row in reads.items()}
     for row, value in results.items():
-        body += [
-            f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}",
-            f"store {V} {_text(value)}, ptr %end{row}, align {ALIGNED}",
-        ]
+        place = f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}"
+        write = f"store {V} {_text(value)}, ptr %end{row}, align {ALIGNED}"
+        pieces.append((max(turn.get(value, 0.0), read.get(row, 0.0)) + 0.25, [place, write]))
+    body = [part for _, parts in sorted(pieces) for part in parts]
     for k, store in enumerate(stores):
         body += [
             *(line.format(x=f"store{k}", a=f"%{store.pointer}", place=store.offset) for line in _PLACE),
