@@ -245,7 +245,11 @@ def _make_again(
 
 def _draw(figures: Sequence[Figure]) -> list[Path]:
     """Draw figures of one or several results, the later ones first: they have more panels."""
-    return [path for paths in reversed(each(_drawn, figures[::-1])) for path in paths]
+    from tendonrepro.results.figures.catalogue import shown
+
+    # Another process gets a copy.
+    items = [(shown(name, file), folder, name) for file, folder, name in figures[::-1]]
+    return [path for paths in reversed(each(_drawn, items)) for path in paths]
 
 
 def _drawn(figure: Figure) -> list[Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -116,14 +116,8 @@ def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, pha
     for i in range(sample.e.shape[0]):
         before, x = {name: total[i] for name, total in sums.items()}, Sample(*(part[i] for part in sample))
         joints.append(_add_joint(before, x, live, k, phases, i))
-    return {name: _column([joint[name] for joint in joints]) for name in sums}
-
-
-def _column(values: Sequence[Any]) -> Array:
-    column = np.empty(len(values), dtype=object if not isinstance(values[0], float) else float)
-    for i, value in enumerate(values):
-        column[i] = value
-    return column
+    kind = float if isinstance(joints[0]["abs_e"], float) else object
+    return {name: np.array([joint[name] for joint in joints], dtype=kind) for name in sums}
 
 
 def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -67,6 +67,11 @@ def name_of(figure: str | int) -> str:
 def available(file: TraceFile) -> list[str]:
     """Names of the figures that can be drawn from a trace file, in the order of the registry."""
     return [name for name, spec in FIGURES.items() if spec.traces(file)]
+
+
+def shown(name: str, file: TraceFile) -> TraceFile:
+    """The file with only the runs that a figure shows."""
+    return replace(file, runs={trace.name: trace for trace in FIGURES[name].traces(file)})
 
 
 def draw(figure: str | int, file: TraceFile) -> FigureArtists:

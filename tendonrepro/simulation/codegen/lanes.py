@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Symbol, Tape, as_operand
+from tendonrepro.simulation.codegen.symbols import Symbol, Tape, as_operand, is_number
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -60,16 +60,13 @@ class LaneTape(Tape):
             return NotImplemented
         if operator == "**":
             return elementary.power(left, right)
-        if operator == "/" and isinstance(right, Symbol) and not _is_one(left):
+        if operator == "/" and isinstance(right, Symbol) and not is_number(left, 1.0):
             return left * super().binary("/", 1.0, right)
         return super().binary(operator, left, right)
 
     def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
         """Symbols of numbers so many places behind where each lane's pointer leads."""
-        found = [self.write("load", pointer, float(place)) for place in places]
-        cells = np.empty(len(found), dtype=object)
-        cells[:] = found
-        return cells
+        return np.array([self.write("load", pointer, float(place)) for place in places], dtype=object)
 
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
         """Symbol of a row."""
@@ -77,10 +74,6 @@ class LaneTape(Tape):
         if parameter:
             self.parameters.add(symbol.name)
         return symbol
-
-
-def _is_one(operand: Any) -> bool:
-    return not isinstance(operand, Symbol) and operand == 1.0
 
 
 @dataclass
@@ -102,10 +95,7 @@ class LaneRows:
 
     def variables(self, tape: LaneTape, name: str, size: int) -> Array:
         """Symbols of rows that change, (size,); the same ones when asked again."""
-        rows = self.known(name, size)
-        cells = np.empty(size, dtype=object)
-        cells[:] = [tape.row(row) for row in rows]
-        return cells
+        return np.array([tape.row(row) for row in self.known(name, size)], dtype=object)
 
     def known(self, name: str, size: int) -> list[int]:
         """Rows of a name, taken when first asked for."""

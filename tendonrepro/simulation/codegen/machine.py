@@ -158,7 +158,7 @@ _PLACE = (
 )
 """Where the pointers of a row lead, so many numbers further."""
 _ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
-_SPLIT = {
+_INSTRUCTIONS: dict[str, tuple[str, ...]] = {
     # As in frexp, in [1/2, 1).
     "mantissa": (
         f"%{{x}}.bits = bitcast {V} {{a}} to {WORDS}",
@@ -181,9 +181,6 @@ _SPLIT = {
         f"%{{x}}.moved = shl {WORDS} %{{x}}.bits, splat (i64 52)",
         f"%{{x}} = bitcast {WORDS} %{{x}}.moved to {V}",
     ),
-}
-_INSTRUCTIONS: dict[str, tuple[str, ...]] = {
-    **_SPLIT,
     **{name: (f"%{{x}} = {word} contract {V} {{a}}, {{b}}",) for name, word in _ARITHMETIC.items()},
     **{
         name: (f"%{{x}}.true = fcmp {word} {V} {{a}}, {{b}}", f"%{{x}} = uitofp {BITS} %{{x}}.true to {V}")

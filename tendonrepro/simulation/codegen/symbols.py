@@ -68,10 +68,6 @@ class Tape:
             return short[0]
         return self.write(operator, left, right)
 
-    def where(self, condition: Symbol, then: Any, otherwise: Any) -> Any:
-        """Choice between two values."""
-        return self.write("choose", condition, then, otherwise)
-
 
 def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
     """Names that results depend on, their own included."""
@@ -116,7 +112,7 @@ class Symbol(NDArrayOperatorsMixin):
         condition, then, otherwise = args
         if not isinstance(condition, Symbol):
             return _as_object(then if condition else otherwise)
-        return self.tape.where(condition, then, otherwise)
+        return self.tape.write("choose", condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:
         """The only key of a scalar is the empty one."""
@@ -143,18 +139,19 @@ def _as_object(operand: Any) -> Any:
 
 def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:
     """Result that needs no operation, as a 1-tuple."""
-    if operator == "*" and (_is(left, 0.0) or _is(right, 0.0)):
+    if operator == "*" and (is_number(left, 0.0) or is_number(right, 0.0)):
         return (0.0,)
-    if operator == "/" and _is(left, 0.0):
+    if operator == "/" and is_number(left, 0.0):
         return (0.0,)
     if operator == "-" and left is right:
         return (0.0,)
-    if (operator in "+-" and _is(right, 0.0)) or (operator in "*/" and _is(right, 1.0)):
+    if (operator in "+-" and is_number(right, 0.0)) or (operator in "*/" and is_number(right, 1.0)):
         return (left,)
-    if (operator == "+" and _is(left, 0.0)) or (operator == "*" and _is(left, 1.0)):
+    if (operator == "+" and is_number(left, 0.0)) or (operator == "*" and is_number(left, 1.0)):
         return (right,)
     return None
 
 
-def _is(operand: Any, number: float) -> bool:
+def is_number(operand: Any, number: float) -> bool:
+    """Whether an operand is known to be the number."""
     return not isinstance(operand, Symbol) and operand == number
