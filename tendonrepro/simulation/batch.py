@@ -1,8 +1,7 @@
 """Many closed loops at once, by the compiled stepper.
 
-Loops that share the law's branches run through one code, in bundles of lanes. Neither neighbours nor
-processors change a bit. What acts in no loop of a batch is left out; beside loops with more, a run moves by
-some 1e-15.
+Neighbours and threads do not change a bit. What acts in no loop of a batch is left out of its code, so beside
+loops with more a run moves by some 1e-15.
 """
 
 from __future__ import annotations
@@ -29,27 +28,27 @@ from tendonrepro.simulation.parts import CompiledPart, Rest, plant_parts, sample
 from tendonrepro.simulation.resolution import TOLERANCE
 
 PACK = 1536
-"""Most experiments that are taken through time together: the more, the fuller the lanes of rare laws."""
+"""Most experiments in a pack: the more, the fuller the lanes of rare laws."""
 
 LINES_PER_RINGING = 32
-"""The error is summed up over blocks this many times shorter than a period of the ringing frequency."""
+"""Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Results of many runs.
+    """Results of N runs.
 
     Attributes
     ----------
-    statistics : mapping of str to array (N, n)
-        By the names of `STATISTICS`, SI; NaN where not defined. Of a diverged run, up to its end.
-    status : array (N,) of int8
+    statistics
+        By the names of `STATISTICS`, (N, n), SI; NaN where not defined. Of a diverged run, up to its end.
+    status
         Index into `STATUSES`.
-    status_time : array (N,)
+    status_time
         Time of the last sample, s.
-    steps : array (N,) of int64
+    steps
         Integration steps per sample; 0 where unresolved.
-    traces : list of dict, or None
+    traces
         As from `stepper.simulate`; None for an unresolved run.
     """
 
@@ -73,22 +72,17 @@ def simulate_batch(
 
     Parameters
     ----------
-    loops : sequence of Loop
+    loops
         With the same number of joints.
-    limits : object
+    limits
         ``ringing_frequency.si``, Hz, above which error is ringing, and ``ringing_share.si`` of its power.
-    progress : callable, optional
+    progress
         Called with the number of runs done since its last call.
-    threads : int
-    record : bool
+    record
         Keep the traces.
-    tolerance : float
+    tolerance
         The default leaves q mostly within 1e-6 rad of the truth, and within a tenth of an encoder count as
         long as no count differs. With ideal encoders 1e-8 gives 1e-9 rad.
-
-    Returns
-    -------
-    Batch
 
     Raises
     ------
@@ -133,7 +127,7 @@ def _parts(
     *,
     record: bool,
 ) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
-    """Compiled law and plant of every loop, by its place, and its steps per sample, (N, levels)."""
+    """Compiled law and plant by place, and steps per sample, (N, levels)."""
     samples: dict[int, CompiledPart] = {}
     plants: dict[int, CompiledPart] = {}
     steps: dict[int, NDArray[np.int64]] = {}
@@ -168,7 +162,7 @@ def _branches(loop: Loop) -> Hashable:
 
 
 def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:
-    """Places of each pack: one sampling period, loops that move alike side by side."""
+    """Places of each pack: of one sampling period, loops that move alike side by side."""
     found: dict[float, list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():

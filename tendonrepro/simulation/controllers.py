@@ -1,4 +1,4 @@
-"""The sampled controllers: their law, run once per period on encoder values, and what they add to a trace."""
+"""The sampled controllers: their law, and what they add to a trace."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tendonrepro.simulation.sampled import CommandFunction
 
 @dataclass(frozen=True)
 class TimeDelayController:
-    """Controllers 1 to 3, plain TDC, and any law with the signature of `tendonrepro.physics.control.command`.
+    """Controllers 1 to 3, plain TDC, and any `command` with the signature of the physics' own.
 
-    A user's `command` runs in Python, unless it is `on_lanes`: arithmetic that chooses by `choose`.
+    A user's runs in Python, unless it is `on_lanes`: arithmetic that chooses by `choose`.
     """
 
     signals: ClassVar[tuple[str, ...]] = ("H_hat", "s")
@@ -27,7 +27,7 @@ class TimeDelayController:
     on_lanes: bool = False
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Lumped dynamics, Eq. (6), and estimation error, Eq. (19), in joint coordinates."""
+        """Lumped dynamics, Eq. (6), and estimation error, Eq. (19)."""
         del plant
         M_bar = self.law.to_joint @ np.diag(self.law.M_bar)
         H = variables["tau_m"] - variables["ddq"] @ M_bar.T
@@ -37,14 +37,14 @@ class TimeDelayController:
 
 @dataclass(frozen=True)
 class PositionController:
-    """Stiff motor-side position loop; of the desired joint angles it knows only ``S_inv`` of them."""
+    """Stiff motor-side position loop."""
 
     signals: ClassVar[tuple[str, ...]] = ()
     command: ClassVar[None] = None
     law: Servo
 
     def derived(self, variables: Mapping[str, Array], plant: Plant) -> dict[str, Array]:
-        """Motor angles since the start, and joint angles from their encoders by ``S``."""
+        """Motor angles since the start, and joint angles from their encoders."""
         start = variables["theta"][0]
         return {
             "q_motor": (variables["theta"] - start) @ plant.drive.S_inv.T,

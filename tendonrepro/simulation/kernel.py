@@ -1,7 +1,4 @@
-"""The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant.
-
-A sample finds the plant's rows, motion and noise by pointers, which are rows too.
-"""
+"""The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ recorded, (T, columns), are written."""
 
 
 class LoopNumbers(NamedTuple):
-    """All numbers of a loop, experiments as the leaves' last axis (N,).
-
-    ``samples`` (N,) are the reference's, ``block`` (N,) those whose errors are summed up together.
-    """
+    """All numbers of a loop; ``block`` samples have their errors summed up together."""
 
     law: Law | Servo
     hardware: Hardware
@@ -44,7 +38,7 @@ class LoopNumbers(NamedTuple):
 
 
 def plant_rows(n: int) -> LaneRows:
-    """Rows of a plant with n joints that the code of a sample uses."""
+    """Rows of a plant that a sample's code uses."""
     rows = LaneRows()
     for name, size in (("state", 4 * n), ("torque", n), ("ddq", n), ("live", 1)):
         rows.take(name, size)
@@ -52,7 +46,7 @@ def plant_rows(n: int) -> LaneRows:
 
 
 def sample_rows(n: int) -> LaneRows:
-    """Rows of the sample's code that the loop uses, for n joints."""
+    """Rows of a sample that the loop uses."""
     rows = LaneRows()
     for name in ("live", "count", "diverged", *POINTERS):
         rows.take(name, 1)
@@ -90,11 +84,10 @@ def slope_code(plant: Plant) -> tuple[str, LaneRows]:
 
 @remembered
 def advance_code(plant: Plant) -> tuple[str, LaneRows]:
-    """Source of ``advance``: plants from sample k to the next one, torque held, each in the steps it needs.
+    """Source of ``advance``: plants from sample k to the next one, torque held.
 
     Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A lane that
-    meets a higher demand goes back. One that has ended keeps every bit. Row ``ddq`` receives the joint
-    acceleration at the start.
+    meets a higher demand goes back. Row ``ddq`` receives the joint acceleration at the start.
     """
     n = plant.preload.shape[0]
     code = _Recorder(plant_rows(n))
@@ -141,7 +134,7 @@ def advance_code(plant: Plant) -> tuple[str, LaneRows]:
 def runge_kutta(
     derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Any
 ) -> tuple[Array, Array]:
-    """Classical Runge-Kutta step, order four: state at ``t + h`` and slope at ``t``, each (m, ...)."""
+    """Classical Runge-Kutta step: state at ``t + h`` and slope at ``t``."""
     half = 0.5 * h
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
@@ -201,7 +194,7 @@ def sample_code(
 
 
 def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:
-    """What a sample contributes; `before` are last torque and estimate, and acceleration since."""
+    """What a sample contributes, from last torque and estimate, and acceleration since."""
     n, actuator = len(found.tau), x.hardware.actuator
     winch = times(x.hardware.S.T, found.tau_m)
     tau, H_hat, ddq = before

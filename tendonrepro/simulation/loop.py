@@ -29,10 +29,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class DesiredMotion:
-    """Desired motion at every sample, (T,) and (T, n), in s, rad, rad s⁻¹, rad s⁻².
-
-    It repeats after `period`, s; 0 if it does not.
-    """
+    """Desired motion at every sample, (T,) and (T, n), SI; it repeats after `period`, s, unless 0."""
 
     time: Array
     q_d: Array
@@ -47,20 +44,14 @@ class Loop:
 
     Attributes
     ----------
-    plant : Plant
-    joint_encoder, motor_encoder : Encoder
-    actuator : Actuator
-    controller : Controller
-    reference : DesiredMotion
-    L : float
+    L
         Sampling period, s.
-    solver : Solver
-    divergence_limit : float
+    divergence_limit
         Tracking error that ends the run, rad.
-    cold : bool
+    cold
         A brake held the arm until the start, and the controller has seen no torque; else its own did.
-    seed : int
-        Of the instruments' noise; all runs meet the same noise.
+    seed
+        Of the instruments' noise.
     """
 
     plant: Plant
@@ -77,7 +68,7 @@ class Loop:
 
 
 RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")
-"""What is recorded at a sample, (n,) each, after the state (4 n,) and before the law's signals."""
+"""What is recorded at a sample, between the state (4 n,) and the law's signals."""
 
 
 def recorded_columns(loop: Loop) -> int:

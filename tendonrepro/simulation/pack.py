@@ -24,8 +24,7 @@ SLICE = 500
 class Ended:
     """What M experiments left behind: samples done, whether they diverged, sums, each (n, M).
 
-    ``blocks`` (M, B, n) are errors summed over blocks of samples, ``trace`` (M, T, columns) the record if
-    asked for.
+    ``blocks`` (M, B, n) are errors summed over blocks of samples, ``trace`` (M, T, columns) the record.
     """
 
     count: NDArray[np.int64]
@@ -43,10 +42,7 @@ def run_pack(
     *,
     record: bool,
 ) -> Ended:
-    """Run experiments of one sampling period, by place in the batch.
-
-    Plants and controllers are bundled by their code, in the order given. ``block`` counts a block's samples.
-    """
+    """Run experiments of one sampling period, by place in the batch, in blocks of so many samples."""
     first, count = next(iter(loops.values())), len(loops)
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
     # The last experiment of each is one that lanes to spare write to.
@@ -86,7 +82,7 @@ def run_pack(
 
 @dataclass(frozen=True)
 class _Bundles:
-    """Bundles (B, rows, lanes) of experiments that share code; ``members`` (M,) are their places in the pack.
+    """Bundles (B, rows, lanes) of experiments that share code, and their places in the pack, (M,).
 
     Lanes to spare are last: idle ones are zero, others repeat the last experiment.
     """
@@ -107,7 +103,7 @@ class _Bundles:
         return found
 
     def point(self, pointers: Mapping[int, NDArray[np.int64]]) -> None:
-        """Fill rows of pointers with each experiment's own, (M + 1,), the last for idle lanes."""
+        """Fill rows of pointers, given for each place; the last is for idle lanes."""
         experiments = np.full(len(self.rows) * LANES, -1)
         experiments[: self.members.size] = self.members
         for row, places in pointers.items():
@@ -130,16 +126,13 @@ def _bundles(
 
 
 def _starts(values: Array, first: int = 0) -> NDArray[np.int64]:
-    """Address of sample 0 of each part of an array (parts, samples, columns) that begins at `first`."""
+    """Address of sample 0 in each part of (parts, samples, columns) that begins at `first`."""
     starts = values.ctypes.data + values.strides[0] * np.arange(len(values))
     return np.asarray(starts - first * values.strides[1])
 
 
 class _Signals:
-    """Desired motions and noises, each distinct one once.
-
-    ``motion`` and ``noise`` give each experiment's, and, last, that of lanes to spare.
-    """
+    """Desired motions and noises, each once; ``motion`` and ``noise`` are places, the last of idle lanes."""
 
     def __init__(self, loops: Sequence[Loop]) -> None:
         self._n = loops[0].plant.preload.size
@@ -151,7 +144,7 @@ class _Signals:
         self.noise = np.array([*(sources.index(loop.seed) if is_noisy(loop) else -1 for loop in loops), -1])
 
     def slice(self, first: int, span: int) -> tuple[Array, Array]:
-        """Motions (R, span, 3 n), at rest after their end, and unit noises (Q, span, 3 n), the last none."""
+        """Motions (R, span, 3 n), zero after their end, and unit noises (Q, span, 3 n), the last none."""
         motions = np.zeros((len(self._motions), span, 3 * self._n))
         for kept, motion in zip(motions, self._motions, strict=True):
             found = [part[first : first + span] for part in (motion.q_d, motion.dq_d, motion.ddq_d)]

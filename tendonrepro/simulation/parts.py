@@ -26,7 +26,7 @@ CHUNK = 128
 
 
 class Rest(NamedTuple):
-    """State (4 n,) at the start posture and motor torque (n,) that holds it there, N m."""
+    """State (4 n,) at the start posture, and motor torque (n,) that holds it there."""
 
     state: Array
     tau: Array
@@ -34,11 +34,7 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True)
 class CompiledPart:
-    """Compiled code that some loops share, with the numbers of each.
-
-    ``start`` holds first values of rows, (rows, N), by name; ``column`` a loop's column by its place in the
-    batch.
-    """
+    """Compiled code that loops share; ``start`` holds first values (rows, N), ``column`` places in them."""
 
     code: LaneCode
     rows: LaneRows
@@ -46,7 +42,7 @@ class CompiledPart:
     column: dict[int, int]
 
     def filled(self, places: Sequence[int]) -> Array:
-        """Rows with parameters and starting values of some places, (rows, M)."""
+        """Rows at the start, (rows, M)."""
         own = [self.column[place] for place in places]
         values = np.zeros((self.rows.count, len(places)))
         for row, numbers in self.rows.constants.items():
@@ -65,10 +61,9 @@ class CompiledPart:
 def plant_parts(
     loops: Mapping[int, Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
 ) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Rest]]:
-    """Compile the plants of loops with as many joints and components of the disturbance.
+    """Compile plants with as many joints and components of the disturbance.
 
-    By place: the code, integration steps per sample at each level of demand, (levels,), 0 where none are
-    enough, and its rest.
+    By place: code, steps per sample at each level of demand, 0 where none are enough, and rest.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
@@ -116,7 +111,7 @@ def slope_part(plant: Plant) -> CompiledPart:
 def _steps(
     plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
 ) -> dict[float, NDArray[np.int64]]:
-    """Steps per sample of stacked plants along their strokes, (levels, N), by sampling period."""
+    """Steps per sample of stacked plants, (levels, N), by sampling period."""
     modes = [plant_modes(*plants, pace) for pace in PACES]
     return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
@@ -129,10 +124,7 @@ def sample_part(
     statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile encoders, law and motors of loops alike in command and branches.
-
-    ``block(L)`` is the number of samples whose errors are summed up together.
-    """
+    """Compile a sample of loops alike in command and branches; errors are summed up over ``block(L)``."""
     ordered = {place: (loop, rest[place]) for place, loop in loops.items()}
     numbers = _numbers([*ordered.values()], block)
     command = next(iter(loops.values())).controller.command or control.command
@@ -197,7 +189,7 @@ def is_noisy(loop: Loop) -> bool:
 
 
 def unit_noise(loop: Loop) -> Callable[[int], Array]:
-    """Unscaled noise of encoders and torque, (samples, 3 n), the next samples at each call."""
+    """Unscaled noise, (samples, 3 n), of the next samples at each call."""
     n = loop.plant.preload.size
     streams = [np.random.default_rng([loop.seed, stream]) for stream in range(3)]
     return lambda samples: np.hstack([stream.standard_normal((samples, n)) for stream in streams])

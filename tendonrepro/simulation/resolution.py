@@ -23,13 +23,13 @@ TOLERANCE = 1e-2
 """Error of a mode over one sample that is allowed unless asked for less, see :func:`steps_needed`."""
 
 NUDGE = 1e-6
-"""Change of the state for differences, rad and rad s⁻¹: far below any velocity over which friction turns."""
+"""Change of the state for differences, SI: far below any velocity over which friction turns."""
 
 POSTURES = 3
 """Postures looked at, from the start to the end of the stroke."""
 
 FLAT, TURNING = 4.0, 1.5
-"""Velocities, in units of the one over which dry friction turns, from which on it is flat, and gentle."""
+"""Velocities, in units of the one over which dry friction turns, beyond which it is flat, and gentle."""
 
 PACES = (FLAT, TURNING, 0.0)
 """Slowest motion of each level of :func:`demand`, in the same unit."""
@@ -39,10 +39,10 @@ HIGHEST = 2.0
 
 
 def demand(before: Array, after: Array, plant: Plant) -> Any:
-    """Level of resolution that a step asks for, (...), the highest of all joints and winches.
+    """Level of resolution that a step asks for, the highest of all joints and winches.
 
-    States are (4 n, ...). 2 is standstill or a change of direction, where dry friction is steep; 1 is slow
-    and 0 fast motion. What has no dry friction does not count. Takes numbers, lanes and symbols.
+    2 is standstill or a change of direction, where dry friction is steep; 1 is slow and 0 fast motion. What
+    has no dry friction does not count.
     """
     n, drive, link = plant.preload.shape[0], plant.drive, plant.link_friction
     winches = [to_winch_angle(state[3 * n :], drive) for state in (before, after)]
@@ -64,8 +64,7 @@ def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.co
     """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n).
 
     Postures lie along the stroke, rad, (n, N). The pace is in units of the velocity over which friction
-    turns; at 0 friction is steepest. Where the Stribeck effect falls steepest counts too, if that is beyond
-    the pace.
+    turns. Where the Stribeck effect falls steepest counts too, if that is beyond the pace.
     """
     q = np.linspace(0.0, 1.0, POSTURES)[:, np.newaxis] * stroke[:, np.newaxis]
     # A slack tendon is gentle: what a plant needs while taut will do.
@@ -86,7 +85,7 @@ def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
 
 
 def _spread(record: Any) -> Any:
-    """Stacked record with an axis of length one before that of the experiments."""
+    """Stacked record with an axis before that of the experiments."""
     if isinstance(record, tuple):
         return type(record)(*map(_spread, record))
     return np.expand_dims(record, -2)

@@ -1,4 +1,4 @@
-"""One sample of a run beside its plant; both steppers and a user's own law share it."""
+"""One sample of a run beside its plant, shared by both steppers and a user's own law."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Arra
 class Hardware(NamedTuple):
     """What is between law and plant.
 
-    Motor angles are zero at `theta_start` (n,), in joint coordinates, rad. `S` and `S_inv` (n, n) are of Eq.
-    (2); beyond `limit`, rad, a run has diverged.
+    Motor angles are zero at `theta_start` (n,), in joint coordinates. `S` and `S_inv` are of Eq. (2). Beyond
+    an error of `limit`, rad, a run has diverged.
     """
 
     joint_encoder: Encoder
@@ -40,12 +40,11 @@ class Hardware(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """What one sample makes of a state; arrays (n,).
+    """What one sample makes of a state; arrays (n,), SI.
 
-    `measured` are angles of joints, or through S of motors where the law looks at these, and of motors, rad.
-    Torques are `tau` commanded, `tau_m` applied, and `torque` with the noise that no controller knows, in
-    joint coordinates, N m. `rate` is of the error, rad s⁻¹; None of a position loop. Commands in `pending`
-    are on their way to the motors. The run can go on while `bounded`.
+    `measured` is as of :func:`measure`. Torques are `tau` commanded, `tau_m` applied, and `torque` with the
+    noise that no controller knows. `rate` is of the error; None of a position loop. Commands in `pending` are
+    on their way to the motors.
     """
 
     measured: Two
@@ -69,10 +68,7 @@ def sample(
     hardware: Hardware,
     command: CommandFunction = control.command,
 ) -> Sampled:
-    """One sample, from a state (4 n,) and the desired motion, rad, rad s⁻¹, rad s⁻².
-
-    Noise (3 n,) is unit noise of joint encoders, motor encoders and torque.
-    """
+    """One sample, from a state (4 n,) and unit noise (3 n,) of joint encoders, motor encoders and torque."""
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
     tau, signals, rate, H_hat = _decide(memory, measured, desired, law, command)
@@ -97,7 +93,7 @@ def sample(
 
 
 def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:
-    """Read the encoders of joints, or through S those of motors, and of motors, rad."""
+    """Angles by encoders of joints, or of motors through S where the law looks at these, and of motors."""
     n = len(state) // 4
     turned = times(hardware.S_inv, state[2 * n : 3 * n] - hardware.theta_start)
     q_motor = _counted(turned, noise[n : 2 * n], hardware.motor_encoder)
@@ -121,7 +117,7 @@ def start(measured: Two, tau: Array, law: Law | Servo) -> Any:
 def _decide(
     memory: Any, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
 ) -> tuple[Array, tuple[Array, ...], Any, Any]:
-    """Torque by Eq. (17) with estimate and surface; of position loops, beyond the one that held the arm."""
+    """Torque, signals, rate and estimate; torque of position loops adds to the one that held the arm."""
     if isinstance(law, Servo):
         before, offset = memory
         return offset + servo_torque(measured[1], before, desired[0], desired[1], law), (), None, None

@@ -25,7 +25,7 @@ from tendonrepro.simulation.parts import (
 
 
 class Arm:
-    """State (4 n,) of a plant and its torque (n,): views of the rows of its machine code."""
+    """State (4 n,) and torque (n,) of a plant: views of rows of its machine code."""
 
     def __init__(self, loop: Loop) -> None:
         part, n = slope_part(loop.plant), loop.plant.preload.size

@@ -31,10 +31,6 @@ be tried in vain."""
 def simulate(loop: Loop) -> dict[str, Array]:
     """Run a closed loop from rest to the end of its reference, or until it diverges.
 
-    Parameters
-    ----------
-    loop : Loop
-
     Returns
     -------
     dict of array

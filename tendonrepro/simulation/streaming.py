@@ -31,8 +31,8 @@ motion of the box; what is faster the error hardly follows, and the shipped ``st
 class Thresholds(NamedTuple):
     """What tells the phases of a reference apart.
 
-    Joints move up or down from a speed, rad s⁻¹, and rapidly from an acceleration, rad s⁻², each (n,).
-    `newest` is the weight in a low-pass at `SLOW`, `period` the samples of the first period.
+    Joints move up or down from a speed, and rapidly from an acceleration, (n,), SI. `newest` is the weight in
+    a low-pass at `SLOW`, `period` the samples of the first period.
     """
 
     speed: Array
@@ -107,10 +107,9 @@ def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thre
 
 
 def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
-    """Sums, by the names of `SUMS`, after sample ``k``, from 0.
+    """Sums, by the names of `SUMS`, after sample ``k``, from 0; unless ``live`` is 1 they stay.
 
-    Unless ``live`` is 1 they stay. ``max_`` and ``overshoot`` are maxima; ``direction`` is the last stroke's;
-    ``slow_`` are low-passed signals.
+    ``max_`` and ``overshoot`` are maxima; ``direction`` is the last stroke's; ``slow_`` are low-passed.
     """
     joints = []
     for i in range(sample.e.shape[0]):

@@ -11,10 +11,7 @@ import platformdirs
 
 
 def cache_folder() -> Path:
-    """Folder for machine code; where it cannot be written, one for this process.
-
-    It is no shared temporary folder, for its code is run.
-    """
+    """Folder for machine code, not shared, for the code is run; if not writable, one for this process."""
     own = Path(platformdirs.user_cache_dir("tendonrepro")) / "compiled"
     if _is_writable(own):
         return own

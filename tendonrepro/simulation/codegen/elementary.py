@@ -1,7 +1,4 @@
-"""Elementary functions from plain arithmetic, for code on many lanes.
-
-A library call would end work on several lanes at a time. These take floats, arrays and symbols.
-"""
+"""Elementary functions from plain arithmetic, which lanes share, of floats, arrays and symbols."""
 
 from __future__ import annotations
 
@@ -71,10 +68,7 @@ def _sine_near(r: Any, k: Any) -> Any:
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm, error below 4e-16 times the larger of 1 and its size.
-
-    Zero is taken for the smallest normal number.
-    """
+    """Natural logarithm, error below 4e-16 max(1, |log x|); zero counts as `SMALLEST`."""
     mantissa, exponent = np.frexp(np.maximum(x, SMALLEST))
     small = mantissa < math.sqrt(0.5)
     mantissa = choose(small, 2.0 * mantissa, mantissa)
@@ -84,7 +78,7 @@ def log(x: Any) -> Any:
 
 
 def power(x: Any, b: Any) -> Any:
-    """``x^b`` for x >= 0, relative error below 1e-15 times one plus the size of ``b log x``."""
+    """``x^b`` for x >= 0, relative error below 1e-15 (1 + |b log x|)."""
     return exp(b * log(x))
 
 

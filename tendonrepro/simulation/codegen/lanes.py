@@ -1,7 +1,6 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
-A row is ``LANES`` neighbouring numbers, one of each experiment. Symbols stand for rows. What depends on
-parameters alone is worked out once.
+A row has one number of each experiment. What depends on parameters alone is worked out once.
 """
 
 from __future__ import annotations
@@ -29,17 +28,14 @@ EXPANDED = {
 
 
 class LaneTape(Tape):
-    """Tape for code on lanes.
-
-    A quotient becomes a product with the reciprocal, so that divisions by one number share it.
-    """
+    """Tape for code on lanes; quotients become products, so that divisions by one number share it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.parameters: set[str] = set()
 
     def write(self, operation: str, *operands: Any) -> Symbol:
-        """Symbol of an operation; one on parameters alone is a parameter itself."""
+        """As of any tape; an operation on parameters alone is a parameter."""
         symbol = super().write(operation, *operands)
         names = {operand.name for operand in operands if isinstance(operand, Symbol)}
         if names and self.parameters.issuperset(names):
@@ -47,7 +43,7 @@ class LaneTape(Tape):
         return symbol
 
     def function(self, ufunc: Any, x: Symbol) -> Any:
-        """Elementary function of a symbol, from arithmetic."""
+        """As of any tape, from arithmetic."""
         if ufunc in EXPANDED:
             return EXPANDED[ufunc](x)
         if ufunc is np.frexp:
@@ -55,7 +51,7 @@ class LaneTape(Tape):
         return super().function(ufunc, x)
 
     def binary(self, operator: str, left: Any, right: Any) -> Any:
-        """Operation on at least one symbol."""
+        """As of any tape."""
         if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
             return NotImplemented
         if operator == "**":
@@ -65,7 +61,7 @@ class LaneTape(Tape):
         return super().binary(operator, left, right)
 
     def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
-        """Symbols of numbers so many places behind where each lane's pointer leads."""
+        """Symbols of numbers some places behind where each lane's pointer leads."""
         return np.array([self.write("load", pointer, float(place)) for place in places], dtype=object)
 
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
@@ -78,36 +74,32 @@ class LaneTape(Tape):
 
 @dataclass
 class LaneRows:
-    """Rows of the flat array, handed out one after the other.
-
-    ``named`` holds the first row of each name, ``constants`` the values (N,) of parameters' rows.
-    """
+    """Rows as handed out: the first of each name, and the values (N,) of parameters' rows."""
 
     count: int = 0
     named: dict[str, int] = field(default_factory=dict)
     constants: dict[int, Array] = field(default_factory=dict)
 
     def take(self, name: str, size: int) -> list[int]:
-        """Rows of the given name."""
+        """New rows."""
         self.named[name] = self.count
         self.count += size
         return list(range(self.named[name], self.count))
 
     def variables(self, tape: LaneTape, name: str, size: int) -> Array:
-        """Symbols of rows that change, (size,); the same ones when asked again."""
+        """Symbols of rows that change, (size,)."""
         return np.array([tape.row(row) for row in self.known(name, size)], dtype=object)
 
     def known(self, name: str, size: int) -> list[int]:
-        """Rows of a name, taken when first asked for."""
+        """Rows of a name, new when first asked for."""
         if name not in self.named:
             return self.take(name, size)
         return list(range(self.named[name], self.named[name] + size))
 
     def parameters(self, tape: LaneTape, record: Any) -> Any:
-        """Replace the numbers of a stacked record, lanes last, by symbols.
+        """Replace numbers of a stacked record by symbols.
 
-        What is zero, or one, in every experiment stays a number. So do integers and booleans, which choose
-        branches.
+        Zero or one in every experiment stays a number. So do integers and booleans, which choose branches.
         """
 
         def symbols(leaf: Any) -> Any:
@@ -125,7 +117,7 @@ class LaneRows:
         return mapped(symbols, record)
 
     def holding(self, record: Any) -> LaneRows:
-        """Return the same rows for another record of one :func:`signature`."""
+        """The same rows for another record of one :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
 
@@ -158,7 +150,7 @@ def _varying(record: Any) -> Iterator[Array]:
 
 
 def signature(record: Any) -> tuple[Any, ...]:
-    """What a stacked record's code depends on: its shape, and what is zero or one throughout."""
+    """What a stacked record's code depends on: shape, and what is zero or one throughout."""
     return tuple(
         leaf
         if isinstance(leaf, bool | int)
@@ -171,7 +163,7 @@ Writer: TypeAlias = Callable[..., tuple[str, LaneRows]]
 
 
 def remembered(write: Writer) -> Writer:
-    """Write code once for all records of one :func:`signature`."""
+    """Write code once per :func:`signature`."""
     known: dict[tuple[Any, ...], tuple[str, LaneRows]] = {}
 
     @wraps(write)
@@ -186,7 +178,7 @@ def remembered(write: Writer) -> Writer:
 
 
 def stacked(records: list[Any]) -> Any:
-    """One record of many, experiments as its leaves' last axis; whole numbers must agree."""
+    """One record of many, experiments as last axis; whole numbers must agree."""
 
     def stack(*leaves: Any) -> Any:
         if isinstance(leaves[0], bool | int):
@@ -197,12 +189,12 @@ def stacked(records: list[Any]) -> Any:
 
 
 def part_of(record: Any, chosen: slice) -> Any:
-    """Slice the experiments of a stacked record."""
+    """Some experiments of a stacked record."""
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
 def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:
-    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare get `spare`, or the last column again."""
+    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare get `spare` or the last column."""
     missing = -values.shape[1] % LANES
     filler = np.repeat(values[:, -1:] if spare is None else spare, missing, axis=1)
     filled = np.hstack([values, filler])
@@ -210,7 +202,7 @@ def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[
 
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
-    """Copy an array (..., lanes) to where machine code may load a row at once."""
+    """Copy to where machine code may load a row at once."""
     size = values.size * values.itemsize
     room = np.empty(size + ALIGNED, dtype=np.uint8)
     first = -room.ctypes.data % ALIGNED
@@ -225,15 +217,15 @@ def columns(bundles: NDArray[Any]) -> NDArray[Any]:
 
 
 Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
-"""Pointers, how many numbers behind them, and the values to be put there."""
+"""Pointers, offsets in numbers, and the values to be put there."""
 
 
 def lane_code(
     name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
 ) -> str:
-    """Source of ``<name>(rows, k)`` and of ``prepare_<name>``, to be run first.
+    """Source of ``<name>(rows, k)``, results by row, and of ``prepare_<name>``, to be run first.
 
-    Results are by row. Values that depend on parameters alone get rows of their own.
+    That fills rows with values that depend on parameters alone.
     """
     stores = list(stores)
     fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
@@ -251,7 +243,7 @@ def lane_code(
 
 
 def _fixed(tape: LaneTape, results: Iterable[Any]) -> list[str]:
-    """Names the results need that depend on parameters alone, parameters left out."""
+    """Names that results need and that depend on parameters alone."""
     wanted = {value.name for value in results if isinstance(value, Symbol)}
     fixed: list[str] = []
     for name in reversed(tape.lines):

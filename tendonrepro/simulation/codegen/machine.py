@@ -1,6 +1,6 @@
 """Recorded operations as vector instructions, and their machine code on disk.
 
-Only this module knows a compiler. A product may be fused with a sum, in all lanes alike.
+A product may be fused with a sum, in all lanes alike.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tendonrepro.simulation.codegen.cache import CACHE
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
 LANES = 8
-"""Experiments in a bundle: one vector of the widest registers there are, so that few values leave them."""
+"""Experiments in a bundle: one vector of the widest registers there are."""
 
 ALIGNED = 8 * LANES
 """Bytes on whose multiples a row begins."""
@@ -50,7 +50,7 @@ class LaneCode(NamedTuple):
 
 
 class Store(NamedTuple):
-    """A value to be put ``offset`` numbers behind where each lane's pointer leads."""
+    """A value to be put some numbers behind where each lane's pointer leads."""
 
     pointer: str
     offset: int
@@ -89,7 +89,7 @@ def vector_code(
 
 
 def repeated(name: str, first: str, again: str, row: int) -> str:
-    """Source of ``<name>(rows, k)``: a function, then another while any lane of a row is positive."""
+    """Source of a function that calls one, then another while any lane of a row is positive."""
     return f"""define void @{name}(ptr %rows, double %k) {{
 start:
   %place = getelementptr {V}, ptr %rows, i64 {row}
@@ -137,7 +137,7 @@ end:
 
 
 def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
-    """Call codes in turn, each with its bundle (rows, lanes), at every sample of a span."""
+    """Call codes in turn, each with its bundle, at every sample of a span."""
     (address,) = assembled(_SWEEP, "sweep")
     run = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(address)
     codes = np.array([code for code, _ in parts])
@@ -226,7 +226,7 @@ def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> 
 
 @cache
 def assembled(source: str, *names: str) -> tuple[int, ...]:
-    """Addresses of functions of a source; machine code is taken from disk if it is there and whole."""
+    """Addresses of functions of a source, by machine code from disk if it is there and whole."""
     digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
     path = CACHE / f"{names[-1]}_{digest.hexdigest()[:16]}.o"
     code = _stored(path)
@@ -242,7 +242,7 @@ def assembled(source: str, *names: str) -> tuple[int, ...]:
 
 
 def _simplified(module: Any) -> bytes:
-    """Machine code of a module; first instructions that undo each other are combined."""
+    """Machine code of a module, after instructions that undo each other are combined."""
     target = _target()
     passes = binding.create_new_module_pass_manager()
     passes.add_instruction_combine_pass()

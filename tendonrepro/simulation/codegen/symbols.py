@@ -1,7 +1,6 @@
-"""Straight-line code from the pure functions of the plant.
+"""Straight-line code from pure functions: run on symbols, they write down every operation.
 
-Run on symbols, they write down every operation in order: no loops, arrays or calls. Entries that are exactly
-zero or one stay numbers. Products with zero vanish, and with them every feature that is switched off.
+Products with zero vanish, and with them every feature that is switched off.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ OPERATORS = {
 COMPARISONS = (">=", ">", "<=", "<")
 
 Line: TypeAlias = tuple[str, tuple[str | float, ...]]
-"""An operation and its operands: numbers, and names of earlier lines; of an argument its name."""
+"""An operation and its operands: numbers, and names of earlier lines."""
 
 
 class Tape:
@@ -79,7 +78,7 @@ def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
 
 
 class Symbol(NDArrayOperatorsMixin):
-    """A number not known yet; arithmetic and NumPy functions go on its tape."""
+    """A number not known yet; what is done with it goes on its tape."""
 
     def __init__(self, tape: Tape, name: str) -> None:
         self.tape = tape
@@ -119,7 +118,7 @@ class Symbol(NDArrayOperatorsMixin):
         return self
 
     def __bool__(self) -> bool:
-        """Refuse: recorded code takes one branch for all numbers."""
+        """Refuse: code takes one branch for all numbers."""
         message = "a number that is not known yet is neither true nor false"
         raise TypeError(message)
 
