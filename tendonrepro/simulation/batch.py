@@ -152,7 +152,7 @@ def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[d
 
 
 def _branches(loop: Loop) -> Hashable:
-    """What the code of a sample depends on, besides zeros and ones."""
+    """What the code of a sample depends on."""
     law = loop.controller.law
     if isinstance(law, Law) and law.surface != Surface.NTSM:
         # There is no phi in it.
@@ -162,7 +162,7 @@ def _branches(loop: Loop) -> Hashable:
 
 
 def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:
-    """Places of each pack: of one sampling period, loops that move alike side by side."""
+    """Places of each pack, of one sampling period, sorted by motion and steps."""
     found: dict[float, list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():

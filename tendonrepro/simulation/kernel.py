@@ -1,4 +1,4 @@
-"""The closed loop as code on lanes: a sample of encoders, law and motors, and a step of the plant."""
+"""The closed loop as code on lanes: a sample, and a step of the plant."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def sample_rows(n: int) -> LaneRows:
 
 
 class _Recorder:
-    """Tape with rows by name, and the values written to rows."""
+    """Tape, its rows, and what is written to them."""
 
     def __init__(self, rows: LaneRows) -> None:
         self.tape, self.rows = LaneTape(), rows

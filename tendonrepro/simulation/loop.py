@@ -16,10 +16,7 @@ from tendonrepro.simulation.controllers import Controller
 
 @dataclass(frozen=True)
 class Solver:
-    """How the plant is integrated between two samples, by :class:`scipy.integrate.ode`.
-
-    Tolerances are on the state, rad and rad s⁻¹; `max_step` is in s.
-    """
+    """How :class:`scipy.integrate.ode` integrates the plant between samples, SI."""
 
     method: Literal["dopri5", "dop853", "lsoda"]
     rtol: float
@@ -77,7 +74,7 @@ def recorded_columns(loop: Loop) -> int:
 
 
 def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
-    """Time (T,) and the variables of a trace, each (T, n), from a record (T, columns)."""
+    """Time (T,) and variables (T, n) of a trace, from a record (T, columns)."""
     plant, reference, done = loop.plant, loop.reference, len(record)
     names = RECORDED + tuple(loop.controller.signals)
     state, rest = np.split(record.T, [4 * plant.preload.size])

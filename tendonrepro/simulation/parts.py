@@ -1,4 +1,4 @@
-"""What a batch compiles: code that loops share, and each loop's numbers for it."""
+"""What a batch compiles: code that loops share, and their numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One sample of a run beside its plant, shared by both steppers and a user's own law."""
+"""One sample of a run, for both steppers and a user's own law."""
 
 from __future__ import annotations
 

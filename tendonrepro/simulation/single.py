@@ -1,4 +1,4 @@
-"""One run: SciPy integrates the arm; the law is machine code, in the first lane, or a user's own."""
+"""One run: SciPy integrates; the law is machine code, in the first lane, or a user's own."""
 
 from __future__ import annotations
 

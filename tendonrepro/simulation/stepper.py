@@ -1,4 +1,4 @@
-"""The closed loop in time: a sampled controller around a plant integrated between samples.
+"""The closed loop in time, by SciPy.
 
 The integrator starts afresh at each sample, so it never steps across a jump of the torque.
 """

@@ -1,4 +1,4 @@
-"""Statistics of a run gathered sample by sample, without a trace; per joint, SI."""
+"""Statistics of a run gathered sample by sample; per joint, SI."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ limit, ``fast_share`` the share of the error's power above the ringing frequency
 
 
 def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thresholds:
-    """Thresholds of a reference (T, n), with L in s and the period in samples; 0 means the whole motion."""
+    """Thresholds of a reference (T, n); the period is in samples, 0 for the whole motion."""
     speed, acceleration = MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0)
     newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
     return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))

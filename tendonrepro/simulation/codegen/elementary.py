@@ -1,4 +1,4 @@
-"""Elementary functions from plain arithmetic, which lanes share, of floats, arrays and symbols."""
+"""Elementary functions from plain arithmetic, of floats, arrays and symbols."""
 
 from __future__ import annotations
 

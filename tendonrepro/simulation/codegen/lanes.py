@@ -1,6 +1,6 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
-A row has one number of each experiment. What depends on parameters alone is worked out once.
+A row has one number of each experiment.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EXPANDED = {
 
 
 class LaneTape(Tape):
-    """Tape for code on lanes; quotients become products, so that divisions by one number share it."""
+    """Tape for code on lanes; divisions by one number share its reciprocal."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -223,10 +223,7 @@ Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
 def lane_code(
     name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
 ) -> str:
-    """Source of ``<name>(rows, k)``, results by row, and of ``prepare_<name>``, to be run first.
-
-    That fills rows with values that depend on parameters alone.
-    """
+    """Source of ``<name>(rows, k)``, and of ``prepare_<name>`` for what depends on parameters alone."""
     stores = list(stores)
     fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}

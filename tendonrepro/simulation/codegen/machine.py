@@ -60,7 +60,7 @@ class Store(NamedTuple):
 def vector_code(
     name: str, lines: Mapping[str, Line], results: Mapping[int, str | float], stores: Iterable[Store] = ()
 ) -> str:
-    """Source of ``<name>(rows, k)``: the lines that the results need, each result into its row.
+    """Source of ``<name>(rows, k)``: the lines that results need.
 
     Rows are read just before their first use and written as soon as known: few values wait in registers.
     """
@@ -89,7 +89,7 @@ def vector_code(
 
 
 def repeated(name: str, first: str, again: str, row: int) -> str:
-    """Source of a function that calls one, then another while any lane of a row is positive."""
+    """Source of a call of one function, then another while any lane of a row is positive."""
     return f"""define void @{name}(ptr %rows, double %k) {{
 start:
   %place = getelementptr {V}, ptr %rows, i64 {row}
