@@ -222,8 +222,18 @@ def test_statistics_are_those_of_the_trace() -> None:
     assert found["fast_share"] == pytest.approx(share, rel=2e-3, abs=1e-4)
 
 
+def test_a_run_rings_where_one_joint_does() -> None:
+    config, loops = loaded()
+    run = cut(loops["controller_1"], 1.0)
+    shares = simulate_batch([run], config.status).statistics["fast_share"][0]
+    for share, status in ((1.01 * shares.max(), "ok"), (shares.mean(), "ringing")):
+        limits = loaded(f"status.ringing_share={share}")[0].status
+        assert STATUSES[simulate_batch([run], limits).status[0]] == status
+
+
 def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
-    config, loops = loaded(IDEAL, "status.divergence_limit=0.5")
+    """Also if it rings."""
+    config, loops = loaded(IDEAL, "status.divergence_limit=0.5", "status.ringing_share=1e-9")
     loop = loops["controller_1"]
     batch, (trace,) = traced(config, [loop])
     truth = simulate(loop)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.oracles import FEATURES, random_plant, random_state
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
@@ -28,8 +28,8 @@ def filled(rows: LaneRows) -> Array:
     return w
 
 
-def run(source: str, name: str, w: Array) -> None:
-    for address in assembled(source, f"prepare_{name}", name):
+def run(source: str, w: Array, *names: str) -> None:
+    for address in assembled(source, *names):
         callable_code(address)(w.ctypes.data, K)
 
 
@@ -47,8 +47,7 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: froz
     # One step at every level.
     after[at["live"]], after[at["period"]], after[at["demand"]] = live, 1e-3, 2.0
     after[at["steps"] : at["steps"] + 3], after[at["length"] : at["length"] + 3] = 1.0, 1e-3
-    for address in assembled(source, "prepare_step", "advance"):
-        callable_code(address)(after.ctypes.data, K)
+    run(source, after, "prepare_step", "advance")
     for lane, plant in enumerate(plants):
 
         def derivative(t: float, x: Array, lane: int = lane, plant: object = plant) -> Array:
@@ -77,23 +76,6 @@ def test_runge_kutta_is_of_order_four() -> None:
     assert order == pytest.approx(4.0, abs=0.1)
 
 
-def test_choices_and_comparisons_on_lanes() -> None:
-    tape, rows = LaneTape(), LaneRows()
-    x, y = rows.variables(tape, "x", 2)
-    results = [choose(x > y, x, 2.0 * y), np.minimum(x, y), np.maximum(x, y), 1.0 * (x <= y), abs(x) ** 0.5]
-    source = lane_code("choices", tape, dict(zip(rows.known("out", 5), results, strict=True)), rows)
-    w = filled(rows)
-    w[0], w[1] = np.linspace(-1.0, 1.0, LANES), 0.1
-    a, b = w[0].copy(), w[1].copy()
-    run(source, "choices", w)
-    found = w[2:7]
-    assert found[0].tolist() == np.where(a > b, a, 2.0 * b).tolist()
-    assert found[1].tolist() == np.minimum(a, b).tolist()
-    assert found[2].tolist() == np.maximum(a, b).tolist()
-    assert found[3].tolist() == (a <= b).astype(float).tolist()
-    assert found[4] == pytest.approx(np.sqrt(np.abs(a)), rel=1e-14)
-
-
 def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> None:
     """From fast motion to a change of direction, beside one that moves on and one that stands still."""
     plant = random_plant(1, 1, frozenset({"coulomb"})).plant
@@ -108,8 +90,7 @@ def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> N
     w[at["demand"]] = [0.0, 0.0, 2.0, *[0.0] * (LANES - 3)]
     for level, steps in enumerate((1.0, 2.0, 5.0)):
         w[at["steps"] + level], w[at["length"] + level] = steps, h / steps
-    for address in assembled(source, "prepare_step", "advance"):
-        callable_code(address)(w.ctypes.data, K)
+    run(source, w, "prepare_step", "advance")
 
     def after(lane: int, steps: int) -> tuple[Array, int]:
         x, met = state[:, lane], 0
@@ -139,7 +120,7 @@ def test_pointers_lead_each_lane_to_its_own_numbers() -> None:
     wanted = numbers.copy()
     wanted[:, 801] += numbers[:, 800]
     w.view(np.int64)[0] = [row.ctypes.data for row in numbers]
-    run(source, "sums", w)
+    run(source, w, "prepare_sums", "sums")
     np.testing.assert_array_equal(numbers, wanted)
 
 

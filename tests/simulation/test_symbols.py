@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.oracles import FEATURES, random_plant
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
@@ -76,6 +76,8 @@ EXPRESSIONS = {
     "functions": "np.sin(x), np.cos(x), np.tanh(y), np.exp(y), np.sqrt(x), np.abs(-x)",
     "NumPy number on the left": "two * x, two / x, two - x, two + x, 1.0 * (two >= x), np.maximum(two, x)",
     "NumPy number that is less": "np.maximum(0.0 * two, x), np.minimum(0.0 * two, x), 1.0 * (0.0 * two >= x)",
+    "choice": "choose(x > y, x, y), choose(x < y, x, 2.0 * y), np.minimum(x, y), np.maximum(x, y)",
+    "power": "x ** 0.5, y ** p, y ** 2.0",
     "order": "(x + y) + p, x + (y + p), (x - y) - p, x - (y - p), x / y / p, x / (y / p), x * (y - p)",
 }
 
@@ -83,7 +85,7 @@ EXPRESSIONS = {
 @pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
 def test_symbols_compute_like_numbers(expression: str) -> None:
     def function(x: Array, p: Any) -> Array:
-        names = {"np": np, "two": np.float64(2.0), "x": x[0], "y": x[1], "p": p[0]}
+        names = {"np": np, "choose": choose, "two": np.float64(2.0), "x": x[0], "y": x[1], "p": p[0]}
         return np.array(eval(f"[{expression}]", names))
 
     x, p = np.array([0.3, 1.7]), (np.float64(0.7),)
