@@ -18,7 +18,7 @@ from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.report import outcome_of
-from tendonrepro.results.figures.catalogue import FIGURES, available, draw
+from tendonrepro.results.figures.catalogue import FIGURES, available, draw, shown
 from tendonrepro.results.figures.panels import FigureArtists, thin
 from tendonrepro.results.figures.style import SERIES, journal_style, save_drawing
 from tendonrepro.results.paper import identifier_of, plausible_beside
@@ -43,7 +43,7 @@ def source(name: str) -> TraceFile:
 
 @cache
 def drawn(name: str) -> FigureArtists:
-    artists = draw(name, source(name))
+    artists = draw(name, shown(name, source(name)))
     # Legends and labels find their places when drawn, and the density of ticks follows the style in force.
     with journal_style():
         artists.figure.draw_without_rendering()
