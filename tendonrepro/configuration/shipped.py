@@ -18,12 +18,12 @@ def shipped_folder() -> Path:
 
 
 def shipped_names() -> list[str]:
-    """Names of the shipped experiments and manipulators, in alphabetical order."""
+    """Names of the shipped configurations, sorted."""
     return sorted(path.stem for path in shipped_folder().glob("*.yaml"))
 
 
 def shipped_file(name: str) -> Path:
-    """Path of a shipped configuration; a UsageError names what there is."""
+    """Path of a shipped configuration, or a UsageError."""
     names = shipped_names()
     if name not in names:
         message = f"no shipped configuration {name!r}{did_you_mean(name, names)}"
@@ -34,8 +34,7 @@ def shipped_file(name: str) -> Path:
 def init_config(name: str, folder: Path) -> list[Path]:
     """Copy a shipped configuration, what it names and the JSON schema; the files written.
 
-    A companion that is there with the same content is left alone, so that experiments can share a folder.
-    Anything else that is there is refused.
+    A companion with the same content is left alone. Anything else that is there is refused.
     """
     source = shipped_file(name)
     new = {}
@@ -53,7 +52,7 @@ def init_config(name: str, folder: Path) -> list[Path]:
 
 
 def _with_named(source: Path) -> list[Path]:
-    """A file and those that it names, those that they name included."""
+    """A file and those that it names, and so on."""
     tree = load(read_text(source), str(source)).tree
     named = [tree[key] for key in ("base", "manipulator") if isinstance(tree.get(key), str)]
     return [source, *(path for name in named for path in _with_named(source.with_name(name)))]
