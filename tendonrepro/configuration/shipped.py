@@ -9,8 +9,6 @@ from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 
-SCHEMA_FILE = "schema.json"
-
 
 def shipped_folder() -> Path:
     """Folder of the shipped configurations."""
@@ -38,7 +36,7 @@ def init_config(name: str, folder: Path) -> list[Path]:
     """
     source = shipped_file(name)
     new = {}
-    for path in (*_with_named(source), source.with_name(SCHEMA_FILE)):
+    for path in (*_with_named(source), source.with_name("schema.json")):
         target, text = folder / path.name, read_text(path)
         same = target.is_file() and target.read_bytes() == text.encode()
         if target.exists() and (path == source or not same):

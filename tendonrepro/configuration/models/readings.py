@@ -188,13 +188,10 @@ def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, fl
             _OUTPUT_DELAY: _scalar(float(int(draw["output_delay"])), "1"),
             _ENCODER: _scalar(draw["encoder_count"], "rad"),
         }
+    if name == "tensioner" and value == "absent":
+        return {"manipulator.tensioner.force": _scalar(0.0, "N")}
     if name == "tensioner":
-        absent = value == "absent"
-        return (
-            {"manipulator.tensioner.force": _scalar(0.0, "N")}
-            if absent
-            else {"manipulator.tensioner.side": value}
-        )
+        return {"manipulator.tensioner.side": value}
     if name == "M_bar":
         M_bar = config.control.gains.M_bar
         half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}
