@@ -29,7 +29,7 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
 
 
 def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
-    """Plain values and YAML text of a configuration as it is used."""
+    """Values and YAML text of a configuration as it is used."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
     return load(text, source).tree, text

@@ -63,7 +63,7 @@ def find_source(source: Source, kind: str | None) -> ConfigSource:
 
 
 class Draft:
-    """A configuration as plain values, complete, and the place each came from.
+    """A configuration as plain values, complete, and where each came from.
 
     `kind` is one of `KINDS`, the `wanted` one unless None.
     """

@@ -74,7 +74,7 @@ def _below(node: Any, part: str | int, option: str) -> Any:
 
 
 def _for_all(current: Node, value: Node) -> Node:
-    """One number in place of one a joint means all of them."""
+    """One number in place of many means all of them."""
     if isinstance(current, list) and {type(value), *map(type, current)} <= {int, float}:
         return [value] * len(current)
     return value

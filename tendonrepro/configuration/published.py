@@ -80,7 +80,7 @@ class PrintedQuotient(_Entry):
 
 
 class PrintedDose(_Entry):
-    """What Controller 1 gains over Controller 2, ``1 - C1/C2``, on joint 3 over that on joint 2."""
+    """What Controller 1 gains over Controller 2, ``1 - C1/C2``, on joint 3 over joint 2."""
 
     kind: Literal["dose"]
     metric: Literal["mae", "rmse"]
@@ -199,6 +199,6 @@ def table_1(paper: Published) -> Array:
 
 
 def coupling_of(ratio: Array) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of Eq. (2) from `table_1`."""
+    """``S`` and ``S_inv`` of Eq. (2)."""
     S_inv = coupling_inverse(np.ones(3), ratio, SIGN)
     return coupling_matrix(S_inv), S_inv

@@ -54,7 +54,7 @@ SCREENED = 256
 
 @dataclass(frozen=True)
 class Task:
-    """All that an identification depends on."""
+    """What an identification depends on."""
 
     loaded: LoadedEnsemble
     fit: Target
@@ -75,7 +75,7 @@ class Task:
         return [RUNS.index(run) for run in self.fitted]
 
     def cases(self) -> dict[Reading, list[Reading]]:
-        """Readings by what of them changes the fitted runs, which is searched once."""
+        """Readings by what of them changes the fitted runs; that is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
             changing = {axis for run in self.fitted for axis, _ in axes.case_of(held, run).settings}
@@ -228,7 +228,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
 def _reading_data(
     task: Task, bench: Bench, case: Reading, held: Reading, found: Found
 ) -> tuple[dict[str, Any], CompareConfig]:
-    """Plain values of one reading, and its best plant."""
+    """Values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * found.misfit)
     units = np.vstack([found.closest, found.points[found.misfits <= limit]])
     ours, printed, places = bench.measure(units, held, RUNS), task.printed, task.places

@@ -1,4 +1,4 @@
-"""How far the numbers of a plant are from the printed ones."""
+"""How far numbers of a plant are from the printed ones."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """Points of the unit cube to numbers, from a comparison `base`."""
+    """Points of the unit cube to numbers."""
 
     base: LoadedConfig
     box: Box

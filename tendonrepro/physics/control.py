@@ -1,8 +1,7 @@
 """One sampled control law, of which Controllers 1 to 3 and plain TDC are parameter sets.
 
 Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). Laws differ in the surface that makes ``u`` (Eqs. 9, 11,
-18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15). On lanes ``arrays.choose`` replaces
-branches on measured values.
+18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15).
 """
 
 from __future__ import annotations

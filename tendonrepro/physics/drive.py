@@ -1,7 +1,7 @@
 """Winches and tendons: the motor side of the flexible joint, Eqs. (3) and (5).
 
 In winch coordinates, ``q_motor = S_inv theta``, everything is diagonal. In joint coordinates the same sums
-are the paper's ``I``, ``D_m``, ``K_s``, ``D_s``. A winch feels ``Sᵀ`` of a joint torque.
+are the paper's ``I``, ``D_m``, ``K_s``, ``D_s``.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ def link_acceleration(t: float | Array, q: Array, dq: Array, tau_s: Array, plant
 def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Array:
     """Time derivative (4 n, ...) of the state at time t, s; Eqs. (3) to (5).
 
-    The state stacks ``q``, ``dq``, ``theta``, ``dtheta``; rad and rad s⁻¹. ``tau_m`` (n, ...) is in joint
-    coordinates, N m.
+    The state stacks ``q``, ``dq``, ``theta``, ``dtheta``, rad and rad s⁻¹. ``tau_m`` is in joint coordinates,
+    N m.
     """
     n = state.shape[0] // 4
     q, dq, theta, dtheta = state[:n], state[n : 2 * n], state[2 * n : 3 * n], state[3 * n :]
@@ -99,7 +99,7 @@ def both_ways(plant: Plant) -> Plant:
 
 
 def frictionless(plant: Plant) -> Plant:
-    """The plant without link friction and dry friction at the winches; ``D_m`` of Eq. (3) stays."""
+    """The plant without link friction and dry winch friction; ``D_m`` of Eq. (3) stays."""
     none = plant.link_friction._replace(viscous=np.zeros_like(plant.link_friction.viscous))
     drive = plant.drive._replace(
         friction=without_dry_friction(plant.drive.friction),

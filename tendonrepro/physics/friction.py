@@ -18,7 +18,7 @@ class Friction(NamedTuple):
     Attributes
     ----------
     viscous
-        Torque per velocity, N m s.
+        N m s.
     coulomb
         Torque at speed, N m.
     static_ratio

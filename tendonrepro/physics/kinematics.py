@@ -1,7 +1,6 @@
 """Coupling between winches and joints: Eqs. (1) and (2).
 
-A tendon passes the joints before its own over guide pulleys, so a joint's motion winds the tendons of all
-later joints.
+A tendon passes the joints before its own over guide pulleys, so their motion winds it.
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ def windows(time: Array, period: float) -> dict[str, slice]:
     """Stretches of a run to take a metric over: ``whole``, ``after_first_period``, ``period_1``, ...
 
     Period k holds the samples with (k-1)P <= t - t0 < kP, to half a sampling step, if the run covers it. One
-    sample past the last whole period belongs to it. ``after_first_period`` is all from t0 + P on. Windows
-    without samples are left out; a period of 0 s leaves ``whole`` alone.
+    sample past the last whole period belongs to it. ``after_first_period`` is all from t0 + P on. Empty
+    windows are left out; a period of 0 s leaves ``whole`` alone.
     """
     count = len(time)
     found = {"whole": slice(0, count)}
@@ -110,7 +110,7 @@ def status_of(
 def window_mean(x: Array, samples: int) -> Array:
     """Centred moving mean over ``samples``, widened to an odd number, along the first axis.
 
-    At both ends the window is cut to the samples that exist, so a constant stays constant.
+    At both ends the window is cut, so a constant stays constant.
     """
     half = samples // 2
     index = np.arange(len(x))

@@ -1,7 +1,7 @@
 """Where a tendon lies in the arm's plane: straight between pulleys, along an arc on each.
 
-Directions are angles from the x axis, counter-clockwise, rad. From winch to end a tendon passes a circle of
-positive ``side * radius`` (`tendonrepro.physics.statics`) on the right, of negative on the left.
+Directions are from the x axis, counter-clockwise, rad. From winch to end a tendon passes a circle of positive
+``side * radius`` (`tendonrepro.physics.statics`) on the right, of negative on the left.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ Mistakes: TypeAlias = Iterable[tuple[Key, str]]
 
 
 class Model(BaseModel):
-    """Base of every configuration model: immutable, and an unknown key is an error.
+    """Base of every configuration model: immutable, and unknown keys are errors.
 
     The text below a field is its description in the JSON schema.
     """

@@ -47,7 +47,7 @@ class ReadingAxis(NamedTuple):
 class Reading(NamedTuple):
     """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
 
-    The name is ``printed``, or ``axis=value`` joined by ``+``.
+    Its name is ``printed``, or ``axis=value`` joined by ``+``.
     """
 
     name: str
