@@ -301,7 +301,8 @@ def polynomial(b: Any, Delta: Any) -> tuple[Any, Any]:
 def estimator_weights(alpha: Array, reading: str = "interpolating") -> Array:
     """Weights (2, n) of Eq. (15) from alpha (n,): ``(1 - alpha, alpha)`` as printed.
 
-    The reading ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``.
+    The reading ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``. But for
+    ``swapped``, zero is Eq. (8).
     """
     older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
     return np.stack([1.0 - older, older])

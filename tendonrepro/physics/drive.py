@@ -62,12 +62,12 @@ def to_winch_angle(angle: Array, drive: Drive) -> Array:
 
 
 def to_winch_torque(torque: Array, drive: Drive) -> Array:
-    """Winch torques that balance joint torques, ``Sᵀ torque``."""
+    """Winch torques that balance joint torques, ``Sᵀ torque``, N m."""
     return times(np.swapaxes(drive.S, 0, 1), torque)
 
 
 def to_joint_torque(torque: Array, drive: Drive) -> Array:
-    """Joint torques of winch torques, ``S_invᵀ torque``."""
+    """Joint torques of winch torques, ``S_invᵀ torque``, N m."""
     return times(np.swapaxes(drive.S_inv, 0, 1), torque)
 
 

@@ -171,6 +171,6 @@ def slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
 
 
 def stroke(q_d: Array) -> Array:
-    """Start of a motion, the posture halfway, and its farthest sample, (3, n)."""
+    """Start of a motion, the posture halfway, and its farthest sample, rad, (3, n)."""
     far = q_d[np.abs(q_d - q_d[0]).sum(axis=1).argmax()]
     return np.stack([q_d[0], 0.5 * (q_d[0] + far), far])
