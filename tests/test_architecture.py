@@ -70,7 +70,7 @@ BUDGETS = {
     "results": 1_966,
     "experiments": 1_386,
     "analysis": 629,
-    "evidence": 986,
+    "evidence": 1_000,
     "monte_carlo": 1_208,
     "identification": 641,
     "dataset": 1_689,
