@@ -40,10 +40,10 @@ def test_white_noise_factors_quoted() -> None:
     ("row", "settings", "delay"),
     [
         ("extrapolating weights", ["weights=extrapolating"], 0),
-        ("weights swapped", ["weights=swapped"], 0),
-        ("delay time of two", ["delay_time=four_periods"], 0),
-        ("applied torque stored", ["stored_torque=applied"], 1),
-        ("estimate through a low-pass", ["estimate_filter=estimate"], 0),
+        ("weights swapped, (α, 1 − α)", ["weights=swapped"], 0),
+        ("delay time of two or four periods", ["delay_time=four_periods"], 0),
+        ("applied torque stored, one sample of output delay", ["stored_torque=applied"], 1),
+        ("estimate through a low-pass of f periods, 1.6 at 77 Hz", ["estimate_filter=estimate"], 0),
     ],
 )
 def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
