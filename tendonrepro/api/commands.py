@@ -320,7 +320,7 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
-    from tendonrepro.experiments.report import outcome_of
+    from tendonrepro.experiments.run import outcome_of
 
     file = stored_traces(Path(folder))
     manifest = json.loads(file.manifest_json)
@@ -332,10 +332,8 @@ def open(folder: str | Path) -> Result:
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
     """Simulate every run in this process: it needs no main guard, and a notebook has none."""
-    from tendonrepro.experiments.linear import growing
-    from tendonrepro.experiments.loops import all_loops
-    from tendonrepro.experiments.report import outcome_of
-    from tendonrepro.experiments.run import simulate_run, trace_file
+    from tendonrepro.experiments.loops import all_loops, growing
+    from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
     from tendonrepro.experiments.user_law import laws_of, with_user_laws
 
     started, own = time.perf_counter(), laws_of((), laws)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.kinds import checked
@@ -16,10 +16,8 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiments.linear import growing
-from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
-from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
+from tendonrepro.experiments.loops import all_loops, growing
+from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
@@ -31,9 +29,6 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-
-Figure: TypeAlias = tuple[TraceFile, Path, str]
-"""Traces, folder of the pictures, and name of a figure to draw."""
 
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
@@ -74,9 +69,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     dict
         What ``--json`` prints of each order, by its name, and ``text``; of a dry run what would be done.
     """
-    asked = [_load(order) for order in orders]
-    for loaded, _ in asked:
-        _name_shipped(loaded, talk)
+    asked = [_load(order, talk) for order in orders]
     if orders[0].request.dry_run:
         return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
     from tendonrepro.results.figures.catalogue import available
@@ -90,7 +83,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         simulated = simulate_all(asked, talk, orders[0].solver)
-        figures: list[Figure] = []
+        figures: list[tuple[TraceFile, Path, str]] = []
         for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
             for trace in traces:
                 talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
@@ -157,7 +150,7 @@ def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Tal
 def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Check a configuration as thoroughly as running it would; its kind, digest and runs."""
     held = checked(config, overrides)
-    found = {"schema_version": SCHEMA_VERSION, "config": config}
+    found = {"schema_version": 1, "config": config}
     if isinstance(held, LoadedEnsemble):
         return found | {"kind": "ensemble", "config_sha256": held.sha256}
     if not isinstance(held, LoadedConfig):
@@ -243,23 +236,21 @@ def _make_again(
     return found
 
 
-def _draw(figures: Sequence[Figure]) -> list[Path]:
-    """Draw figures of one or several results, the later ones first: they have more panels."""
-    return [path for paths in reversed(each(_drawn, figures[::-1])) for path in paths]
-
-
-def _drawn(figure: Figure) -> list[Path]:
+def _draw(figures: Sequence[tuple[TraceFile, Path, str]]) -> list[Path]:
+    """Draw figures: traces, folder and name of each. The later ones go first: they have more panels."""
     from tendonrepro.results.figures.catalogue import redrawn
 
-    return redrawn(*figure)
+    drawn = each(lambda figure: redrawn(*figure), figures[::-1])
+    return [path for paths in reversed(drawn) for path in paths]
 
 
-def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
+def _load(order: Order, talk: Talk) -> tuple[LoadedConfig, list[UserLaw]]:
     """Configuration and laws; stepper and laws are part of the digest."""
     if order.solver == "compiled" and order.laws:
         message = "only the paper's own control laws run on lanes"
         raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = order.request.load(order.experiment)
+    _name_shipped(loaded, talk)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))

@@ -29,8 +29,6 @@ from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
 from tendonrepro.simulation.stepper import Loop
 
-CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
-
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
     """The plant without payload, as a law may know it, SI; see docs/python.md."""
@@ -89,7 +87,8 @@ class UserLaw:
             own = [call.lineno for call in calls if call.filename == str(self.path)]
             message = f"the law {self.name} failed: {type(error).__name__}: {error}"
             where = f"{self.path}:{own[-1]}" if own else self.spec
-            hint = CALLED if isinstance(error, TypeError) else None
+            called = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
+            hint = called if isinstance(error, TypeError) else None
             raise TendonreproError(message, where=where, hint=hint) from error
 
 

@@ -230,10 +230,9 @@ def _is_range(bounds: Any) -> bool:
 def user_law(own: UserLaw) -> TunedLaw:
     """A user's law with the bounds it brings, refused where they are missing or it asks for the plant."""
     function, setup = own.load()
-    bounds = getattr(function, "bounds", None)
-    if not isinstance(bounds, dict) or not bounds.keys() <= _TUNABLE:
-        bounds = {}
-    if not bounds or not all(map(_is_range, bounds.values())):
+    bounds: Any = getattr(function, "bounds", None)
+    named = isinstance(bounds, dict) and bool(bounds) and bounds.keys() <= _TUNABLE
+    if not named or not all(map(_is_range, bounds.values())):
         names = ", ".join(sorted(_TUNABLE))
         hint = (
             f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"

@@ -1,8 +1,7 @@
 """A run may end well although its linear loop grows; the comparison says so."""
 
 from tendonrepro.configuration.load import load_config
-from tendonrepro.experiments.linear import growing, run_views
-from tendonrepro.experiments.loops import build_reference
+from tendonrepro.experiments.loops import build_reference, growing, run_views
 from tendonrepro.physics.linear_loop import decay_rate, stroke
 
 

@@ -8,9 +8,8 @@ import pytest
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.report import outcome_of
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.experiments.run import simulate_run, trace_file
+from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
 from tendonrepro.experiments.user_law import checked, laws_of, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory

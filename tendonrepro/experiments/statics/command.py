@@ -24,8 +24,6 @@ from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 
-SCHEMA_VERSION = 1
-
 COURSES = tuple(statics.TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
 
@@ -120,7 +118,7 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
 
     found = survey(loaded)
     figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
-    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
+    return Outcome(found.data, _parts(found), figures, {"solver": None})
 
 
 def survey(loaded: LoadedConfig) -> Survey:
@@ -146,7 +144,7 @@ def survey(loaded: LoadedConfig) -> Survey:
     # Without its pull the course of tendon 4 does not matter.
     weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
     data = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "command": "statics",
         "of_paper": is_arm_of_paper(config.manipulator),
         "joints": joints,
@@ -270,16 +268,11 @@ def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> di
     }
 
 
-def _weight(data: dict[str, Any]) -> str:
-    """What tendon 4 is needed for."""
-    numbers = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
-    tendons = ", ".join(map(str, data["joints"]))
-    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest."
-
-
-def _tables(found: Survey) -> list[Table]:
-    """Tensions over the half-plane by course and case, and what a course does on the maps."""
+def _parts(found: Survey) -> list[str | Table]:
+    """What tendon 4 is needed for, tensions by course and case, and what a course does on the maps."""
     data = found.data
+    alone = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
+    tendons = ", ".join(map(str, data["joints"]))
     named = [{"course": name} | course for name, course in data["courses"].items()]
     courses = [{key: x for key, x in course.items() if not isinstance(x, dict)} for course in named]
     tensions = [
@@ -296,6 +289,7 @@ def _tables(found: Survey) -> list[Table]:
         f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
     )
     return [
+        f"The weight alone leaves tendons {tendons} at least {alone} N at rest.",
         Table("statics", everywhere, tensions, suffixes=("csv", "md")),
         Table("courses", on_maps, courses, suffixes=("csv", "md")),
     ]

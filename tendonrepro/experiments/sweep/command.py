@@ -27,7 +27,6 @@ from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
 
-SCHEMA_VERSION = 1
 OPTION = "--over"
 
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
@@ -174,7 +173,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     config = sweep.points[0].loaded.config
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "experiment": "sweep",
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
