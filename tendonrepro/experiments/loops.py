@@ -1,4 +1,4 @@
-"""From a configuration to closed loops: references, laws, one loop per run, and runs as linear loops."""
+"""From a configuration to closed loops: references, laws, and one loop per run."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def build_reference(
 ) -> DesiredMotion:
     """Desired motion at every sample.
 
-    Paths of trajectory files start at `folder`. `S` (n, n) is given where the reference moves the motors:
-    it maps their angles to the joints. A ConfigError names `key` where a link would leave the half-plane.
+    Paths of trajectory files start at `folder`. `S` (n, n) maps motors' angles to joints where a reference
+    moves motors. A ConfigError names `key` where a link would leave the half-plane.
     """
     L = config.sampling_period.si
     motions = _motions(reference, config.joints, folder)
@@ -112,7 +112,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
-    """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
+    """Links work between hanging and upright; elsewhere gravity would slacken the tendons."""
     angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
     if outside.any():
@@ -167,14 +167,14 @@ def build_law(config: CompareConfig, name: str) -> Law:
 
 
 def _boundary(gains: Gains, readings: Readings) -> Array:
-    """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number as degrees."""
+    """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number."""
     if readings.gain_unit != "radian":
         return np.array(gains.Delta.value)
     return np.radians(gains.Delta.si) if readings.Delta_unit == "deg" else gains.Delta.si
 
 
 def torque_map(config: CompareConfig) -> Array:
-    """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
+    """Map from the law's torque to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
     readings, reduction = config.control.readings, config.manipulator.winches.reduction.si
     rated = reduction * published().number("hardware.rated_torque")
     # Drives of this family take 3 V for the rated torque.
@@ -190,9 +190,9 @@ def torque_map(config: CompareConfig) -> Array:
 def build_loops(
     config: Config, folder: Path, reference: DesiredMotion | None = None
 ) -> Iterator[tuple[str, Loop]]:
-    """One closed loop per run of a configuration, with the run's name.
+    """One closed loop per run, with the run's name.
 
-    The `reference` of a comparison may have been built before; that takes most of the time.
+    A comparison's `reference` may be given, for building it takes most of the time.
     """
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
@@ -210,7 +210,7 @@ def build_loops(
 
 
 def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
-    """Closed loops of all runs by name, those of a user's laws last."""
+    """Closed loops of all runs by name, a user's laws last."""
     try:
         loops = dict(build_loops(loaded.config, loaded.folder))
     except ConfigError as error:
@@ -267,7 +267,7 @@ def run_views(config: CompareConfig) -> dict[str, View]:
 
 
 def growing(loaded: LoadedConfig) -> dict[str, float]:
-    """Runs of a comparison whose linear loop grows somewhere on the motion, and the frequency at which, Hz.
+    """Runs whose linear loop grows somewhere on the motion, and the frequency, Hz.
 
     A run may end before slow growth is seen in its status.
     """

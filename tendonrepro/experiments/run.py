@@ -1,4 +1,4 @@
-"""One experiment in memory: the runs of a configuration, simulated, as traces, tables and notes."""
+"""One experiment in memory: its runs simulated, as traces, tables and notes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def simulate_all(
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
 ) -> list[list[Trace]]:
-    """Simulate every run of every configuration, each with its status; one that diverged ends early."""
+    """Simulate every run of every configuration; one that diverged ends early."""
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
     loops = [all_loops(*one) for one in asked]
@@ -50,7 +50,7 @@ def simulate_all(
 
 
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
-    """Simulate the run of a name."""
+    """Simulate one run."""
     loop = all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:
@@ -61,7 +61,7 @@ def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Tr
 
 
 def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:
-    """Simulate by the compiled batch stepper; a plant too fast for it, or a foreign law, is refused."""
+    """Simulate by the stepper of ensembles, which refuses a plant too fast for it."""
     from tendonrepro.simulation.batch import simulate_batch
 
     with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
@@ -80,7 +80,6 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
 def _trace(
     loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
 ) -> Trace:
-    """Variables of a run with their status and attributes."""
     t = variables.pop("time")
     limits = loaded.config.status
     status, status_time = status_of(
@@ -94,7 +93,7 @@ def _trace(
 
 
 def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, Any]:
-    """Law, gains, readings and payload of a run, as a trace stores them."""
+    """What a trace stores of its law and payload."""
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
         gains = {"law": "motor_position_loop", "gains": _vectors(config.position_loop), "readings": {}}
@@ -119,7 +118,7 @@ def _vectors(section: Any) -> dict[str, list[float]]:
 
 
 def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
-    """Put runs together with what they were made with; the manifest is without outputs."""
+    """Runs with what they were made with; the manifest is without outputs."""
     return TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",
@@ -135,7 +134,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
 
 
 def outcome_of(file: TraceFile, growing_hz: dict[str, float]) -> Outcome:
-    """Numbers and tables of an experiment; `growing_hz` is of runs whose linear loop grows, in Hz."""
+    """Numbers, tables and notes of an experiment; `growing_hz` is as of `loops.growing`."""
     joints = list(next(iter(file.runs.values())).joint)
     data: dict[str, Any] = {"schema_version": 1, "experiment": file.experiment, "joints": joints}
     data |= table_data(file)

@@ -1,4 +1,4 @@
-"""The picture of a tuning: error against torque roughness, a panel for each class of knowledge."""
+"""The picture of a tuning."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 @style.journal_style()
 def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> style.Drawing:
-    """Draw medians over plants: every law's front, the published gains, and Controller 2's over alpha."""
+    """Draw medians of error against torque roughness, a panel for each class of knowledge."""
     figure = style.open_figure(style.PAGE_MM, 88.0)
     panels = figure.subplots(1, len(KNOWN), squeeze=False, sharex=True, sharey=True)[0]
     drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
