@@ -54,7 +54,7 @@ def inspect(
     mapping: Path = Path("data/mapping.yaml"),
     force: bool = False,
 ) -> None:
-    """What is in files, and what it seems to mean.
+    """What is in files of any format, and what it seems to mean.
 
     Parameters
     ----------
