@@ -100,6 +100,16 @@ class TestRun:
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
         assert cross.get_xdata().tolist() == [3.0]
 
+    def test_what_did_not_last_has_no_ratio(self):
+        config = load_config(None, "compare", controllers=(1, 2)).config
+        runs = {
+            "controller_1": {"mae_deg": [2.0, 3.0]},
+            "controller_2": {"mae_deg": [1.0, 0.0], "status": "ok"},
+        }
+        for status, ratio in (("ringing", 2.0), ("diverged", np.nan)):
+            runs["controller_1"]["status"] = status
+            np.testing.assert_equal(sweep._ratios(runs, config)["ratio"], {"c1_c2": [ratio, np.nan]})
+
     def test_two_keys_make_every_pair(self):
         data = swept(ALPHA, PERIOD)
         assert [point["places"] for point in data["points"]] == [[i, j] for i in range(3) for j in range(3)]
