@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.answer import by_name
-from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, labelled
+from tendonrepro.reporting.answer import AS_PUBLISHED, BOTH, CHANGED, STEPS, by_name, labelled
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
 
 _BLUE, _PALE, _RED, _GREY = "#004488", "#8FA3B8", "#B5405A", "#999999"
@@ -99,9 +98,9 @@ _NAMED = {
     "Delta_unit=deg": ("Δ in degrees", 5.0),
     "gain_unit=phi_in_degrees": ("φ in degrees", 5.0),
     "weights=extrapolating": ("(1 + α, −α)", -5.0),
-    "weights=extrapolating+Delta_unit=deg": ("both", -5.0),
+    BOTH: ("both", -5.0),
     "stored_torque=applied+output_delay=1": ("applied\ntorque,\nlate", 5.0),
-    "Delta_unit=deg+stored_torque=applied+torque_step=0.016": ("torque in steps", -5.0),
+    STEPS: ("torque in steps", -5.0),
 }
 """Readings that have their name in the map, and on which side, pt; the others are small dots."""
 

@@ -15,8 +15,7 @@ from markupsafe import Markup
 
 from tendonrepro import __version__
 from tendonrepro.files import shipped
-from tendonrepro.reporting import assumed, claims, orders
-from tendonrepro.reporting.answer import TEMPLATES, filled, numbers
+from tendonrepro.reporting import answer, assumed, claims
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored
 from tendonrepro.results.figures.style import journal_style
@@ -27,29 +26,32 @@ _INCONSISTENCY = re.compile(r"^\*\*(\d+\. .*?)\.?\*\*(.*?)\n\n", re.S | re.M)
 """One of those that docs list: ``**1. Title.** Text``."""
 _COLUMN_PT = 300.0
 """Figures narrower than this stand side by side."""
+# A picture could be a request to a server.
+_READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
 def page(found: Stored) -> str:
     """Make the page; equal contents give equal text."""
-    loader, strict = jinja2.FileSystemLoader(TEMPLATES), jinja2.StrictUndefined
+    loader, strict = jinja2.FileSystemLoader(answer.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = numbers(found.summary, found.ledger)
+    slots = answer.numbers(found.summary, found.ledger)
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
     days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
     return environment.get_template("page.html").render(
         found=found,
         version=__version__,
         date=max(days)[:10],
-        answer=filled("answer", slots),
-        why=filled("why", slots),
+        answer=answer.filled("answer", slots),
+        why=answer.filled("why", slots),
         picture=orders_picture(found),
         main=[entries[name] for name in MAIN],
         others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
         verdicts=VERDICTS,
         in_words=in_words,
         claims=claims,
-        orders=orders,
+        heads=answer.HEADS,
+        robustness=answer.robustness(found.summary),
         parts=[part(found, name) for name in PARTS],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
@@ -109,13 +111,13 @@ def section(page: str, heading: str) -> str:
 
 def text(markdown: str) -> Markup:
     """Markdown as HTML; what is HTML in it is shown, not obeyed, and links to pages of docs become text."""
-    html = _unbroken(_reader().render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
+    html = _unbroken(_READER.render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
     return Markup(html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>"))
 
 
 def line(markdown: str) -> Markup:
     """One line of Markdown as HTML; long names may break at a plus, a dot and an underscore."""
-    html = _unbroken(_reader().renderInline(markdown))
+    html = _unbroken(_READER.renderInline(markdown))
     return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
 
 
@@ -123,8 +125,3 @@ def _unbroken(html: Any) -> str:
     """Text in which a unit stays with its number, and a line may end between two numbers."""
     html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
     return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")
-
-
-def _reader() -> MarkdownIt:
-    # A picture could be a request to a server.
-    return MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")

@@ -42,41 +42,22 @@ def reruns(
     """
     runs: dict[str, Trace] = {}
     missing: list[str] = []
-    for experiment, prepare in (("compare", _compare), ("decouple", _decouple)):
+    reference, compared = measured.reference, measured.compare.runs
+    apart = {run: departure(trace, reference) for run, trace in compared.items() if reference}
+    for experiment, prepare in (("compare", write_compare), ("decouple", write_decouple)):
         if measured.file.part(experiment).runs:
             try:
                 path, zeros = prepare(measured, base, name, folder)
-                runs |= simulated(path, zeros, measured.file, talk)
+                followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
+                runs |= simulated(path, followed, measured.file, talk)
             except TendonreproError as error:
                 hint = f"; {error.hint}" if error.hint else ""
                 missing.append(f"a rerun of {experiment}: {error.message}{hint}")
-    reference = measured.reference
-    for run, trace in measured.compare.runs.items():
-        if reference and (size := departure(trace, reference)):
+    for run, size in apart.items():
+        if reference and size:
             other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
             missing.append(f"residuals of {run}: its desired motion is {other}")
     return runs, missing
-
-
-def _compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Prepare the comparison on the recovered motion: all runs that followed it."""
-    reference, runs = measured.reference, measured.compare.runs
-    if reference is None:
-        raise DataMissingError(measured.unrecovered)
-    path = write_compare(base, reference, runs, name, folder)
-    followed = [trace for trace in runs.values() if not departure(trace, reference)]
-    return path, {trace.name: zero_of(trace, reference) for trace in followed}
-
-
-def _decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Prepare the decoupling run on its measured motors, by the shipped model if `base` is another's."""
-    trace = measured.file.part("decouple").runs.get("decouple")
-    if trace is None or trace.joint != (1, 2, 3):
-        raise DataMissingError("joints 1 to 3 of the run decouple")
-    if base.config.experiment != "decouple":
-        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
-        base = load_config(None, "decouple", overrides=both)
-    return write_decouple(base, trace, name, folder), {trace.name: float(trace.time[0])}
 
 
 def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk: Talk) -> dict[str, Trace]:
@@ -92,36 +73,47 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     return {one.name: aligned(one, measured.runs[one.name], zeros[one.name]) for one in traces}
 
 
-def write_compare(
-    base: LoadedConfig, reference: Reference, runs: Mapping[str, Trace], measured: str, folder: Path
-) -> Path:
-    """Write the recovered motion and a configuration that runs on it; return its path.
+def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Write the recovered motion, and a configuration of the comparison on it.
 
     All of `base` is kept except its reference, and payloads measured with other masses.
     """
+    reference, runs = measured.reference, measured.compare.runs
+    if reference is None:
+        raise DataMissingError(measured.unrecovered)
     tree: dict[str, Any] = dict(base.tree)
-    tree["title"] = f"{tree['title']}, on the reference measured in {measured}"
+    tree["title"] = f"{tree['title']}, on the reference measured in {name}"
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
     tree["runs"] = dict(tree["runs"])
-    for name in runs.keys() & tree["runs"].keys():
-        mass, held = float(runs[name].attributes["payload_mass"]), tree["runs"][name]
+    for run in runs.keys() & tree["runs"].keys():
+        mass, held = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
         if held["payload"]["unit"] == "kg" and mass != held["payload"]["value"]:
-            payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {measured}"}
-            tree["runs"][name] = held | {"payload": payload}
-    return _write_config(tree, folder / "compare.yaml")
+            payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {name}"}
+            tree["runs"][run] = held | {"payload": payload}
+    zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
+    return _write_config(tree, folder / "compare.yaml"), zeros
 
 
-def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> Path:
-    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders."""
+def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders.
+
+    Where `base` is of the comparison, the shipped model has its changes of the manipulator and its seed.
+    """
+    trace = measured.file.part("decouple").runs.get("decouple")
+    if trace is None or trace.joint != (1, 2, 3):
+        raise DataMissingError("joints 1 to 3 of the run decouple")
+    if base.config.experiment != "decouple":
+        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
+        base = load_config(None, "decouple", overrides=both)
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     tree: dict[str, Any] = dict(base.tree)
-    tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
+    tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
     knots = thinned(recorded(trace, variable))
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
     payload = tree["runs"]["decouple"]["payload"]
     tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
-    return _write_config(tree, folder / "decouple.yaml")
+    return _write_config(tree, folder / "decouple.yaml"), {trace.name: float(trace.time[0])}
 
 
 def _write_config(tree: dict[str, Any], path: Path) -> Path:

@@ -96,9 +96,8 @@ def run_claims(
             "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
         }
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
-    parts = [table_text(verdicts, every=every), f"The ledger is in {out / FOLDER}"]
-    if before is not None:
-        parts.insert(1, changes_text(changes))
+    since = [] if before is None else [changes_text(changes)]
+    parts = [table_text(verdicts, every=every), *since, f"The ledger is in {out / FOLDER}"]
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 

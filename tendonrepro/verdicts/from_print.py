@@ -8,20 +8,11 @@ from fractions import Fraction
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import (
-    COMPARED,
-    SIGN,
-    Interval,
-    Published,
-    coupling_of,
-    exact,
-    rounding,
-    table_1,
-)
+from tendonrepro.configuration.published import COMPARED, SIGN, Published, exact, rounding, table_1
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.verdicts.numbers import PERCENTAGES, cut, error_of, formula_of
-from tendonrepro.verdicts.rules import Evidence, Judged, meets, of_arithmetic, of_model
+from tendonrepro.verdicts.rules import Bounds, Evidence, Judged, meets, of_arithmetic, of_model
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
@@ -108,7 +99,7 @@ def resolution(paper: Published, identifier: str) -> Judged:
     return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
 
 
-def _against(paper: Published, identifier: str, allowed: Interval, ours: float, origin: str) -> Judged:
+def _against(paper: Published, identifier: str, allowed: Bounds, ours: float, origin: str) -> Judged:
     """Compare a printed number with what another part of the paper allows."""
     consistent = meets(allowed, rounding(paper.quantity(identifier)))
     return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
@@ -137,8 +128,7 @@ def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
 
 def motor_3_turns_less(paper: Published, _: str) -> Judged:
     """K4: motor 3 over motor 2 at equal angles of joints 2 and 3."""
-    _S, S_inv = coupling_of(table_1(paper))
-    turns = S_inv @ np.array([0.0, 1.0, 1.0])
+    turns = coupling_inverse(np.ones(3), table_1(paper), SIGN) @ np.array([0.0, 1.0, 1.0])
     ours = float(abs(turns[2] / turns[1]))
     return Judged(of_model(ours < FAR_LESS), ours, {"motor_over_joint": turns.tolist()})
 

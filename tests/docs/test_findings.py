@@ -15,9 +15,8 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.reporting.answer import BOTH, STEPS, numbers
+from tendonrepro.reporting.answer import AS_PUBLISHED, BOTH, CHANGED, STEPS, numbers
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
-from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED
 from tendonrepro.results.paper_tables import table_data
 from tendonrepro.verdicts.judge import Sources, judge_all
 

@@ -12,7 +12,7 @@ import pytest
 from reporting.conftest import LIKE_HTML
 from support.html_page import Element
 
-from tendonrepro.reporting import claims, orders
+from tendonrepro.reporting import answer, claims
 from tendonrepro.reporting.answer import percent
 from tendonrepro.reporting.page import page
 from tendonrepro.reporting.stored import Stored, stored_under
@@ -73,8 +73,8 @@ def test_the_table_of_what_it_depends_on(made: Element, found: Stored) -> None:
     changes, depends = made.one(id="why").all("table")
     assert len(changes.cells()) == 4
     head, *rows = depends.cells()
-    assert tuple(head) == orders.HEADS
-    assert [tuple(map(plain, row)) for row in rows] == orders.robustness(found.summary)
+    assert tuple(head) == answer.HEADS
+    assert [tuple(map(plain, row)) for row in rows] == answer.robustness(found.summary)
 
 
 def test_nothing_is_loaded_from_elsewhere(made: Element, text: str) -> None:

@@ -16,12 +16,12 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion import Reference, recorded, recover, thinned
+from tendonrepro.dataset.motion import Reference, recorded, thinned
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.validation import rerun
 from tendonrepro.validation.rerun import aligned, departure, reruns, write_compare, write_decouple
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
-from tendonrepro.verdicts.measured import measured_of
+from tendonrepro.verdicts.measured import Measured, measured_of
 
 STEP = 0.005
 MOVES = make_compare_file(step=STEP, source="measured")
@@ -116,9 +116,15 @@ class TestSizes:
             assert row == {"run": FIRST, "joint": row["joint"], "status": "ok"}
 
 
+@pytest.fixture(scope="module", name="measured")
+def _measured() -> Measured:
+    return measured_of(MOVES, published())
+
+
 @pytest.fixture(scope="module", name="reference")
-def _reference() -> Reference:
-    return recover(MOVES)
+def _reference(measured: Measured) -> Reference:
+    assert measured.reference is not None
+    return measured.reference
 
 
 class TestDeparture:
@@ -174,10 +180,12 @@ def test_what_was_not_measured_is_not_moved() -> None:
     np.testing.assert_array_equal(bare["q_d"], trace["q_d"])
 
 
-def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
+def test_a_mass_that_is_the_configurations_keeps_its_source(measured: Measured, tmp_path: Path) -> None:
     base, second = load_config(None, "compare"), MOVES.runs[SECOND]
     heavy = replace(second, attributes=dict(second.attributes) | {"payload_mass": 0.25})
-    write_compare(base, reference, {**MOVES.runs, SECOND: heavy}, "SYNTHETIC.h5", tmp_path)
+    write_compare(
+        replace(measured, file=with_runs(MOVES, controller_2=heavy)), base, "SYNTHETIC.h5", tmp_path
+    )
     runs, found = (
         dict(one.tree["runs"]) for one in (base, load_config(tmp_path / "compare.yaml", "compare"))
     )
@@ -214,20 +222,23 @@ def missing_of(file: TraceFile, folder: Path) -> list[str]:
 def test_the_decoupling_motion_is_that_of_what_was_recorded(
     drives: str, variable: str, tmp_path: Path
 ) -> None:
-    trace = make_decouple_file(step=0.2, source="measured").runs["decouple"]
+    file = make_decouple_file(step=0.2, source="measured")
+    trace = file.runs["decouple"]
     kept = {name: trace[name] for name in ("q_encoder", variable)}
-    base = load_config(None, "decouple")
-    write_decouple(base, replace(trace, variables=kept), "SYNTHETIC.h5", tmp_path)
+    measured = measured_of(with_runs(file, decouple=replace(trace, variables=kept)), published())
+    base = load_config(None, "compare", overrides=["manipulator.gravity=9.7", "reference.periods=2"])
+    write_decouple(measured, base, "SYNTHETIC.h5", tmp_path)
     knots = thinned(recorded(trace, variable))
     time, angles = read_samples(tmp_path / "decouple_reference.csv")
     for place, joint in enumerate(trace.joint):
         assert angles[joint] == pytest.approx(knots.angle[:, place], abs=1e-8)
     assert time == pytest.approx(knots.time, abs=1e-8)
     tree: Any = load_config(tmp_path / "decouple.yaml", "decouple").tree
+    assert tree["manipulator"]["gravity"]["value"] == 9.7
     (found,) = tree["runs"].values()
     assert found["drives"] == drives
     assert found["reference"] == {"kind": "sampled", "file": "decouple_reference.csv"}
-    assert found["payload"] == base.tree["runs"]["decouple"]["payload"]
+    assert found["payload"] == load_config(None, "decouple").tree["runs"]["decouple"]["payload"]
 
 
 def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there() -> None:
