@@ -1,4 +1,4 @@
-"""What findings.md and the report say of a stored ensemble: words with slots for numbers, and a table."""
+"""What findings.md and the report say of a stored ensemble: words with slots, and a table."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def by_name(summary: Mapping[str, Any], population: str = "box") -> dict[str, Ma
 
 
 def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, str]:
-    """Numbers of the answer as text, by slot; from a stored ensemble and the verdicts on it."""
+    """Numbers of the answer as text, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
     claims = {entry["id"]: entry for entry in ledger["claims"]}
     ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
@@ -65,18 +65,18 @@ def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, 
 
 
 def filled(name: str, values: Mapping[str, str]) -> str:
-    """Text of a template of words, ``answer`` or ``why``, with numbers in its slots."""
+    """Text of a template, ``answer`` or ``why``, with numbers in its slots."""
     return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
 
 
 def labelled(summary: Mapping[str, Any], labels: Mapping[str, str]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Labels and readings of a stored ensemble, where it has the reading."""
+    """Labels and readings, where the ensemble has the reading."""
     stored = by_name(summary)
     return [(label, stored[name]) for name, label in labels.items() if name in stored]
 
 
 def robustness(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Rows of the table that says what the answer depends on, as text."""
+    """Rows of the table that says what the answer depends on."""
     (label, printed), *others = labelled(summary, AS_PUBLISHED | CHANGED)
     rows = [(label, printed), ("… diverged controllers ranked last", printed["diverged_last"])]
     if "firm" in summary["populations"]:

@@ -1,4 +1,4 @@
-"""Pictures of findings.md and the report, from a stored ensemble as in ``docs/results/ensemble.json``."""
+"""Pictures of findings.md and the report, from a stored ensemble."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LABELLED = 0.08
 
 @journal_style()
 def draw_orders(summary: Mapping[str, Any]) -> Drawing:
-    """Draw the shares of the orders of the controllers, a row for each reading that has a label."""
+    """Draw the shares of the orders, a row for each labelled reading."""
     groups = {"Equations as published": AS_PUBLISHED, "Equations changed": CHANGED}
     rows: list[tuple[str, Any]] = []
     for title, names in groups.items():
@@ -59,7 +59,7 @@ def draw_orders(summary: Mapping[str, Any]) -> Drawing:
 
 
 def order_shares(reading: Mapping[str, Any]) -> list[float]:
-    """Shares of the four kinds of order; their sum is 1, or 0 where no plant is stable."""
+    """Shares of the four kinds of order; their sum is 1, or 0 without stable plants."""
     if not reading["in_order"]["plants"]:
         return [0.0] * len(_LOOKS)
     published, first, reverse = (reading[key]["share"] for key in ("in_order", "first_best", "in_reverse"))
@@ -68,7 +68,7 @@ def order_shares(reading: Mapping[str, Any]) -> list[float]:
 
 @journal_style()
 def draw_ranges(summary: Mapping[str, Any]) -> Drawing:
-    """Draw how far plants spread in two ratios without scale: Controllers 1 over 2, and joints 3 over 2."""
+    """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
     labels, readings = zip(*labelled(summary, AS_PUBLISHED | CHANGED), strict=True)
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
     panels = figure.subplots(1, 2, sharey=True)
@@ -117,9 +117,9 @@ _REGIONS = {
 
 @journal_style()
 def draw_map(summary: Mapping[str, Any]) -> Drawing:
-    """Draw the six orders over the two ratios that decide them, a panel for each joint.
+    """Draw the six orders over the two ratios that decide them, a panel a joint.
 
-    Under a slow load no plant enters: the first ratio is that of the ages of the estimates, the second that
+    Under a slow load no plant enters. The first ratio is that of the ages of the estimates, the second that
     of the softness of the surfaces.
     """
     figure = open_figure(PAGE_MM, 88.0)
@@ -155,7 +155,7 @@ def _draw_regions(panel: Axes) -> None:
 
 
 def _draw_readings(panel: Axes, summary: Mapping[str, Any], joint: str) -> None:
-    """A dot at the medians of each reading under which plants are stable, a larger one where it is named."""
+    """A dot at the medians of each reading, a larger one where it is named."""
     medians = {
         name: (reading["c1_c2"][joint]["median"], reading["c2_c3"][joint]["median"])
         for name, reading in by_name(summary).items()
@@ -173,7 +173,7 @@ def _draw_readings(panel: Axes, summary: Mapping[str, Any], joint: str) -> None:
 
 
 def _logarithmic(panel: Axes, axis: str, limits: tuple[float, float], ticks: tuple[float, ...]) -> None:
-    """Give an axis, ``x`` or ``y``, a logarithmic scale with these ticks alone."""
+    """Make an axis, ``x`` or ``y``, logarithmic, with these ticks alone."""
     panel.set(**{f"{axis}scale": "log", f"{axis}lim": limits})
     panel.set(**{f"{axis}ticks": ticks, f"{axis}ticklabels": [f"{tick:g}" for tick in ticks]})
     panel.minorticks_off()

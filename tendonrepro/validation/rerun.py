@@ -1,4 +1,4 @@
-"""Both experiments of a measurement run again by the model on the measured motion, and what could not be."""
+"""A measurement run again by the model on the measured motion."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def reruns(
 ) -> tuple[dict[str, Trace], list[str]]:
     """Run the model `base` on the motions of a measured file of that `name`.
 
-    Configurations, motions and traces go into `folder`. Returned are simulated runs by name, on the measured
-    axes, and what could not be rerun, and why.
+    Configurations, motions and traces go into `folder`. Returns runs on the measured axes, and what could not
+    be rerun, and why.
     """
     runs: dict[str, Trace] = {}
     missing: list[str] = []
@@ -61,7 +61,7 @@ def reruns(
 
 
 def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk: Talk) -> dict[str, Trace]:
-    """Simulate the runs that a configuration has and that begin at measured times, s."""
+    """Simulate those runs of a configuration that begin at measured times, s."""
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
     chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
@@ -76,7 +76,7 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
 def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
     """Write the recovered motion, and a configuration of the comparison on it.
 
-    All of `base` is kept except its reference, and payloads measured with other masses.
+    Of `base` only the reference changes, and payloads measured with other masses.
     """
     reference, runs = measured.reference, measured.compare.runs
     if reference is None:
@@ -95,9 +95,9 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
 
 
 def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders.
+    """The same of the decoupling run; its motors drive the rerun, else the joints' encoders.
 
-    Where `base` is of the comparison, the shipped model has its changes of the manipulator and its seed.
+    If `base` is of the comparison, the shipped model takes over its manipulator and seed.
     """
     trace = measured.file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):
@@ -122,7 +122,7 @@ def _write_config(tree: dict[str, Any], path: Path) -> Path:
 
 
 def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, str]:
-    """Write a trajectory file, s and degrees, and return the configuration's reference to it."""
+    """Write a trajectory file, s and degrees; return the reference to it."""
     heads = ",".join(["time_s", *(f"q{number}_deg" for number in joint)])
     # A zero without its sign.
     rows = np.column_stack([knots.time, np.rad2deg(knots.angle)]) + 0.0
@@ -133,7 +133,7 @@ def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, s
 def departure(trace: Trace, reference: Reference) -> float:
     """Largest difference of a run's desired motion from a recovered one, rad.
 
-    It is 0 where rounding, noise and one sample of time explain it, or nothing was recorded.
+    It is 0 if rounding, noise and one sample of time explain it, or nothing was recorded.
     """
     record, ours = reference.record, trace.of_joints(reference.record.joint)
     if "q_d" not in ours or ours.joint != record.joint:
@@ -149,9 +149,9 @@ def departure(trace: Trace, reference: Reference) -> float:
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
-    """Put a rerun on the axes of its measured run: it begins at `zero`, s, and at the measured angles.
+    """Put a rerun on the axes of its measured run: from `zero`, s, and the measured angles.
 
-    In a comparison all angles are moved by the start of `q_d`, and errors stay.
+    In a comparison all angles move by the start of `q_d`; errors stay.
     """
     sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
     moved = {
@@ -163,7 +163,7 @@ def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
 
 
 def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
-    """First sample of a variable that is there, (n,); 0 for a joint that has none."""
+    """First known sample, (n,); 0 for a joint without any."""
     starts = {}
     for joint, values in zip(trace.joint, trace[name].T, strict=True):
         known = values[np.isfinite(values)]
