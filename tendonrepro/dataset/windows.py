@@ -185,6 +185,6 @@ def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> flo
     counts = np.ones(1)
     for identifier in identifiers:
         low, high = rounding(paper.quantity(identifier))
-        share = min(1.0, float(high - low) / (2.0 * SPREAD * paper.number(identifier)))
+        share = float(high - low) / (2.0 * SPREAD * paper.number(identifier))
         counts = np.convolve(counts, [1.0 - share, share])
     return float(counts[least:].sum())

@@ -4,23 +4,15 @@ from itertools import product
 
 import numpy as np
 import pytest
-from support.made_claims import (
-    ESTIMATES,
-    OK_NAMES,
-    RUNS,
-    MadeEnsemble,
-    one,
-    paper_of,
-    sizes_of,
-    spoil,
-    verdicts,
-)
+from support.made_claims import ESTIMATES, RUNS, MadeEnsemble, one, paper_of, sizes_of, spoil, verdicts
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, parse_reading
 from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER
+
+OK_NAMES = {"exact", "reproduced", "compatible"}
 
 
 class TestKnownAnswers:
