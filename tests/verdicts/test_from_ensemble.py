@@ -101,14 +101,10 @@ PARTS = [
     ("C2", FIRST, PRINTED, ["mae"], 2.0, "MAE of controller_1"),
     ("F1", THIRD, PRINTED, ["rmse"], 0.8, "RMSE/MAE of controller_2"),
     ("C5", FIRST, PRINTED, sizes_of("H_hat", "_down"), 1.4, "moving down"),
-    ("C5", FIRST, PRINTED, sizes_of("H_hat", "_up"), 1.1, "moving up"),
-    ("C6", FIRST, PRINTED, sizes_of("torque", "_up"), 1.1, "moving up"),
     ("C6", FIRST, PRINTED, ["torque_step_rms"], 1.2, "torque step"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
     ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
     ("P1", LOADED, PRINTED, ["mae"], 0.5, "MAE"),
-    ("L1", FIRST, PRINTED, ["max_error"], 1e3, "(30)"),
-    ("L1", FIRST, PRINTED, ["rate_max"], 1e3, "(31)"),
 ]
 """What turns some statements round, and a word in them."""
 
