@@ -75,9 +75,9 @@ BUDGETS = {
     "identification": 641,
     "dataset": 1_689,
     "tuning": 708,
-    "verdicts": 1_651,
-    "validation": 402,
-    "reporting": 504,
+    "verdicts": 1_640,
+    "validation": 397,
+    "reporting": 498,
     "api": 340,
     "cli": 499,
 }

@@ -60,10 +60,25 @@ def test_the_onset_of_a_power_is_exact():
         assert motion.onset(recorded(trace(time, q))) == pytest.approx(1.5, abs=2e-3)
 
 
-def test_a_single_stroke_has_no_period():
-    time = 0.01 * np.arange(601)
-    q = np.repeat(trajectory.minimum_jerk(0.5, 2.0, 99.0)(time)[0][:, np.newaxis], 2, axis=1)
-    assert motion.repeat_after(recorded(trace(time, q))) == 0.0
+def stroke(time, size, rise):
+    return trajectory.minimum_jerk(size, rise, 99.0)(np.clip(time, 0.0, None))[0]
+
+
+def test_a_stroke_a_growing_cycle_and_a_rest_like_an_earlier_one_have_no_period():
+    time = 0.01 * np.arange(1101.0)
+    grows = np.where(time < 6.0, 1.0, 1.15) * (1.0 - np.cos(np.pi * time / 3.0))
+    dips = stroke(time, 1.0, 2.0) - stroke(time - 6.0, 0.9, 0.5) + stroke(time - 6.5, 0.9, 0.5)
+    rests = dips + 0.01 * np.sin(3.0 * np.clip(time - 7.0, 0.0, None))
+    for q in (stroke(time, 0.5, 2.0), grows, rests):
+        assert motion.repeat_after(recorded(trace(time, np.repeat(q[:, np.newaxis], 2, axis=1)))) == 0.0
+
+
+def test_a_count_that_flickers_at_rest_is_no_motion():
+    time = 0.01 * np.arange(1901.0)
+    q = 5.0 * COUNT * np.round(course("minimum_jerk", np.clip(time - 2.0, 0.0, None))[0] / (5.0 * COUNT))
+    q[[10, -10]] += 5.0 * COUNT
+    first, last = recorded(trace(time, q)).moving()
+    assert (time[first], time[last]) == pytest.approx((2.0, 15.0), abs=0.4)
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])
@@ -119,6 +134,7 @@ def test_a_run_that_starts_later_is_timed_by_its_own_start():
     assert timing["controller_1"].start == pytest.approx(3.5, abs=0.02)
     assert timing["controller_2"].start - timing["controller_1"].start == pytest.approx(1.0, abs=1e-3)
     assert timing["controller_2"].period == pytest.approx(7.0, abs=2e-3)
+    assert recover(file_of(replace(late, name="controller_1_payload"), early)).run == "controller_1"
     stated = replace(late, attributes={**late.attributes, "reference_period": 3.5})
     told = file_of(early, stated)
     assert motion.timing_of(told, recover(told))["controller_2"].period == 3.5
@@ -139,4 +155,5 @@ def test_a_step_is_found_from_few_values_and_not_from_uneven_ones():
     whole = np.floor(rng.uniform(0.0, 2000.0, 500))
     assert motion.rounding_step(COUNT * whole) == pytest.approx(COUNT, rel=1e-6)
     assert motion.rounding_step(COUNT * whole + 0.7) == pytest.approx(COUNT, rel=1e-6)
+    assert motion.rounding_step(COUNT * np.arange(30.0)) == 0.0
     assert motion.rounding_step(COUNT * (whole + rng.uniform(-0.2, 0.2, 500))) == 0.0
