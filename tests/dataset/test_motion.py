@@ -60,6 +60,12 @@ def test_the_onset_of_a_power_is_exact():
         assert motion.onset(recorded(trace(time, q))) == pytest.approx(1.5, abs=2e-3)
 
 
+def test_a_period_between_two_samples_is_told():
+    time = 0.01 * np.arange(1801.0)
+    q = np.repeat(1.0 - np.cos(2.0 * np.pi * time / 6.0037)[:, np.newaxis], 2, axis=1)
+    assert motion.repeat_after(recorded(trace(time, q))) == pytest.approx(6.0037, abs=5e-4)
+
+
 def stroke(time, size, rise):
     return trajectory.minimum_jerk(size, rise, 99.0)(np.clip(time, 0.0, None))[0]
 
@@ -124,6 +130,8 @@ def test_a_record_that_ends_in_mid_motion_is_brought_to_rest():
     assert knots.braked
     assert knots.time[-1] > whole.time[409] - whole.time[0]
     assert knots.deviation <= knots.tolerance
+    steps = np.abs(np.diff(knots.angle[-11:], axis=0))
+    assert (steps[-1] < 0.05 * steps[0]).all()
 
 
 def test_a_run_that_starts_later_is_timed_by_its_own_start():
