@@ -138,16 +138,9 @@ def _all(flags: Flags, axis: int | tuple[int, ...] = 0) -> Flags:
     return np.asarray(flags.all(axis=axis))
 
 
-def _in_order(errors: Array) -> Flags:
-    return _all(errors[:-1] < errors[1:])
-
-
-def _ordered(order: tuple[int, ...], errors: Array) -> Flags:
-    return _in_order(errors[[*order]])
-
-
-def _tie(one: Array, other: Array) -> Flags:
-    return np.asarray(abs(one - other) <= TIE * np.maximum(one, other))
+def _in_order(errors: Array, order: tuple[int, ...] = (0, 1, 2)) -> Flags:
+    sizes = errors[[*order]]
+    return _all(sizes[:-1] < sizes[1:])
 
 
 ORDERS: Mapping[str, tuple[int, ...]] = {
@@ -156,15 +149,15 @@ ORDERS: Mapping[str, tuple[int, ...]] = {
 """The six orders of the controllers by their places in `CONTROLLERS`, the smallest error first."""
 
 RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
-    **{name: partial(_ordered, order) for name, order in ORDERS.items()},
+    **{name: partial(_in_order, order=order) for name, order in ORDERS.items()},
     "share_c1_best": lambda errors: _all(errors[0] < errors[1:]),
     "share_c1_worst": lambda errors: _all(errors[0] > errors[1:]),
-    "share_c2_ties_c3": lambda errors: _tie(errors[1], errors[2]),
+    "share_c2_ties_c3": lambda errors: abs(errors[1] - errors[2]) <= TIE * np.maximum(errors[1], errors[2]),
 }
 """What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
 
 
-@np.errstate(divide="ignore", invalid="ignore")
+@np.errstate(invalid="ignore")  # where two laws diverged
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims.
 
@@ -189,23 +182,22 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     for key, pair in RATIOS.items():
         result[key] = {
             plants: {
-                metric: _ratio_quantiles(
-                    data, sizes[[*pair]], kept, printed_ratios(pair, metric, data.joints)
-                )
+                metric: _ratio_quantiles(data, pair, metric, sizes, kept)
                 for metric, sizes in zip(METRICS, errors, strict=True)
             }
             for plants, kept in counted.items()
         }
+    ok = counted["all_ok"]
+    stable, replicate = errors[:, :, ok], data.replicate[ok]
     result["joint_3_over_2"] = {
         run: {
-            metric: _quantiles(data, sizes[:, -1] / sizes[:, 0], counted["all_ok"] & (sizes[:, 0] > 0.0))
-            for metric, sizes in zip(METRICS, errors[:, place], strict=True)
+            metric: quantiles_of(sizes[:, -1] / sizes[:, 0], replicate)
+            for metric, sizes in zip(METRICS, stable[:, place], strict=True)
         }
         for place, run in enumerate(CONTROLLERS)
     }
     steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
-    ok = counted["all_ok"]
-    result |= _shapes(data.joints, errors[0][:, ok], errors[1][:, ok], steps[:, ok], data.replicate[ok])
+    result |= _shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate)
     return result | {"agreement": agreement(result, data.joints)}
 
 
@@ -221,10 +213,6 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
     return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": rankable}
 
 
-def _quantiles(data: EnsembleData, values: Array, kept: Flags) -> dict[str, Any]:
-    return quantiles_of(values[kept], data.replicate[kept])
-
-
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
 ) -> dict[str, Any]:
@@ -234,15 +222,24 @@ def _shares(
 
 
 def _ratio_quantiles(
-    data: EnsembleData, errors: Array, kept: Flags, printed: Sequence[float]
+    data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
 ) -> dict[str, Any]:
-    """Quantiles of the ratio of two controllers' errors, (2, N, n); none where both diverged."""
-    defined = kept[:, np.newaxis] & np.isfinite(errors).any(axis=0) & (errors[1] > 0.0)
-    ratio = errors[0] / errors[1]
-    return {
-        f"joint_{joint}": _quantiles(data, ratio[:, i], defined[:, i]) | {"printed": printed[i]}
-        for i, joint in enumerate(data.joints)
-    }
+    """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
+    above, below = errors[[*pair]]
+    ratio = above / below
+    defined = kept & ~np.isnan(ratio[:, 0])
+    printed = printed_ratios(pair, metric, data.joints)
+    return _by_joint(data.joints, ratio[defined], data.replicate[defined], printed)
+
+
+def _by_joint(
+    joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
+) -> dict[str, Any]:
+    """Quantiles of values (N, n) on each joint, beside the printed ones."""
+    found = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
+    for quantiles, number in zip(found.values(), printed, strict=False):
+        quantiles["printed"] = number
+    return found
 
 
 def _shapes(
@@ -256,14 +253,12 @@ def _shapes(
     Controller 1's torque has the smallest steps, with and without the printed order and the rise. The reverse
     order counts where every MAE is within a factor `NEAR` of the print.
     """
-    shape = rmse / mae
-    defined = np.isfinite(shape).all(axis=(0, 2))
-    printed = [[printed_shape(run, joint) for joint in joints] for run in CONTROLLERS]
-    scaleless = np.array([*(printed_ratios(pair, "mae", joints) for pair in RATIOS.values()), *printed])
-    apart = np.log(np.concatenate([mae[:-1] / mae[1:], shape]) / scaleless[:, np.newaxis])
-    distance = np.sqrt((apart**2).mean(axis=(0, 2)))
-    sizes = np.array([published().per_joint(f"table2.{run}.mae", joints) for run in CONTROLLERS])
-    times = np.rad2deg(mae) / sizes[:, np.newaxis]
+    printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
+    shape, printed_shape = rmse / mae, printed_rmse / printed_mae
+    scaleless = np.concatenate([mae[:-1] / mae[1:], shape])
+    printed_scaleless = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_shape])
+    apart = np.log(scaleless / printed_scaleless[:, np.newaxis])
+    times = np.rad2deg(mae) / printed_mae[:, np.newaxis]
     near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
     order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
     smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
@@ -273,37 +268,28 @@ def _shapes(
         "share_order_and_rise": order & rises,
         "share_order_rise_and_smoother": order & rises & smoother,
     }
-
-    def quantiles(values: Array) -> dict[str, Any]:
-        return quantiles_of(values[defined], replicate[defined])
-
     return {
         "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
         "rmse_over_mae": {
-            run: {
-                f"joint_{joint}": quantiles(shape[place, :, i]) | {"printed": printed[place][i]}
-                for i, joint in enumerate(joints)
-            }
+            run: _by_joint(joints, shape[place], replicate, printed_shape[place].tolist())
             for place, run in enumerate(CONTROLLERS)
         },
-        "rmse_over_mae_growth": {
-            f"joint_{joint}": quantiles(shape[-1, :, i] / shape[0, :, i]) for i, joint in enumerate(joints)
-        },
-        "share_rmse_over_mae_rises": _shares(joints, rises[defined], replicate[defined]),
-        "distance": quantiles(distance),
+        "rmse_over_mae_growth": _by_joint(joints, shape[-1] / shape[0], replicate),
+        "share_rmse_over_mae_rises": _shares(joints, rises, replicate),
+        "distance": quantiles_of(np.sqrt((apart**2).mean(axis=(0, 2))), replicate),
     } | {name: share_of(_all(hits, axis=1), replicate).as_row() for name, hits in together.items()}
 
 
-def printed_shape(run: str, joint: int) -> float:
-    """RMSE over MAE from Table 2; NaN where the joint is not printed."""
-    rmse, mae = (published().per_joint(f"table2.{run}.{metric}", [joint])[0] for metric in ("rmse", "mae"))
-    return rmse / mae
+def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
+    """Errors of every controller and joint in Table 2, deg; NaN where not printed."""
+    return np.array([published().per_joint(f"table2.{run}.{metric}", joints) for run in CONTROLLERS])
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
     """Ratio of two controllers' errors in Table 2 for each joint; NaN where not printed."""
-    above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
-    return [a / b for a, b in zip(above, below, strict=True)]
+    above, below = _printed_errors(metric, joints)[[*pair]]
+    ratios: list[float] = (above / below).tolist()
+    return ratios
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
