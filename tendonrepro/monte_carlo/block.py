@@ -19,8 +19,8 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
+from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
 from tendonrepro.monte_carlo.plan import Study
-from tendonrepro.monte_carlo.shards import Arrays, Block, shard_image
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.simulation.batch import Batch, simulate_batch
@@ -49,7 +49,7 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
     batches = [
-        simulate([loop for row in group for loop in loops_of(study, block, row)], study.config.status)
+        simulate([loop for row in group for loop in loops_of(study, block, row)], study.loaded.compare.status)
         for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
     ]
 
@@ -72,10 +72,10 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
     """Yield the loops of one draw (P,), in the order of the cases; what readings leave alone is shared."""
-    box, folder = study.boxes[block.population], study.base.folder
+    box, folder = study.boxes[block.population], study.loaded.base.folder
     draw = box.named(row)
     try:
-        config = configured(study.base, box, row)
+        config = configured(study.loaded.base, box, row)
         printed = dict(build_loops(config, folder))
         others: dict[tuple[tuple[str, str], ...], Mapping[str, Loop]] = {}
         for run, case in study.cases:
@@ -128,13 +128,13 @@ def spot_check(
     place, at = place % len(study.cases), at % len(values)
     run, case = study.cases[place]
     loop = replace([*loops_of(study, block, values[at])][place], joint_encoder=IDEAL)
-    difference = _difference(loop, simulate_together([loop], study.config.status), study)
+    difference = _difference(loop, simulate_together([loop], study.loaded.compare.status), study)
     return {"run": run, "reading": case.name, "draw": at, "difference": difference}
 
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
     """Largest relative difference of the errors' sizes, or None, see :func:`spot_check`."""
-    status, limits = STATUSES[int(batch.status[0])], study.config.status
+    status, limits = STATUSES[int(batch.status[0])], study.loaded.compare.status
     if status == "unresolved":
         return 0.0
     try:

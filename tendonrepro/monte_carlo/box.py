@@ -17,8 +17,6 @@ from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import as_printed
 from tendonrepro.monte_carlo.draw import drawn_tree
 
-_CHOICE = "choice"
-
 
 @dataclass(frozen=True)
 class Box:
@@ -49,7 +47,7 @@ class Box:
     def _column(self, i: int, unit: Array) -> Array:
         if not self.free[i]:
             return np.full_like(unit, self.nominal[i])
-        if self.scale[i] == _CHOICE:
+        if self.choices[i].size:
             place = np.minimum(unit * self.choices[i].size, self.choices[i].size - 1.0).astype(int)
             return np.asarray(self.choices[i][place])
         low, high = self.low[i], self.high[i]
@@ -77,7 +75,7 @@ def make_box(config: EnsembleConfig) -> Box:
         low=np.array(low),
         nominal=np.array(nominal),
         high=np.array(high),
-        scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
+        scale=tuple(row.scale if isinstance(row, BoxRange) else "choice" for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         choices=choices,
         words=tuple(WORDS.get(name, ()) for name in items),

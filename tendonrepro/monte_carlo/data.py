@@ -1,11 +1,11 @@
-"""What an ensemble left on disk.
-
-Opening shards takes longer than reading them. So of a small ensemble an array of all cases is kept.
-"""
+"""What an ensemble leaves on disk: a shard for each block, and the plan that holds them together."""
 
 from __future__ import annotations
 
+import io
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,14 +17,67 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, read_array
-from tendonrepro.simulation.streaming import STATISTICS
+
+SHARDS = "shards"
+"""Name of the folder of shards in a folder of results."""
+
+Case = tuple[str, str]
+"""Run and what it was run under, such as ``("controller_1", "weights=extrapolating")``."""
+
+Arrays = Mapping[str, NDArray[Any]]
+"""Everything kept of one block; B draws of P numbers, C cases, n joints.
+
+``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
+found.
+"""
 
 KEPT_DRAWS = 2**15
-"""Draws of the largest ensemble of which arrays are kept: some 40 arrays of 45 MB."""
+"""Draws of the largest ensemble of which arrays are kept, some 40 of 45 MB: opening shards takes longest."""
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
+
+
+@dataclass(frozen=True, order=True)
+class Block:
+    """Consecutive draws of one scrambling: the unit of work, of storage and of resuming.
+
+    The population is ``box`` or ``firm``, `replicate` the scrambling.
+    """
+
+    population: str
+    replicate: int
+    first: int
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.population}-r{self.replicate:03d}-d{self.first:08d}-n{self.count}"
+
+    def file_name(self, identity: str) -> str:
+        """Name of its shard; no other block or ensemble has it."""
+        return f"{self}-{identity[:12]}.npz"
+
+
+def shard_files(folder: Path, identity: str = "*") -> list[Path]:
+    """Shards of an ensemble, or of any, in canonical order."""
+    return sorted(folder.glob(f"[!.]*-{identity[:12]}.npz"))
+
+
+def shard_image(arrays: Arrays) -> bytes:
+    """Bytes of a shard, made in memory so that a worker can send them to the only writer."""
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def read_array(path: Path, name: str) -> NDArray[Any]:
+    """Read one array; a missing or damaged one is told as missing data."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return np.asarray(stored[name])
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        hint = "remove it, and run the same tendonrepro ensemble again with --force"
+        raise DataMissingError("is missing, damaged or no shard", where=str(path), hint=hint) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +93,6 @@ class EnsembleData:
     of_paper: bool
     joints: tuple[int, ...]
     alpha: tuple[float, ...]
-    runs: tuple[str, ...]
     names: tuple[str, ...]
     readings: tuple[str, ...]
     lookup: Mapping[Case, int]
@@ -78,23 +130,19 @@ class EnsembleData:
         return self._case("status", run, reading)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
+        """One of `tendonrepro.simulation.streaming.STATISTICS`, SI units, (N, n).
 
         Raises
         ------
         DataMissingError
-            When that was not simulated, or there is no such statistic.
+            When that was not simulated.
         """
-        if name not in STATISTICS:
-            message = f"the ensemble holds no statistic {name!r}"
-            raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
-        values: Array = self._case(name, run, reading).astype(np.float64)
-        return values
+        return np.asarray(self._case(name, run, reading), np.float64)
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
         if not self.has(run, reading):
-            message = f"the ensemble holds no run {run!r} under {reading!r}"
-            raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
+            hint = f"It holds {', '.join(self.readings)}."
+            raise DataMissingError(f"the ensemble holds no run {run!r} under {reading!r}", hint=hint)
         place = self.lookup[run, reading]
         if len(self) > KEPT_DRAWS:
             return np.concatenate([read_array(path, name)[place] for path in self.files.values()])
@@ -114,19 +162,19 @@ def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
     """
     path = folder / PLAN
     if not path.exists():
-        message = "holds no finished ensemble"
-        raise DataMissingError(message, where=str(folder), hint="run tendonrepro ensemble first")
+        hint = "run tendonrepro ensemble first"
+        raise DataMissingError("holds no finished ensemble", where=str(folder), hint=hint)
     plan = json.loads(path.read_text(encoding="utf-8"))
     if population not in plan["populations"]:
-        message = f"holds no population {population!r}"
-        raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
+        hint = f"It holds {', '.join(plan['populations'])}."
+        raise DataMissingError(f"holds no population {population!r}", where=str(folder), hint=hint)
     blocks = [Block(*entry) for entry in sorted(plan["blocks"]) if entry[0] == population]
-    names = ("joints", "alpha", "runs", "names", "readings")
+    names = ("joints", "alpha", "names", "readings")
     of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         of_paper=plan["of_paper"],
         lookup={(run, name): place for run, name, place in plan["lookup"]},
-        files={block: folder / FOLDER / block.file_name(plan["identity"]) for block in blocks},
+        files={block: folder / SHARDS / block.file_name(plan["identity"]) for block in blocks},
         identity=plan["identity"],
         planned=plan["draws"],
         **of_plan,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -18,22 +17,16 @@ from tendonrepro.results.figures.style import (
     Drawing,
     journal_style,
     open_figure,
-    save_drawing,
 )
 
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
 
-def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Save every population's ratios as pdf, svg and png."""
-    return [
-        path
-        for name, held in summary["populations"].items()
-        for path in save_drawing(
-            draw_ratios(name, held), folder, f"Simulated, {held['plants']} plants of the population {name}"
-        )
-    ]
+def ensemble_figures(summary: Mapping[str, Any]) -> dict[str, Callable[[], Drawing]]:
+    """Every population's ratios, by name of the figure."""
+    populations = summary["populations"].items()
+    return {f"ratios_{name}": partial(draw_ratios, name, held) for name, held in populations}
 
 
 def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
@@ -55,7 +48,8 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
     )
     titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
     names = [reading["name"] for reading in summary["readings"]]
-    return rows_figure(f"ratios_{population}", titles, names, draw, caption)
+    origin = f"Simulated, {summary['plants']} plants of the population {population}"
+    return rows_figure(f"ratios_{population}", titles, names, draw, caption, origin)
 
 
 def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
@@ -72,10 +66,7 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
             panel.plot(theory, row, "x", color="black", markersize=3.5, label="slow errors")
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
-    if np.isfinite(ratios[0]["printed"]):
-        panel.axvline(
-            ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed"
-        )
+    panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
     if held:
         panel.set_xscale("log")
         # Ratios are near 1, where ticks of a logarithmic axis are rare.
@@ -90,6 +81,7 @@ def rows_figure(
     rows: Sequence[str],
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
+    origin: str = "",
 ) -> Drawing:
     """Draw titled panels side by side over named rows, the first on top."""
     with journal_style():
@@ -103,4 +95,4 @@ def rows_figure(
         draw(axes)
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
-        return Drawing(stem, figure, tuple(axes), caption)
+        return Drawing(stem, figure, tuple(axes), caption, origin=origin)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.shards import Block, read_array
+from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
@@ -70,7 +69,9 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
     """A reading's row: shares, and medians over plants on which all laws are ok."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
-    shares = {
+    return {
+        "reading": reading["name"],
+        "plants": order["plants"],
         **{f"ok_{run}": reading["status"][run]["ok"]["share"] for run in CONTROLLERS},
         "order_mae": order["share"],
         "order_mae_low": order["low"],
@@ -80,16 +81,10 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
         "reverse_mae": reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]["share"],
         "c1_best_mae": reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"],
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"]["share"],
-    }
-    medians = {
-        f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
-        for key, joint in product(RATIOS, joints)
-    }
-    return {
-        "reading": reading["name"],
-        "plants": order["plants"],
-        **shares,
-        **medians,
+        **{
+            f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
+            for key, joint in product(RATIOS, joints)
+        },
         "distance": reading["distance"]["median"]["value"],
         "printed_ratios_inside": len(agreement["inside"]),
         "verdict": agreement["verdict"],

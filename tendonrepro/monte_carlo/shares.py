@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
@@ -281,15 +282,14 @@ def _shapes(
 
 
 def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
-    """Errors of every controller and joint in Table 2, deg; NaN where not printed."""
+    """Errors of every controller and joint in Table 2, deg."""
     return np.array([published().per_joint(f"table2.{run}.{metric}", joints) for run in CONTROLLERS])
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
-    """Ratio of two controllers' errors in Table 2 for each joint; NaN where not printed."""
+    """Ratio of two controllers' errors in Table 2 for each joint."""
     above, below = _printed_errors(metric, joints)[[*pair]]
-    ratios: list[float] = (above / below).tolist()
-    return ratios
+    return [float(ratio) for ratio in above / below]
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
@@ -299,7 +299,7 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
             for code, name in enumerate(STATUSES)
         }
-        for run in data.runs
+        for run in RUNS
         for codes in [data.status(run, reading)]
     }
 
@@ -314,7 +314,7 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
         f"{key} {metric} joint {joint}": held
         for key, metric, joint in product(RATIOS, METRICS, joints)
         for held in [found[key]["all_ok"][metric][f"joint_{joint}"]]
-        if held["plants"] and np.isfinite(held["printed"])
+        if held["plants"]
     }
     inside = [
         n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]

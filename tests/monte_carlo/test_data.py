@@ -5,8 +5,7 @@ import pytest
 from support.fake_batch import DRAWS, small_study
 
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.data import read_ensemble
-from tendonrepro.monte_carlo.shards import FOLDER, read_array, shard_files
+from tendonrepro.monte_carlo.data import SHARDS, read_array, read_ensemble, shard_files
 
 
 def test_data_stand_in_canonical_order(unbroken):
@@ -14,7 +13,7 @@ def test_data_stand_in_canonical_order(unbroken):
     assert len(data) == DRAWS
     assert (np.diff(data.replicate) >= 0).all()
     held = {
-        name: [read_array(path, name) for path in shard_files(unbroken / FOLDER)]
+        name: [read_array(path, name) for path in shard_files(unbroken / SHARDS)]
         for name in ("draws", "status", "mae")
     }
     np.testing.assert_array_equal(data.draws, np.concatenate(held["draws"]))

@@ -89,7 +89,7 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
 
 def test_a_cluster_gives_the_same(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("tendonrepro.monte_carlo.command.draw_ensemble_figures", lambda *_: [])
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.ensemble_figures", lambda *_: {})
     run_small(tmp_path / "unbroken", 1)
     folder, talk = tmp_path / "cluster", Talk(quiet=True)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:

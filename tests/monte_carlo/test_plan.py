@@ -55,7 +55,7 @@ def test_every_case_is_simulated_once():
 
 @pytest.mark.parametrize(
     "change",
-    [{"seed": 99}, {"replicates": 16}, {"sha256": "other"}, {"check_every": 3}, {"readings": ()}],
+    [{"seed": 99}, {"replicates": 16}, {"check_every": 3}, {"readings": ()}],
     ids=lambda change: next(iter(change)),
 )
 def test_identity_holds_what_numbers_depend_on(change):
@@ -75,6 +75,11 @@ def test_identity_holds_the_code(monkeypatch, name):
     assert replace(study).identity != before
 
 
-def test_identity_holds_the_base():
+def test_identity_holds_the_configuration_and_its_base():
     study = small_study()
-    assert replace(study, base=replace(study.base, sha256="other")).identity != study.identity
+    loaded = study.loaded
+    for other in (
+        replace(loaded, sha256="other"),
+        replace(loaded, base=replace(loaded.base, sha256="other")),
+    ):
+        assert replace(study, loaded=other).identity != study.identity

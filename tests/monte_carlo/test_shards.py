@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.shards import Block, read_array, shard_files, shard_image
+from tendonrepro.monte_carlo.data import Block, read_array, shard_files, shard_image
 
 
 def test_what_is_written_comes_back(tmp_path):
