@@ -41,8 +41,7 @@ class Box:
 
     def values(self, unit: Array) -> Array:
         """Map points of the unit cube to values, both (N, P); choices take equal slices."""
-        columns = [self._column(i, unit[:, i]) for i in range(len(self.names))]
-        return np.stack(columns, axis=1)
+        return np.stack([self._column(i, unit[:, i]) for i in range(len(self.names))], axis=1)
 
     def _column(self, i: int, unit: Array) -> Array:
         if not self.free[i]:
@@ -56,8 +55,7 @@ class Box:
 
     def only(self, confidences: Collection[str]) -> Box:
         """Box in which only rows of these confidences vary."""
-        kept = np.array([confidence in confidences for confidence in self.confidence])
-        return replace(self, free=self.free & kept)
+        return replace(self, free=self.free & [one in confidences for one in self.confidence])
 
     def named(self, values: Array) -> dict[str, float]:
         """One draw (P,) by row name."""

@@ -11,12 +11,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import (
-    PRINTED,
-    default_readings,
-    named_readings,
-    parse_reading,
-)
+from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -202,8 +197,8 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         **speed,
         "populations": populations,
     }
-    parts = [*ensemble_tables(summary), *([] if of_paper else [OTHER_BASE])]
-    return Outcome(summary, parts, ensemble_figures(summary))
+    notes = [] if of_paper else [OTHER_BASE]
+    return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 
 
 def _manifest(study: Study, seconds: float) -> dict[str, Any]:

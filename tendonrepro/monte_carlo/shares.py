@@ -61,8 +61,7 @@ class Share:
     def as_row(self) -> dict[str, Any]:
         """Plain data, the interval's ends apart."""
         low, high = self.interval or (None, None)
-        share = self.share if self.plants else None
-        return {"share": share, "low": low, "high": high, "plants": self.plants}
+        return {"share": self.share if self.plants else None, "low": low, "high": high, "plants": self.plants}
 
 
 @dataclass(frozen=True)
@@ -321,10 +320,9 @@ def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     ]
     outside = [n for n in judged if n not in inside]
     beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
-    plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
     if not judged:
         verdict = "no plant"
-    elif plants < LEAST_PLANTS:
+    elif found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"] < LEAST_PLANTS:
         verdict = "too few"
     else:
         verdict = "cannot" if beyond else "in part" if outside else "agrees"
