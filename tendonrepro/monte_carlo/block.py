@@ -45,7 +45,7 @@ def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) 
 
 
 def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
-    """Simulate every case of every draw of a block; a box whose draws cannot be run is to be mended."""
+    """Simulate every case of every draw of a block."""
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
     batches = [
@@ -117,9 +117,8 @@ def spot_check(
 ) -> dict[str, float | int | str | None]:
     """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
 
-    A hash chooses, so the order of work does not matter; other blocks give an empty answer. ``difference`` is
-    the largest relative one of MAE and RMSE: 0 if both runs diverged or were not resolved, None where the
-    steppers disagree on the status.
+    A hash chooses; other blocks give an empty answer. ``difference`` is the largest relative one of MAE and
+    RMSE: 0 if both runs diverged or were not resolved, None where the steppers disagree on the status.
     """
     digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
@@ -133,7 +132,7 @@ def spot_check(
 
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
-    """Largest relative difference of the errors' sizes, or None, see :func:`spot_check`."""
+    """The ``difference`` of :func:`spot_check`."""
     status, limits = STATUSES[int(batch.status[0])], study.loaded.compare.status
     if status == "unresolved":
         return 0.0

@@ -22,9 +22,8 @@ from tendonrepro.monte_carlo.draw import drawn_tree
 class Box:
     """The unknowns, (P,); SI units and radians.
 
-    A choice among `words` counts as the word's place, from 0; `scale` is ``linear``, ``log`` or ``choice``.
-    Rows that are not `free` keep `nominal`. Periods are repeated, at least twice, until a run lasts
-    `shortest_run`, s.
+    A word counts as its place in `words`, from 0; `scale` is ``linear``, ``log`` or ``choice``. Rows that
+    are not `free` keep `nominal`. `shortest_run` is in s, see `drawn_tree`.
     """
 
     names: tuple[str, ...]
@@ -95,9 +94,9 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 
 
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
-    """Points (count, P) in the unit cube, of a scrambled Sobol sequence, from number `first`, counted from 0.
+    """Points (count, P) of a scrambled Sobol sequence in the unit cube, from number `first` on, from 0.
 
-    Each depends on its number alone. Each seed and replicate have their own scrambling.
+    Seed and replicate make the scrambling. A point depends on its number alone.
     """
     from scipy.stats import qmc
 
@@ -112,6 +111,6 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
 
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
-    """Validated configuration of one draw (P,), every axis of readings as printed; `base` gives the rest."""
+    """Validated configuration of one draw (P,), every axis of readings as printed."""
     tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
     return as_printed(CompareConfig.model_validate(tree))

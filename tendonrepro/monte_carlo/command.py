@@ -41,7 +41,7 @@ def run_ensemble(
     dask: str | None = None,
     readings: str = "default",
 ) -> dict[str, Any]:
-    """Simulate many plausible plants under many readings, and write tables and figures.
+    """Simulate many plausible plants under many readings; what ``--json`` prints.
 
     Parameters
     ----------
@@ -51,17 +51,12 @@ def run_ensemble(
     draws : int
         Of each population; a power of two.
     jobs : int
-        Processes; results do not depend on it.
+        Processes; -1 is one for each processor.
     dask : str or None
         Address of a dask.distributed scheduler.
     readings : str
         ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between,
         beside which the printed reading is run.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
 
     Raises
     ------
@@ -162,7 +157,7 @@ def run_study(
 
 
 def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
-    """Begin with the blocks of an interrupted run and of the earlier result; others give way."""
+    """Begin with the blocks of an interrupted run and of the earlier result."""
     shards.mkdir(exist_ok=True)
     ours = shard_files(shards, study.identity)
     others = [path for path in shards.iterdir() if path not in ours]

@@ -40,10 +40,7 @@ PLAN = "plan.json"
 
 @dataclass(frozen=True, order=True)
 class Block:
-    """Consecutive draws of one scrambling: the unit of work, of storage and of resuming.
-
-    The population is ``box`` or ``firm``, `replicate` the scrambling.
-    """
+    """Consecutive draws of a population in one scrambling, `replicate`: the unit of work and of storage."""
 
     population: str
     replicate: int
@@ -64,7 +61,7 @@ def shard_files(folder: Path, identity: str = "*") -> list[Path]:
 
 
 def shard_image(arrays: Arrays) -> bytes:
-    """Bytes of a shard, made in memory so that a worker can send them to the only writer."""
+    """Bytes of a shard, which a worker sends to the only writer."""
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     return stream.getvalue()
@@ -84,10 +81,8 @@ def read_array(path: Path, name: str) -> NDArray[Any]:
 class EnsembleData:
     """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
-    `of_paper` tells whether draws start from the paper's arm, gains and payload. `joints` are the paper's
-    numbers; `alpha` are the configured weights of Controller 1's estimator; `names` are of the P numbers.
-    `readings` include variations. `lookup` gives the place of a case from ``(run, reading or variation)``.
-    `planned` is how many draws there were to be.
+    `of_paper` tells whether draws start from the paper's arm, gains and payload. `names` are of the P
+    numbers. `lookup` gives the place of a case. `planned` is the number of draws that was asked for.
     """
 
     of_paper: bool
@@ -120,23 +115,11 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run, (N,); see `physics.metrics.STATUSES`.
-
-        Raises
-        ------
-        DataMissingError
-            When that was not simulated.
-        """
+        """Codes of a run, places in `physics.metrics.STATUSES`, (N,); else a DataMissingError."""
         return self._case("status", run, reading)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One of `tendonrepro.simulation.streaming.STATISTICS`, SI units, (N, n).
-
-        Raises
-        ------
-        DataMissingError
-            When that was not simulated.
-        """
+        """One of `simulation.streaming.STATISTICS` of a run, SI units, (N, n); else a DataMissingError."""
         return np.asarray(self._case(name, run, reading), np.float64)
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:

@@ -30,10 +30,9 @@ UNEQUAL = 2.0 / 3.0
 
 
 def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Plain values of a comparison's configuration, to be validated.
+    """Plain values of a comparison's configuration, from a value of every row of the box, SI.
 
-    A draw has a value of every row of the box, SI. Periods are repeated, at least twice, until the motion
-    lasts `shortest_run`, s.
+    Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
     """
     tree = deepcopy(dict(base))
     arm = tree["manipulator"]
@@ -143,7 +142,7 @@ def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Motion of both joints: equal angles; in ``unequal``, joint 2 moves two thirds as far."""
+    """Motion of both joints, by equal angles except in ``unequal``."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
     share = UNEQUAL if kind == "unequal" else 1.0

@@ -30,7 +30,7 @@ def ensemble_figures(summary: Mapping[str, Any]) -> dict[str, Callable[[], Drawi
 
 
 def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
-    """Ratios of MAE under each reading, against those printed and of slowly changing errors."""
+    """Ratios of MAE under each reading, the printed ones, and those of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
     def draw(axes: Sequence[Axes]) -> None:

@@ -79,7 +79,7 @@ class Study:
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
-        """What to simulate for each run and reading; a variation asks only for runs that it changes."""
+        """Case of each run and reading; a variation asks only for runs that it changes."""
         return {
             (run, reading.name): (run, case)
             for reading in (*self.readings, *self.variations)
@@ -116,10 +116,7 @@ class Study:
         return digest_of(content)
 
     def blocks(self, draws: int) -> list[Block]:
-        """Cut the draws of every population, `draws` at a share of 1, into blocks.
-
-        Too few draws, or not a power of two, are refused.
-        """
+        """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
         return [
             Block(population, replicate, first, min(each, self.block_draws))
             for population in self.boxes
@@ -129,7 +126,7 @@ class Study:
         ]
 
     def draws_of(self, population: str, draws: int) -> int:
-        """Draws of one population."""
+        """Draws of one population; a UsageError for too few or many, or for no power of two."""
         share = min(self.shares.values())
         fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
         if not fewest <= draws <= MOST_DRAWS or draws & (draws - 1) or (draws * share) % self.replicates:

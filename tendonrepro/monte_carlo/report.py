@@ -19,11 +19,7 @@ from tendonrepro.results.tables import Table
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
-    """Everything the table says about one population.
-
-    ``laws`` counts statuses under the printed reading. A reading has what `shares.reading_summary` finds, and
-    as ``theory`` the ratio C1/C2 of slowly changing errors per joint.
-    """
+    """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
     found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
@@ -47,10 +43,7 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest difference from the SciPy stepper, and where it was.
-
-    ``compared`` are those that ran to their end in both steppers.
-    """
+    """Largest difference from the SciPy stepper among experiments ``compared`` to their end, and where."""
     stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
     checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
     # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
@@ -66,7 +59,7 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
 
 
 def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, object]:
-    """A reading's row: shares, and medians over plants on which all laws are ok."""
+    """A reading's row: shares, and medians."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
     return {
@@ -92,7 +85,7 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
 
 
 def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield each population's table; the terminal shows the first in part."""
+    """Yield each population's table; the terminal shows the first."""
     for place, (name, held) in enumerate(summary["populations"].items()):
         caption = (
             f"Population {name}, {held['plants']} plants. Shares of the box, low and high from the 95 % "

@@ -49,17 +49,14 @@ Ends: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of some plants on which a statement holds; NaN without plants.
-
-    The interval is None with fewer than `LEAST_SCRAMBLINGS` scramblings.
-    """
+    """Part of some plants on which a statement holds; NaN without plants, see `share_of`."""
 
     share: float
     interval: Ends | None
     plants: int
 
     def as_row(self) -> dict[str, Any]:
-        """Plain data, the interval's ends apart."""
+        """Plain data."""
         low, high = self.interval or (None, None)
         return {"share": self.share if self.plants else None, "low": low, "high": high, "plants": self.plants}
 
@@ -79,10 +76,9 @@ class Spread:
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
     """Share of the counted plants (N,) that are hits, with its interval; all count by default.
 
-    The interval is Student's, 95 %, from the scatter of the scramblings. Each counts by its number of plants
-    (the linearised ratio estimator), so one with few cannot distort it. Where every scrambling gives 0, or 1,
-    there is no scatter. The open end is then the share that would show no exception among so many plants once
-    in 20 times.
+    The interval is Student's, 95 %, from the scatter of the scramblings. It is None with fewer than
+    `LEAST_SCRAMBLINGS`. Each counts by its number of plants (the linearised ratio estimator). Where every
+    plant is a hit, or none, the open end is the share that would show no exception once in 20 times.
     """
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
@@ -108,8 +104,7 @@ def _half_width(values: Array) -> float:
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is always one plant's value (inverted distribution function), so infinite values do no harm;
-    NaN would. What is undefined is None.
+    A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}
@@ -161,8 +156,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims.
 
-    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``
-    is by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -205,8 +199,7 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
     """The two sets of plants for every ranking, from statuses of the controllers, (3, N).
 
     ``all_ok``: the three laws are ``ok``. ``diverged_last``: not all three diverged. A law that did has an
-    infinite error: it comes last, and two such are not in order. One that rings is ranked by its error.
-    Plants that the integrator could not resolve are in neither.
+    infinite error: it comes last, and two such are not in order. Unresolved plants are in neither.
     """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
@@ -245,13 +238,12 @@ def _by_joint(
 def _shapes(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
 ) -> dict[str, Any]:
-    """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
+    """RMSE over MAE of every controller, and a plant's distance from the print.
 
-    Arrays are (3, N, n), of plants on which all controllers are ``ok``. Growth is the last controller's over
-    the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without a
-    scale: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE, per joint. Other shares are those on which
-    Controller 1's torque has the smallest steps, with and without the printed order and the rise. The reverse
-    order counts where every MAE is within a factor `NEAR` of the print.
+    Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
+    of log(ours/printed) over what Table 2 says without a scale. That is C1/C2 and C2/C3 of the MAE, and each
+    RMSE/MAE, per joint. A controller is smoother if its torque has smaller steps. The reverse order counts
+    where every MAE is within a factor `NEAR` of the print.
     """
     printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
     shape, printed_shape = rmse / mae, printed_rmse / printed_mae
@@ -306,8 +298,7 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
 def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
-    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant. ``no plant``: none to
-    compare with. ``too few``: below `LEAST_PLANTS`. Else ``in part``.
+    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant.
     """
     judged = {
         f"{key} {metric} joint {joint}": held
