@@ -1,4 +1,4 @@
-"""Pictures of what was found about the loops: margins, borders of stability, and the effect of loads."""
+"""Pictures of what was found about the loops."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def draw_map(found: Explanation) -> Figure:
 
 
 def draw_loads(found: Explanation) -> Figure:
-    """Error per load of one law over that of the next, by frequency, a panel for each joint."""
+    """Error per load of one law over that of the next, by frequency."""
     held = found.loads
     figure, grid = _sheet(1, len(found.joints), 70.0, sharey=True)
     for k, axes in enumerate(grid[0]):

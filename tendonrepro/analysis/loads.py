@@ -1,4 +1,4 @@
-"""How a load on the links becomes an error, by frequency: one controller's beside the next one's."""
+"""How a load on the links becomes an error, by frequency."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Loads:
     ----------
     hertz : array (F,)
     error : mapping
-        By law: error of each joint per load on the same joint, rad N⁻¹ m⁻¹, (n, F). Of loops that decay.
+        By law: error of each joint per load on it, rad N⁻¹ m⁻¹, (n, F). Of loops that decay.
     mode_hz : float
-        The arm on its tendons: least damped mode without a controller; NaN if none oscillates.
+        Least damped mode of the arm on its tendons, without a controller, or NaN.
     motion_hz : float
         Up to here the desired velocity has 99 % of its power.
     """
@@ -40,7 +40,7 @@ class Loads:
 
 
 def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
-    """Error per load of every law at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
+    """Error per load at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
     first = next(iter(views.values()))
     L = first.law.L
     hertz = np.geomspace(_LOWEST_HZ, 0.5 / L, POINTS)
@@ -54,9 +54,9 @@ def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
 
 
 def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
-    """Error of each joint per load on the same joint, (n, F), at angles ``2 pi f L``; None if the loop grows.
+    """Error of each joint per load on it, (n, F), at angles ``2 pi f L``; None if the loop grows.
 
-    The load is held over a period, as everything else that acts in the sampled loop. ``e = -q``.
+    The load is held over a period. ``e = -q``.
     """
     n, law = q.size, view.law
     closed = loop_matrix(q, view.plant, law, view.delay)

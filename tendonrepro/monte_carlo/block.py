@@ -71,7 +71,7 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
 
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
-    """Yield the loops of one draw (P,), in the order of the cases; what readings leave alone is shared."""
+    """Yield the loops of one draw (P,) by case; what readings leave alone is shared."""
     box, folder = study.boxes[block.population], study.loaded.base.folder
     draw = box.named(row)
     try:

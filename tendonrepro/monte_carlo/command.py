@@ -1,4 +1,4 @@
-"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed by itself."""
+"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed."""
 
 from __future__ import annotations
 
@@ -47,23 +47,22 @@ def run_ensemble(
     ----------
     request : Request
         `force` gives up the blocks of another configuration or version.
-    talk : Talk
     draws : int
-        Of each population; a power of two.
+        A power of two.
     jobs : int
         Processes; -1 is one for each processor.
     dask : str or None
         Address of a dask.distributed scheduler.
     readings : str
-        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between,
-        beside which the printed reading is run.
+        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between;
+        the printed reading is added.
 
     Raises
     ------
     UsageError
         For impossible draws, jobs or readings, or results of another configuration.
     TendonreproError
-        When results cannot be written; whole blocks stay and are not computed again.
+        When results cannot be written; whole blocks stay.
     """
     if not jobs:
         message = "must be a number of processes, or -1 for one for each processor, found 0"

@@ -1,4 +1,4 @@
-"""What an ensemble leaves on disk: a shard for each block, and the plan that holds them together."""
+"""What an ensemble leaves on disk: a shard for each block, and the plan of all."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Block:
         return f"{self.population}-r{self.replicate:03d}-d{self.first:08d}-n{self.count}"
 
     def file_name(self, identity: str) -> str:
-        """Name of its shard; no other block or ensemble has it."""
+        """Name of its shard."""
         return f"{self}-{identity[:12]}.npz"
 
 
@@ -68,7 +68,7 @@ def shard_image(arrays: Arrays) -> bytes:
 
 
 def read_array(path: Path, name: str) -> NDArray[Any]:
-    """Read one array; a missing or damaged one is told as missing data."""
+    """Read one array; a DataMissingError where it is missing or damaged."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return np.asarray(stored[name])
@@ -136,12 +136,12 @@ class EnsembleData:
 
 
 def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
-    """Open a finished ensemble; of population ``firm`` only rows of high and medium confidence vary.
+    """Open a finished ensemble.
 
     Raises
     ------
     DataMissingError
-        When there is none, it has no such population, or a shard is missing or damaged.
+        When there is none, or no such population.
     """
     path = folder / PLAN
     if not path.exists():

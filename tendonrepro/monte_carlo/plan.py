@@ -62,7 +62,7 @@ def _bare_code(path: Path) -> str:
 class Study:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Claims are judged by the first of the populations `boxes`; `shares` are their parts of the number asked
+    Claims are judged by the first of the populations `boxes`. `shares` are their parts of the number asked
     for. `replicates` are independent scramblings. A block of
     `block_draws`, a power of two, is the most work that a kill can cost a process.
     """

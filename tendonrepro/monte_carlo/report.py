@@ -109,8 +109,8 @@ def cost_text(cost: Mapping[str, float]) -> str:
     --------
     >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
     '130,560 experiments, about 17 minutes of one processor and 24 MB'
-    >>> cost_text({"experiments": 1.3e9, "processor_hours": 2900.0, "gigabytes": 243.2})
-    '1,300,000,000 experiments, about 2,900 hours of one processor and 243 GB'
+    >>> cost_text({"experiments": 1e9, "processor_hours": 2900.0, "gigabytes": 243.2})
+    '1,000,000,000 experiments, about 2,900 hours of one processor and 243 GB'
     """
     hours, size = cost["processor_hours"], cost["gigabytes"]
     lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"

@@ -104,7 +104,7 @@ def _half_width(values: Array) -> float:
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is None.
+    A quantile is one plant's value, so infinite values do no harm. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}
@@ -241,9 +241,8 @@ def _shapes(
     """RMSE over MAE of every controller, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
-    of log(ours/printed) over what Table 2 says without a scale. That is C1/C2 and C2/C3 of the MAE, and each
-    RMSE/MAE, per joint. A controller is smoother if its torque has smaller steps. The reverse order counts
-    where every MAE is within a factor `NEAR` of the print.
+    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale. The
+    reverse order counts where every MAE is within a factor `NEAR` of the print.
     """
     printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
     shape, printed_shape = rmse / mae, printed_rmse / printed_mae
@@ -284,7 +283,7 @@ def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) ->
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """Share and ``count`` of all plants on which each run ended in each status."""
+    """Share and ``count`` of plants on which each run ended in each status."""
     return {
         run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
