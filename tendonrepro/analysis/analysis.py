@@ -57,8 +57,8 @@ class Explanation:
     """Everything that :func:`explain` finds.
 
     `postures` (P, n), rad, are start, middle and far end of the reference. A curve is Hz (F,) and every
-    joint's channel (n, F) at the middle posture. `ratios` are by pair such as ``c1_c2``, size of the error,
-    deg, and joint. `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair.
+    joint's channel (n, F) at the middle posture. `ratios` are by pair, size of the error, deg, and joint.
+    `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair.
     """
 
     joints: tuple[int, ...]
@@ -120,7 +120,7 @@ def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
 
 
 def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
-    """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are the fast ones."""
+    """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are fast."""
     L = view.law.L
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
     (growth, growth_hz), (fast, fast_hz) = slowest(found, 0.0), slowest(found, ringing)

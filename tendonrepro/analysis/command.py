@@ -66,7 +66,7 @@ def study_explain(loaded: LoadedConfig) -> Outcome:
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
-    """Plain numbers with the keys of ``--json``; NaN where there is none."""
+    """Plain numbers with the keys of ``--json``, some NaN."""
     runs = {run: _run_data(held, found.views[run]) for run, held in found.margins.items()}
 
     def of_torque(name: str) -> dict[str, Any]:
@@ -109,7 +109,6 @@ def _run_data(held: RunMargins, view: View) -> dict[str, Any]:
 
 
 def _typical(found: Explanation) -> dict[str, list[float]]:
-    """Ratios of every pair at the typical error."""
     return {pair: sizes[TYPICAL_ERROR_DEG] for pair, sizes in found.ratios.items()}
 
 
@@ -137,7 +136,7 @@ def explanation_parts(found: Explanation) -> list[Table | str]:
 
 
 def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
-    """Yield the ratio of neighbouring laws' errors on each joint, and its factors."""
+    """Yield neighbouring laws' ratio of errors on each joint, and its factors."""
     e = float(np.deg2rad(TYPICAL_ERROR_DEG))
     for pair, a, b in view_pairs(found.views):
         ages = [estimate_age(view.law, view.delay) for view in (a, b)]

@@ -20,17 +20,10 @@ _MOTION_SHARE = 0.99
 
 @dataclass(frozen=True)
 class Loads:
-    """Size of the error per load, by frequency.
+    """Size of each joint's error per load on it, rad N⁻¹ m⁻¹, (n, F), of laws whose loops decay.
 
-    Attributes
-    ----------
-    hertz : array (F,)
-    error : mapping
-        By law: error of each joint per load on it, rad N⁻¹ m⁻¹, (n, F). Of loops that decay.
-    mode_hz : float
-        Least damped mode of the arm on its tendons, without a controller, or NaN.
-    motion_hz : float
-        Up to here the desired velocity has 99 % of its power.
+    `mode_hz` is the least damped mode of the arm without a controller, or NaN. Up to `motion_hz` the desired
+    velocity has 99 % of its power.
     """
 
     hertz: Array
@@ -73,7 +66,7 @@ def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
 
 
 def _least_damped(A: Array) -> float:
-    """Frequency of the mode of dx/dt = A x that oscillates with the least damping ratio, Hz."""
+    """Frequency of the least damped oscillation of dx/dt = A x, Hz."""
     rates = np.linalg.eigvals(A)
     rates = rates[rates.imag > 0.0]
     if not rates.size:

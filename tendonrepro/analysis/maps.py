@@ -24,10 +24,7 @@ _HALVINGS = 10
 
 @dataclass(frozen=True)
 class TendonMap:
-    """Borders of stability over factors (F,) on the stiffness, across, and the damping of all tendons.
-
-    By run the `border_distance` (F, F).
-    """
+    """Distance (F, F) of every run from its border, over factors (F,) on stiffness, across, and damping."""
 
     factors: Array
     distance: Mapping[str, Array]

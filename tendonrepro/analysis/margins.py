@@ -1,8 +1,8 @@
 """How far the sampled loop is from its limit of stability.
 
 The loop is cut between controller and plant: the plant feels another torque than the law believes to have
-applied. With the other joints' loops closed, one channel ``G`` is left. The loop is on its limit where
-``factor · G(z) = 1`` on the unit circle, the factor real for a gain and ``exp(-j phase)`` for a lag.
+applied. With the other joints' loops closed, one channel ``G`` is left. It is on its limit where
+``factor · G(z) = 1`` on the unit circle, for a real gain or a lag ``exp(-j phase)``.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def angle_grid(*matrices: Array) -> Array:
 
 
 def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
-    """Gain, phase and delay margin of one joint, counted from 0, and its loop gain; L in s."""
+    """Margins of one joint, counted from 0; L in s."""
     A, b, c = single = channel(cut, joint)
     gain = float(np.abs(response(single, np.array([2.0 * np.pi * LOW_FREQUENCY * L])))[0, 0, 0])
     if spectral_radius(A + b @ c) >= 1.0:
@@ -111,7 +111,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
 
 
 def _crossings(value: Callable[[Array], Array], angles: Array) -> Array:
-    """Zeros of a real function by halving every interval at whose ends its sign differs."""
+    """Zeros of a real function, by halving."""
     sign = np.sign(value(angles))
     left = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
     low, high, below = angles[left], angles[left + 1], sign[left]

@@ -40,7 +40,7 @@ IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
 def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
-    """Compute a block in the form in which it is stored."""
+    """Compute a block as it is stored."""
     return block, shard_image(compute_block(study, block, simulate))
 
 
@@ -95,7 +95,7 @@ def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
 
 
 def _differing(changed: Model, before: Model) -> set[str]:
-    """Sections of a model that are not the very same objects."""
+    """Sections of a model that are not the same objects."""
     return {name for name in type(before).model_fields if getattr(changed, name) is not getattr(before, name)}
 
 

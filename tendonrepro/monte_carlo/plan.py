@@ -43,7 +43,7 @@ _COMPRESSION = 0.9
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """SHA-256 of some rooms' code without comments, docstrings and layout."""
+    """SHA-256 of some rooms' code without comments and docstrings."""
     package = Path(__file__).parents[1]
     files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
     return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
@@ -156,7 +156,7 @@ class Study:
         }
 
     def cost(self, blocks: Sequence[Block]) -> dict[str, float]:
-        """Estimate experiments, processor hours and disk space of some blocks."""
+        """Estimate what some blocks cost."""
         experiments = sum(block.count for block in blocks) * len(self.cases)
         numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
         return {

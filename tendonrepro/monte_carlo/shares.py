@@ -283,7 +283,7 @@ def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) ->
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """Share and ``count`` of plants on which each run ended in each status."""
+    """Share and ``count`` of plants by run and status."""
     return {
         run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}

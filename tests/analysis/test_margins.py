@@ -45,21 +45,13 @@ def radius(single, factor):
     return spectral_radius(A + factor * b @ c)
 
 
-def stable_case(case):
-    A, B, C = cut(*case)
-    return spectral_radius(A + B @ C) < 1.0
-
-
 @every_case
 @both_joints
 class TestChannelMargins:
     def test_loop_is_lost_at_the_gain_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
         A, b, c = single
-        if not stable_case(case):
-            assert not found.stable
-            assert np.isnan([found.gain_margin, found.gain_reduction_margin]).all()
-            return
+        assert found.stable
         for margin, hertz, end in (
             (found.gain_margin, found.gain_margin_hz, 300.0),
             (found.gain_reduction_margin, found.gain_reduction_margin_hz, 1e-5),
