@@ -21,7 +21,6 @@ CASES = [
     ("controller_1", 0.2, 0, False),
     ("controller_3", 0.0, 1, False),
     ("controller_2", 0.0, 1, True),
-    ("controller_1", 0.0, 0, True),
     ("controller_2", 0.2, 2, False),
 ]
 APPLIED = "control.readings.stored_torque=applied"
@@ -67,8 +66,6 @@ class TestChannelMargins:
     def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
         lag = np.deg2rad(found.phase_margin_deg)
-        if np.isnan(lag):
-            return
         G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
         assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
         for sign in (1.0, -1.0):
