@@ -63,7 +63,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 237,
+    "ground": 223,
     "physics": 893,
     "simulation": 1_708,
     "configuration": 1_598,
@@ -71,7 +71,7 @@ BUDGETS = {
     "experiments": 1_386,
     "analysis": 629,
     "evidence": 1_002,
-    "monte_carlo": 1_208,
+    "monte_carlo": 1_150,
     "identification": 641,
     "dataset": 1_689,
     "tuning": 708,
