@@ -55,8 +55,9 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
 def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
     colour, printed = SERIES[0].colour, SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
-    held = [(row, ratio) for row, ratio in enumerate(ratios) if ratio["plants"]]
-    for row, ratio in held:
+    for row, ratio in enumerate(ratios):
+        if not ratio["plants"]:
+            continue
         q05, q25, median, q75, q95 = (ratio[name]["value"] for name in QUANTILES)
         panel.plot([q05, q95], [row, row], color=colour, linewidth=0.7, label="central 90 %")
         panel.plot([q25, q75], [row, row], color=colour, linewidth=2.6, label="central 50 %")
@@ -67,12 +68,11 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
-    if held:
-        panel.set_xscale("log")
-        # Ratios are near 1, where ticks of a logarithmic axis are rare.
-        panel.xaxis.set_major_locator(MaxNLocator(3))
-        panel.xaxis.set_major_formatter("{x:g}")
-        panel.xaxis.set_minor_locator(NullLocator())
+    panel.set_xscale("log")
+    # Ratios are near 1, where ticks of a logarithmic axis are rare.
+    panel.xaxis.set_major_locator(MaxNLocator(3))
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_locator(NullLocator())
 
 
 def rows_figure(
