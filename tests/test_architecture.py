@@ -75,9 +75,9 @@ BUDGETS = {
     "identification": 638,
     "dataset": 1_689,
     "tuning": 700,
-    "verdicts": 1_651,
-    "validation": 402,
-    "reporting": 509,
+    "verdicts": 1_640,
+    "validation": 397,
+    "reporting": 503,
     "api": 338,
     "cli": 499,
 }
