@@ -63,7 +63,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 237,
+    "ground": 223,
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_594,
@@ -71,7 +71,7 @@ BUDGETS = {
     "experiments": 1_350,
     "analysis": 628,
     "evidence": 1_002,
-    "monte_carlo": 1_208,
+    "monte_carlo": 1_150,
     "identification": 638,
     "dataset": 1_689,
     "tuning": 700,

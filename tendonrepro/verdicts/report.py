@@ -104,7 +104,7 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
     more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]
-    return "\n".join([columns(rows, left=True), "", headline(verdicts), *more, *_notes(verdicts)])
+    return "\n".join([columns(rows), "", headline(verdicts), *more, *_notes(verdicts)])
 
 
 def headline(verdicts: Sequence[Verdict]) -> str:
