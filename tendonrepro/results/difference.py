@@ -17,18 +17,13 @@ from tendonrepro.results.tables import Table
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
-    """Compare two trace files, or the results folders that hold them.
+    """Compare two trace files, or results folders; a DataMissingError where one cannot be read.
 
     Returns
     -------
     dict
-        ``same``; ``config``, ``versions`` and ``runs`` (their status) by key; ``metrics`` in degrees by run,
-        joint and name; ``traces`` by run and variable: the largest difference, SI, and the time of the first.
-
-    Raises
-    ------
-    DataMissingError
-        If a trace file cannot be read.
+        ``same``, and rows of ``config``, ``versions``, ``runs`` (their status), ``metrics`` in degrees, and
+        ``traces``: the largest difference, SI, and the time of the first.
     """
     a, b = map(stored_traces, (first, second))
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]

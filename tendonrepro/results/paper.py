@@ -34,8 +34,8 @@ OTHER_BASE = (
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    A run needs the paper's arm, by name and coupling, joints, gains, payload, and a motion that stands for
-    the paper's. Masses and readings may differ. Of a measurement the arm alone is known.
+    A run needs the paper's arm, joints, gains, payload, and a motion that stands for the paper's. Masses and
+    readings may differ. Of a measurement the arm alone is known.
     """
     plant = file.plant
     S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None

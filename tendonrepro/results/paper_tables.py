@@ -90,13 +90,8 @@ def made_tables(file: TraceFile) -> list[Table]:
 def table_data(file: TraceFile) -> dict[str, Any]:
     """Numbers of an experiment's tables under the keys of ``--json``; lists run over a run's joints.
 
-    Returns
-    -------
-    dict
-        Of the comparison ``table2`` by run and ``table3`` by load hold `ERRORS` over the whole run,
-        ``windows`` over others, ``printed`` and ``plausible`` what stands beside; ``ranking``;
-        ``fitted_under``. Of the decoupling ``S``, ``S_inv`` and ``errors`` by joint. Of both ``status``,
-        ``tension`` and ``torque`` by run.
+    ``table2`` and ``table3`` hold `ERRORS` over the whole run, ``windows`` over others, ``printed`` and
+    ``plausible`` what stands `beside`.
     """
     sizes = {"tension": summary.tension_sizes, "torque": summary.torque_sizes}
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
@@ -142,13 +137,9 @@ def _in_degrees(trace: Trace, window: str = "whole") -> Sizes:
 
 
 def error_columns(file: TraceFile, trace: Trace) -> Sizes:
-    """Tracking errors of a run, and what stands beside them, (n,) each.
+    """`ERRORS` of a run, (n,) each, and where known what stands `beside` them.
 
-    Returns
-    -------
-    dict
-        `ERRORS`; where known the print, ``<metric>_printed_deg``, ours over it, ``<metric>_ratio``, and the
-        plausible ranges as in `beside`.
+    The print is ``<metric>_printed_deg``, ours over it ``<metric>_ratio``.
     """
     printed, plausible = beside(file, trace)
     columns = _in_degrees(trace) | {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
@@ -161,7 +152,7 @@ def error_columns(file: TraceFile, trace: Trace) -> Sizes:
 
 
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Table 1, `S_inv` and `S`, ours and printed; the print gives magnitudes, so they are compared."""
+    """Table 1, `S_inv` and `S`, ours and printed; magnitudes are compared, since signs are not printed."""
     record = file.plant.values
     if not {"winch_diameter", "S", "S_inv"} <= record.keys():
         return

@@ -52,8 +52,8 @@ class Trace:
     ----------
     name : str
         Also of its group in the file.
-    time : Array
-        Sampling times, s, shape (T,).
+    time : array (T,)
+        Sampling times, s.
     joint : tuple of int
         The paper's numbers of the n joints.
     variables : Mapping
@@ -70,13 +70,7 @@ class Trace:
     attributes: Mapping[str, Any]
 
     def __getitem__(self, name: str) -> Array:
-        """Return a variable, shape (T, n).
-
-        Raises
-        ------
-        DataMissingError
-            When the run does not hold it.
-        """
+        """A variable (T, n); a DataMissingError where the run does not hold it."""
         if name not in self.variables:
             message = f"run {self.name!r} holds no variable {name!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(self.variables)}.")
@@ -131,11 +125,6 @@ class PlantRecord:
         """Block (n, n) of a square matrix, such as ``S_inv``, of n joints.
 
         A stored matrix of n rows is taken to be theirs, a larger one to be of all joints.
-
-        Raises
-        ------
-        KeyError, IndexError
-            When the record does not hold it for these joints.
         """
         block = self.values[name].value
         if len(block) == len(joint):

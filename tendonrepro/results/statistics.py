@@ -24,7 +24,6 @@ def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
 
     Parameters
     ----------
-    trace : Trace
     rates : tuple of array (T, n), optional
         Desired velocity and acceleration, else those of the run; without any there are no phases.
 
@@ -57,13 +56,7 @@ def statistics(trace: Trace, rates: Rates | None = None) -> dict[str, Array]:
 def saturated(trace: Trace, S: Array, limit: Array) -> Array:
     """Share of the samples in which a motor gives its largest torque, (n,).
 
-    Parameters
-    ----------
-    trace : Trace
-    S : array (n, n)
-        Coupling matrix of the run's joints.
-    limit : array (n,)
-        Largest torque of each winch, N m.
+    `S` (n, n) is the coupling of the run's joints, `limit` the largest torque of each winch, N m.
     """
     return np.asarray((np.abs(trace["tau_m"] @ S) >= streaming.AT_LIMIT * limit).mean(axis=0))
 
@@ -103,13 +96,9 @@ def _sizes(name: str, values: Array, rates: Rates | None, phases: streaming.Thre
 
 
 def slow(values: Array, newest: float) -> Array:
-    """Columns after the first-order low-pass of `streaming.SLOW`; over missing samples it waits.
+    """Columns (T, n) after the low-pass of `streaming.SLOW`; over missing samples it waits.
 
-    Parameters
-    ----------
-    values : array (T, n)
-    newest : float
-        Weight of the newest sample.
+    `newest` is the weight of the newest sample.
     """
     from scipy.signal import lfilter
 

@@ -44,26 +44,18 @@ def fitted_under(file: TraceFile) -> str | None:
 
 
 def sizes_deg(e: Array) -> Sizes:
-    """Mean absolute, root mean square and largest error of each joint, degrees.
+    """``mae``, ``rmse`` and ``max`` of each joint, degrees, (n,) each; missing samples are left out.
 
-    Parameters
-    ----------
-    e : array (T, n)
-        Error, rad; missing samples are left out.
-
-    Returns
-    -------
-    dict
-        ``mae``, ``rmse`` and ``max``, (n,) each.
+    `e` is the error, rad, (T, n).
     """
     degrees = np.rad2deg(e)
     return {"mae": mae(degrees), "rmse": rmse(degrees), "max": max_abs(degrees)}
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
+    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`.
 
-    ``whole`` is always there. A diverged run has NaN in windows that go on to its end.
+    A diverged run has NaN in windows that go on to its end.
     """
     spans = windows(trace.time, trace.attributes["reference_period"])
     found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
@@ -74,7 +66,7 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
-    """Sizes of ``q_calculated - q_encoder``, as `sizes_deg`: the difference shown in Figs 10 to 12."""
+    """Sizes of ``q_calculated - q_encoder``, Figs 10 to 12, as `sizes_deg`."""
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
 
 
@@ -91,12 +83,9 @@ def tensions(file: TraceFile, trace: Trace) -> Array:
 
 
 def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """Smallest tension of each tendon, its time, and how long the tendon does not pull.
+    """``least_N``, the smallest tension of each tendon, ``at_s`` its time, ``slack_s`` how long it is slack.
 
-    Returns
-    -------
-    dict
-        ``least_N``, ``at_s`` and ``slack_s``, (n,) each; empty where tensions are unknown.
+    Empty where tensions are unknown.
     """
     found = tensions(file, trace)
     kept = np.isfinite(found).all(axis=1)
@@ -111,12 +100,9 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
 
 
 def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """RMS, peak and step of the applied torque, and the share of samples at the motor's limit.
+    """``rms_Nm``, ``peak_Nm`` and ``step_rms_Nm`` of the applied torque, (n,) each, as far as known.
 
-    Returns
-    -------
-    dict
-        ``rms_Nm``, ``peak_Nm``, ``step_rms_Nm`` and ``at_limit``, (n,) each, as far as they are known.
+    ``at_limit`` is the share of samples at the motor's limit.
     """
     if "tau_m" not in trace:
         return {}
@@ -145,7 +131,7 @@ def compared_runs(file: TraceFile) -> dict[str, Trace]:
 
 
 def is_user_law(trace: Trace) -> bool:
-    """Whether a run has a law that the user wrote."""
+    """Whether a run's law is a user's."""
     return str(trace.attributes["law"]).startswith(USER_LAW)
 
 

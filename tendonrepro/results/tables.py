@@ -13,13 +13,13 @@ from typing import Any, TypeAlias
 from tendonrepro.files import write_atomically
 
 TableRows: TypeAlias = Sequence[Mapping[str, Any]]
-"""Rows of a table by column name; a column without a value may be left out of a row, or be None."""
+"""Rows by column name; where there is no value a column is left out or None."""
 
 TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
-"""Name -> heading for a reader, and format of its floats."""
+"""Name -> heading, and format of floats."""
 
 NOTHING = "--"
-"""What a reader finds where there is no value."""
+"""Stands where there is no value."""
 
 SUFFIXES = ("csv", "md", "tex")
 
@@ -38,16 +38,13 @@ class Table:
     Attributes
     ----------
     name : str
-        Of its files; its LaTeX label too.
-    caption : str
+        Of its files and of its LaTeX label.
     rows : sequence of mapping
         Numbers, texts, booleans, None, and lists of these, by column name.
     columns : mapping, optional
-        In order; every key of any row under its own name if not given.
+        In order; else all keys of the rows.
     terminal : sequence of str, optional
-        Columns shown there: all if not given, no table if empty.
-    suffixes : sequence of str
-        Files to write.
+        Columns shown there, else all; no table if empty.
     """
 
     name: str
@@ -58,13 +55,7 @@ class Table:
     suffixes: Sequence[str] = SUFFIXES
 
     def write(self, folder: Path) -> list[Path]:
-        """Write its files into a folder.
-
-        Raises
-        ------
-        TendonreproError
-            When a file cannot be written.
-        """
+        """Write its files into a folder; a TendonreproError where one cannot be written."""
         paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
         for suffix, path in zip(self.suffixes, paths, strict=True):
             write_atomically(path, getattr(self, suffix)())
@@ -101,7 +92,7 @@ class Table:
         return "\n".join([self.caption, "", *lines, ""])
 
     def tex(self) -> str:
-        """A ``table`` float that needs the package booktabs; its label is ``tab:<name>``."""
+        """A ``table`` float labelled ``tab:<name>``; it needs the package booktabs."""
         heads, cells, numeric = self._shown()
         body = [
             # A hyphen is not a minus sign.
@@ -141,13 +132,13 @@ class Table:
 
 
 def _is_numeric(rows: TableRows, name: str) -> bool:
-    """Whether a column holds numbers and nothing else."""
+    """Whether a column holds nothing but numbers."""
     held = [row[name] for row in rows if row.get(name) is not None]
     return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
 
 
 def rounded(value: Any, form: str = _ROUNDED) -> str:
-    """Text of a value for a reader; a float in a format."""
+    """Text of a value, a float in a format."""
     if isinstance(value, float):
         return format(value, form) if math.isfinite(value) else NOTHING
     if isinstance(value, bool):

@@ -55,7 +55,7 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
     canvas.zero_line("b")
     difference = calculated - encoder
-    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
+    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1))
     beside = "\nthe paper gives no value" if of_paper(file) else ""
     canvas.note("b", f"MAE {rounded(float(mae(difference)), '.4f')}°{beside}")
     return canvas
