@@ -14,8 +14,6 @@ from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.files import sha256_of
 
-SCHEMA_VERSION = 1
-
 LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
@@ -23,7 +21,7 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
     """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
     config = loaded.config
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "tendonrepro_version": __version__,
         "experiment": config.experiment,
         "command": command or config.experiment,

@@ -82,7 +82,10 @@ def replaced(
     try:
         partial.mkdir(parents=True, exist_ok=True)
         with _only_writer(partial, folder, keep):
-            _put_back(target, aside)
+            # A replacement that ended between its two renames is undone, and what it left goes.
+            if aside.exists() and not target.exists():
+                aside.rename(target)
+            shutil.rmtree(aside, ignore_errors=True)
             refuse_others(folder, digest, command=command, force=force)
             if update:
                 take_over(target, partial, _outputs(target))
@@ -132,15 +135,6 @@ def _clear(partial: Path, keep: str) -> None:
     for path in partial.iterdir():
         if path.name not in (_LOCK, keep):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-def _put_back(target: Path, aside: Path) -> None:
-    """Undo a replacement that ended between its two renames, and remove what it left."""
-    if aside.exists():
-        if target.exists():
-            shutil.rmtree(aside)
-        else:
-            aside.rename(target)
 
 
 def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:

@@ -20,8 +20,6 @@ from tendonrepro.results.tables import Table
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
 
-SCHEMA_VERSION = 1
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -99,7 +97,7 @@ def planned(name: str, loaded: LoadedConfig, folder: Path, request: Request, tal
     foretell(folder, loaded.sha256, name, request, talk)
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder), "text": text}
-    return {"schema_version": SCHEMA_VERSION, "command": name, **plan}
+    return {"schema_version": 1, "command": name, **plan}
 
 
 def foretell(folder: Path, digest: str, command: str, request: Request, talk: Talk) -> None:

@@ -118,10 +118,10 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
     """Runs of Table 3 by the names of its rows; rows of a user's law begin with the law's name."""
     found = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
-    for name in file.runs:
-        if name not in LOADS.values() and f"{name}{PAYLOAD}" in file.runs:
-            pair = file.runs[name], file.runs[f"{name}{PAYLOAD}"]
-            found |= {f"{name}_{load}": trace for load, trace in zip(LOADS, pair, strict=True)}
+    for name, trace in file.runs.items():
+        loaded = file.runs.get(f"{name}{PAYLOAD}")
+        if loaded is not None and name not in LOADS.values():
+            found |= {f"{name}_no_load": trace, f"{name}_with_load": loaded}
     return found
 
 

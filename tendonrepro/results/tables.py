@@ -21,8 +21,6 @@ TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
 NOTHING = "--"
 """Stands where there is no value."""
 
-SUFFIXES = ("csv", "md", "tex")
-
 _ROUNDED = ".4g"
 _TEX = str.maketrans(
     {character: f"\\{character}" for character in "&%$#_{}"}
@@ -52,7 +50,7 @@ class Table:
     rows: TableRows
     columns: TableColumns | None = None
     terminal: Sequence[str] | None = None
-    suffixes: Sequence[str] = SUFFIXES
+    suffixes: Sequence[str] = ("csv", "md", "tex")
 
     def write(self, folder: Path) -> list[Path]:
         """Write its files into a folder; a TendonreproError where one cannot be written."""
@@ -65,13 +63,8 @@ class Table:
         """Caption and columns for a terminal."""
         heads, cells, numeric = self._shown(self.terminal)
         widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
-        lines = [
-            "  ".join(
-                cell.rjust(width) if number else cell.ljust(width)
-                for cell, width, number in zip(line, widths, numeric, strict=True)
-            ).rstrip()
-            for line in (heads, *cells)
-        ]
+        forms = [f"{'>' if number else '<'}{width}" for width, number in zip(widths, numeric, strict=True)]
+        lines = ["  ".join(map(format, line, forms)).rstrip() for line in (heads, *cells)]
         return "\n".join([self.caption, *lines])
 
     def csv(self) -> str:
@@ -94,14 +87,7 @@ class Table:
     def tex(self) -> str:
         """A ``table`` float labelled ``tab:<name>``; it needs the package booktabs."""
         heads, cells, numeric = self._shown()
-        body = [
-            # A hyphen is not a minus sign.
-            [
-                cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
-                for cell, number in pairs
-            ]
-            for pairs in (zip(line, numeric, strict=True) for line in cells)
-        ]
+        body = [[_tex(cell, number) for cell, number in zip(line, numeric, strict=True)] for line in cells]
         lines = [
             r"\begin{table}",
             r"\centering",
@@ -146,6 +132,11 @@ def rounded(value: Any, form: str = _ROUNDED) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(rounded(item, form) for item in value) or NOTHING
     return NOTHING if value is None else str(value)
+
+
+def _tex(cell: str, number: bool) -> str:
+    """A cell in LaTeX, where a hyphen is not a minus sign."""
+    return cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
 
 
 def _plain(value: Any) -> Any:

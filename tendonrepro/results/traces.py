@@ -27,17 +27,15 @@ if TYPE_CHECKING:
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
 _PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
-_ROOT_TEXTS = [
-    field.name for field in fields(TraceFile) if field.name not in ("runs", "plant", "schema_version")
-]
+_ROOT = [field.name for field in fields(TraceFile) if field.name not in ("runs", "plant")]
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
     """Write a trace file; an OSError where it cannot be written."""
     import xarray as xr
 
-    attributes = {name: getattr(file, name) for name in _ROOT_TEXTS}
-    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "schema_version": file.schema_version})
+    attributes = {name: getattr(file, name) for name in _ROOT}
+    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes})
     nodes = {name: dataset_of(trace) for name, trace in file.runs.items()}
     tree = xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant)})
     encoding = {f"/{name}": dict.fromkeys(node.data_vars, _PACKED) for name, node in nodes.items()}
@@ -103,9 +101,9 @@ def _file_of(tree: xr.DataTree) -> TraceFile:
     if found != SCHEMA_VERSION:
         message = f"its layout has version {found}, this tendonrepro reads version {SCHEMA_VERSION}"
         raise ValueError(message)
-    texts = {name: tree.attrs[name] for name in _ROOT_TEXTS}
+    attributes = {name: tree.attrs[name] for name in _ROOT} | {"schema_version": found}
     runs = {name: _trace_of(name, node) for name, node in tree.children.items() if name != RESERVED}
-    return TraceFile(**texts, runs=runs, plant=_plant_of(tree[RESERVED]))
+    return TraceFile(**attributes, runs=runs, plant=_plant_of(tree[RESERVED]))
 
 
 def _trace_of(name: str, node: Any) -> Trace:
