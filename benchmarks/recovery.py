@@ -1,6 +1,6 @@
 """How often `tendonrepro recover` is right: readings x records, on plants drawn from the parameter ranges.
 
-Prints a table of docs/predictions.md. ``python benchmarks/recovery.py 8`` takes eight plants, some minutes.
+Prints the tables of docs/recover.md. ``python benchmarks/recovery.py 8`` takes eight plants, some minutes.
 """
 
 from __future__ import annotations

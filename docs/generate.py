@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pandas as pd
 from pages import fresh, table
 
 from tendonrepro.monte_carlo.plan import code_digest
@@ -53,6 +54,9 @@ def take(reports: Path) -> None:
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
+    if (reports / "closest").exists():
+        table2 = pd.read_csv(reports / "closest" / "tables" / "table2.csv")
+        store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
     if (reports / "tune").exists():
         found = read(reports / "tune" / "tune.json")
         store("tune.json", {key: value for key, value in found.items() if key != "by_plant"})
@@ -111,7 +115,9 @@ def write_pages() -> None:
         page.write_text(fresh(page.read_text(encoding="utf-8"), MAKERS), encoding="utf-8")
     with TemporaryDirectory() as folder:
         tuning = draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()})
-        for drawing in (*(draw(stored("ensemble")) for draw in (draw_orders, draw_map, draw_ranges)), tuning):
+        summary = stored("ensemble")
+        of_errors = draw_map(summary, stored("closest"))
+        for drawing in (draw_orders(summary), of_errors, draw_ranges(summary), tuning):
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
 

@@ -58,6 +58,8 @@ class Fit:
     ----------
     parameters, half : array (5,)
         ``w_1, w_2, M_bar, lam, eta``, or ``K_d, K_p`` at the end if linear; half their 90 % interval.
+    position_gain, position_gain_half
+        Gain of the error over the published one, near 0 without an integral; half its 90 % interval.
     residual
         RMS of the odd blocks beyond the fit to the even ones, N m.
     step
@@ -73,6 +75,8 @@ class Fit:
     hypothesis: Hypothesis
     parameters: Array
     half: Array
+    position_gain: float
+    position_gain_half: float
     residual: float
     step: float
     information: float
@@ -92,13 +96,6 @@ class Fit:
         if (found <= 0.0).any():
             return float("inf")
         return float(np.abs(np.log(found / published)).sum())
-
-    @property
-    def position_gain(self) -> float:
-        """Gain of the error over the published one; near 0 without an integral."""
-        both = self.parameters, _published(self.hypothesis)
-        found, published = (x[4] if self.hypothesis.surface == LINEAR else x[3] * x[4] for x in both)
-        return float(found / published)
 
 
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
@@ -152,7 +149,6 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
             for k in range(len(factors))
         ]
     )
-    spread = np.sqrt((len(factors) - 1) * np.mean((left_out - left_out.mean(axis=0)) ** 2, axis=0))
     samples = len(held.y)
     # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
     noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
@@ -165,7 +161,9 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
-        half=NINETY * spread,
+        half=_half(left_out),
+        position_gain=float(_position_gain(parameters, hypothesis)),
+        position_gain_half=float(_half(_position_gain(left_out, hypothesis))),
         residual=_foretold(log, joint, hypothesis, _constrained),
         step=float(np.sqrt(np.mean(np.diff(log.command[:, joint]) ** 2))),
         information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
@@ -174,6 +172,20 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
         samples=samples,
         bias=_bias(whole[:, :-1], parameters, hypothesis, samples, errors),
     )
+
+
+def _half(left_out: Array) -> Array:
+    """Half the 90 % interval by the jackknife, from values with one group left out each."""
+    return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
+
+
+def _position_gain(parameters: Array, hypothesis: Hypothesis) -> Array:
+    """Gain of the error over the published one; parameters are the last axis."""
+    found, published = (
+        x[..., 4] if hypothesis.surface == LINEAR else x[..., 3] * x[..., 4]
+        for x in (parameters, _published(hypothesis))
+    )
+    return np.asarray(found / published)
 
 
 def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:

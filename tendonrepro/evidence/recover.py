@@ -34,6 +34,8 @@ COARSE = 0.1
 """Share of the torque's step that rounding may make up before a log is too coarse."""
 CLOSE = 0.01
 """How close recovered weights come to those of an interpretation, beside their interval."""
+NEAR = 2.0
+"""Factor to which gains are the published ones."""
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
 SHOWN = 5
@@ -87,21 +89,27 @@ class Recovered:
         if self.best.bias > CLOSE:
             return UNTOLD
         if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
-            return RECOVERED if self.has_gains_of_paper else NONE
+            return self.by_gains
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
 
     @property
-    def has_gains_of_paper(self) -> bool:
-        """Whether M_bar is the published one, to a factor of two, and the error's gain at least a tenth.
+    def by_gains(self) -> str:
+        """`RECOVERED` if M_bar and the error's gain are the published ones to a factor of two, `NONE` if not.
 
-        A PID is time-delay control with an M_bar of its own, and feedback with gravity one without a gain of
-        the error. A law in degrees has 180/pi times the M_bar.
+        `UNTOLD` where a 90 % interval reaches across a bound. A PID is time-delay control with its own M_bar,
+        and feedback with gravity one without a gain of the error. In degrees M_bar is 180/pi times as large.
         """
-        factor = self.best.parameters[2] / self.published.control.gains.M_bar.si[self.place]
-        is_near = any(0.5 <= factor / unit <= 2.0 for unit in (1.0, DEGREES_PER_RADIAN))
-        return is_near and self.best.position_gain >= 0.1
+        published = self.published.control.gains.M_bar.si[self.place]
+        M_bar = self.best.parameters[2] / published
+        unit = 1.0 if M_bar < np.sqrt(DEGREES_PER_RADIAN) else DEGREES_PER_RADIAN
+        ratios = np.array([M_bar / unit, self.best.position_gain])
+        half = np.array([self.best.half[2] / published / unit, self.best.position_gain_half])
+        low, high = ratios - half, ratios + half
+        if ((high < 1.0 / NEAR) | (low > NEAR)).any():
+            return NONE
+        return RECOVERED if ((low >= 1.0 / NEAR) & (high <= NEAR)).all() else UNTOLD
 
     @property
     def sampled_as_run(self) -> bool:
@@ -118,8 +126,10 @@ class Recovered:
         if self.rounding > COARSE or self.best.bias > CLOSE:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:
-            return "The log has noise, or another filter. Record what the controller computed."
-        if not self.has_gains_of_paper:
+            return (
+                "The log has noise, or another filter. Record what the controller computed, with all digits."
+            )
+        if self.by_gains == NONE:
             M_bar, gain = self.best.parameters[2], self.best.position_gain
             found = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
             return f"{found} Check unit and coordinates of the torque."

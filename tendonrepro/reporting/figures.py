@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.answer import by_name
 from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, labelled
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
+from tendonrepro.results.summary import CONTROLLERS
 
 _BLUE, _PALE, _RED, _GREY = "#004488", "#8FA3B8", "#B5405A", "#999999"
 
@@ -117,11 +118,11 @@ _REGIONS = {
 
 
 @journal_style()
-def draw_map(summary: Mapping[str, Any]) -> Drawing:
+def draw_map(summary: Mapping[str, Any], closest: Sequence[Mapping[str, Any]]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel for each joint.
 
-    Under a slow load no plant enters: the first ratio is that of the ages of the estimates, the second that
-    of the softness of the surfaces.
+    ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the first
+    ratio is that of the ages of the estimates, the second that of the softness of the surfaces.
     """
     figure = open_figure(PAGE_MM, 88.0)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -131,13 +132,17 @@ def draw_map(summary: Mapping[str, Any]) -> Drawing:
         for age, label in ((1.0 - alpha, "1 ± α, by theory"), (1.0 + alpha, None)):
             panel.axvline(age, color=_BLUE, linewidth=0.7, linestyle="--", zorder=1.5, label=label)
         _draw_readings(panel, summary, f"joint_{joint}")
-        for metric, label in (("mae", "Table 2 (MAE, RMSE)"), ("rmse", None)):
+        for metric, ours, paper in (("mae", "closest arm", "Table 2"), ("rmse", None, None)):
+            errors = {row["run"]: row[f"{metric}_deg"] for row in closest if row["joint"] == joint}
+            sizes = [errors[name] for name in CONTROLLERS]
+            place = [sizes[above] / sizes[below] for above, below in RATIOS.values()]
+            panel.plot(*place, "D", color="black", markersize=3.6, label=ours)
             place = [printed_ratios(pair, metric, [joint]) for pair in RATIOS.values()]
-            panel.plot(*place, "*", color=_RED, markersize=7.0, label=label)
+            panel.plot(*place, "*", color=_RED, markersize=7.0, label=paper)
         panel.set_xlabel("error of Controller 1 over 2")
     letter_panels(panels, [f"Joint {joint}" for joint in COMPARED])
     panels[0].set_ylabel("error of Controller 2 over 3")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return Drawing("map", figure, panels, "The six orders over the two ratios of errors that decide them.")
 
 

@@ -28,8 +28,8 @@ DEGREES = "control.readings.Delta_unit=deg"
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 
 
-def stored(name: str) -> dict[str, Any]:
-    return dict(json.loads((DOCS / "results" / f"{name}.json").read_text(encoding="utf-8")))
+def stored(name: str) -> Any:
+    return json.loads((DOCS / "results" / f"{name}.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,7 @@ def test_picture_of_the_orders(readings: dict[str, Any]) -> None:
 
 def test_picture_of_the_map(readings: dict[str, Any]) -> None:
     """A dot for each reading under which plants are stable, lines at 1 ± alpha, and Table 2."""
-    for panel, joint in zip(draw_map(stored("ensemble")).axes, (2, 3), strict=True):
+    for panel, joint in zip(draw_map(stored("ensemble"), stored("closest")).axes, (2, 3), strict=True):
         (dots, named) = [line for line in panel.lines if line.get_marker() == "o"]
         places = [
             (held["c1_c2"][f"joint_{joint}"]["median"], held["c2_c3"][f"joint_{joint}"]["median"])
@@ -159,6 +159,9 @@ def test_picture_of_the_map(readings: dict[str, Any]) -> None:
         if joint == 2:
             ratios = [[0.261 / 0.289, 0.289 / 0.305], [0.311 / 0.375, 0.375 / 0.436]]
             assert stars == pytest.approx(np.array(ratios))
+        closest = [line.get_xydata()[0] for line in panel.lines if line.get_marker() == "D"]
+        mae = [row["mae_deg"] for row in stored("closest") if row["joint"] == joint]
+        assert closest[0] == pytest.approx(np.array([mae[0] / mae[1], mae[1] / mae[2]]))
 
 
 def test_picture_of_the_ranges(readings: dict[str, Any]) -> None:
@@ -186,6 +189,8 @@ def test_readme_table_of_errors(claims: dict[str, Any]) -> None:
 def test_readme_row_of_the_fitted_arm() -> None:
     said = cells_of("README.md", "fitted to the paper's tables, equations changed")
     assert said == [f"{mae[0]:.3f}" for mae in errors_of("closest")]
+    in_map = [row["mae_deg"] for row in stored("closest") if row["joint"] == 2]
+    assert said == [f"{mae:.3f}" for mae in in_map]
 
 
 @pytest.mark.parametrize(

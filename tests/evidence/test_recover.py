@@ -180,3 +180,31 @@ def test_the_command_writes_its_tables(tmp_path: Path) -> None:
     assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
     assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
     assert (tmp_path / "recovered" / "recover.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("M_bar", "gain", "half", "answer"),
+    [
+        (0.01, 1.0, 0.4, RECOVERED),
+        (0.01, 1.0, 0.6, UNTOLD),
+        (0.01, 0.25, 0.19, NONE),
+        (0.01, 2.2, 2.9, UNTOLD),
+        (0.01, 3.0, 0.9, NONE),
+        (0.003, 1.0, 0.0, NONE),
+        (0.01 * np.rad2deg(1.0), 1.0, 0.0, RECOVERED),
+    ],
+)
+def test_loose_gains_cannot_tell(M_bar: float, gain: float, half: float, answer: str) -> None:
+    """A 90 % interval has to lie inside a factor of two of the published gain, or outside."""
+    one = joints(run())[0]
+    gains = {"position_gain": gain, "position_gain_half": half}
+    best = replace(one.best, parameters=np.array([0.9, 0.1, M_bar, 8.0, 1.5]), **gains)
+    assert replace(one, found=[best]).answer == answer
+
+
+def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
+    """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
+    for one in joints(rounded(run(controller=3), torque=0.003)):
+        assert one.best.position_gain == pytest.approx(one.best.parameters[4] / 16.0)
+        assert one.best.position_gain_half == pytest.approx(one.best.half[4] / 16.0)
+        assert one.best.position_gain_half > 0.0

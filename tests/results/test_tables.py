@@ -192,7 +192,7 @@ def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
 
 def test_motors_have_torque_and_tension() -> None:
     frame = frame_of(motor_rows, make_compare_file())
-    assert {"rms_Nm", "at_limit", "least_N", "at_s", "slack_s"} <= set(frame.columns)
+    assert {"rms_Nm", "least_N", "at_s", "slack_s"} <= set(frame.columns)
     assert len(frame) == 8
 
 
