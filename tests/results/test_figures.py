@@ -105,11 +105,6 @@ def apart(first: Bbox, second: Bbox) -> bool:
     return Bbox.intersection(first, second) is None
 
 
-def legend_hides_no_data(artists: FigureArtists) -> bool:
-    boxes = [legend.get_window_extent() for legend in artists.figure.legends]
-    return all(apart(box, panel.bbox) for box in boxes for panel in artists.axes.values())
-
-
 @every_figure
 def test_no_text_touches_another_or_leaves_the_page(name: str) -> None:
     artists = drawn(name)
@@ -121,7 +116,8 @@ def test_no_text_touches_another_or_leaves_the_page(name: str) -> None:
     assert outside == []
     touching = [(a[0], b[0]) for a, b in combinations(boxes, 2) if not apart(a[1], b[1])]
     assert touching == []
-    assert legend_hides_no_data(artists)
+    legends = [legend.get_window_extent() for legend in artists.figure.legends]
+    assert all(apart(box, panel.bbox) for box in legends for panel in artists.axes.values())
 
 
 # --- the curves are the traces -----------------------------------------------------------------------------

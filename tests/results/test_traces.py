@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -46,13 +46,6 @@ def assert_same(a: TraceFile, b: TraceFile) -> None:
         assert (p.units, p.source, p.long_name) == (q.units, q.source, q.long_name)
 
 
-def one_run(values: Mapping[str, Array], time: Array, joint: tuple[int, ...]) -> TraceFile:
-    attributes = {"law": "x", "gains": {}, "readings": {}, "status": "ok"}
-    attributes |= {"status_time": 0.0, "payload_mass": 0.0, "reference_period": 0.0}
-    run = Trace("controller_1", time, joint, values, attributes)
-    return dataclasses.replace(make_compare_file(runs=()), runs={"controller_1": run})
-
-
 COMPARE = make_compare_file(diverged={"controller_2": 7.3})
 both = pytest.mark.parametrize("file", [COMPARE, make_decouple_file()], ids=["compare", "decouple"])
 
@@ -83,8 +76,9 @@ class TestRoundTrip:
         self, tmp_path_factory: pytest.TempPathFactory, x: Array, gains: dict[str, list[float]]
     ) -> None:
         joint = tuple(range(2, 2 + x.shape[1]))
-        file = one_run({"q": x, "tau_m": -x}, np.arange(len(x)) * 1e-3, joint)
-        file.runs["controller_1"].attributes["gains"].update(gains)  # type: ignore[index]
+        attributes = {**COMPARE.runs["controller_1"].attributes, "gains": gains}
+        run = Trace("mine", np.arange(len(x)) * 1e-3, joint, {"q": x, "tau_m": -x}, attributes)
+        file = dataclasses.replace(COMPARE, runs={"mine": run})
         assert_same(read_traces(write_traces_to(tmp_path_factory.mktemp("bits"), file)), file)
 
 
