@@ -67,7 +67,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1_708,
     "configuration": 1_598,
-    "results": 1_966,
+    "results": 1_900,
     "experiments": 1_386,
     "analysis": 629,
     "evidence": 1_002,

@@ -260,6 +260,8 @@ class TestTypesetting:
             "| 1.235 | yes | -- |",
             "| -- | -- | 1, 2 |",
         ]
+        shown = ["  a b  fits  seeds", "1.235  yes   --", "   --  --    1, 2"]
+        assert Table("x", "x", rows).text().splitlines()[1:] == shown
 
 
 class TestData:
