@@ -93,9 +93,8 @@ def table_data(file: TraceFile) -> dict[str, Any]:
     ``table2`` and ``table3`` hold `ERRORS` over the whole run, ``windows`` over others, ``printed`` and
     ``plausible`` what stands `beside`.
     """
-    sizes = {"tension": summary.tension_sizes, "torque": summary.torque_sizes}
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
-    for key, size in sizes.items():
+    for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
         both[key] = {name: _lists(found) for name, trace in file.runs.items() if (found := size(file, trace))}
     if file.experiment == "decouple":
         plant = file.plant.values

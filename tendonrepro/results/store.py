@@ -83,9 +83,10 @@ def replaced(
         partial.mkdir(parents=True, exist_ok=True)
         with _only_writer(partial, folder, keep):
             # A replacement that ended between its two renames is undone, and what it left goes.
-            if aside.exists() and not target.exists():
+            if aside.exists() and target.exists():
+                shutil.rmtree(aside)
+            elif aside.exists():
                 aside.rename(target)
-            shutil.rmtree(aside, ignore_errors=True)
             refuse_others(folder, digest, command=command, force=force)
             if update:
                 take_over(target, partial, _outputs(target))
@@ -111,7 +112,7 @@ def unfinished(folder: Path) -> Path:
 
 @contextmanager
 def _only_writer(partial: Path, folder: Path, keep: str) -> Iterator[None]:
-    """Be the only process in an unfinished result; it begins, and where it fails ends, without files."""
+    """Be the only process in an unfinished result; it begins, and after a failure ends, with `keep` alone."""
     lock = FileLock(partial / _LOCK)
     try:
         lock.acquire(timeout=0)
