@@ -149,30 +149,21 @@ def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> 
     assert own <= inspect.signature(run).parameters.keys()
 
 
-def test_what_all_commands_share_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-
-    def run(request: Request, talk: Any, **given: Any) -> None:
-        del talk
-        asked.extend([request, given["plants"]])
-        raise StopIteration
-
-    monkeypatch.setattr("tendonrepro.tuning.command.run_tune", run)
-    with pytest.raises(StopIteration):
-        tr.tune(3, config="mine", set={"a.b": [1, 2]}, seed=2, out="x", force=True)
-    assert asked == [Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True), 3]
+SHARED = {"config": "mine", "set": {"a.b": [1, 2]}, "seed": 2, "out": "x", "force": True}
+REQUEST = Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True)
 
 
 @pytest.mark.parametrize(
-    ("function", "words", "given"),
+    ("module", "name", "words", "given"),
     [
-        ("evidence.predict.run_predict", {"draws": 3, "readings": "printed"}, {}),
-        ("evidence.predict.run_predict", {}, {"draws": 256, "readings": READINGS}),
-        ("validation.command.run_validate", {"measured": "x.h5"}, {"measured": Path("x.h5")}),
+        ("evidence.predict", "predict", {"draws": 3, "readings": "printed"}, {}),
+        ("evidence.predict", "predict", {}, {"draws": 256, "readings": READINGS}),
+        ("validation.command", "validate", {"measured": "x.h5"}, {"measured": Path("x.h5")}),
+        ("tuning.command", "tune", SHARED | {"plants": 3}, {"request": REQUEST, "laws": (), "given": None}),
     ],
 )
 def test_arguments_reach_the_command(
-    monkeypatch: pytest.MonkeyPatch, function: str, words: dict[str, Any], given: dict[str, Any]
+    monkeypatch: pytest.MonkeyPatch, module: str, name: str, words: dict[str, Any], given: dict[str, Any]
 ) -> None:
     asked: dict[str, Any] = {}
 
@@ -180,11 +171,12 @@ def test_arguments_reach_the_command(
         asked.update(found)
         raise StopIteration
 
-    monkeypatch.setattr(f"tendonrepro.{function}", run)
+    monkeypatch.setattr(f"tendonrepro.{module}.run_{name}", run)
     with pytest.raises(StopIteration):
-        getattr(tr, function.rpartition("run_")[2])(**words)
-    del asked["request"], asked["talk"]
-    assert asked == words | given
+        getattr(tr, name)(**words)
+    assert not asked.keys() & SHARED.keys()
+    expected = {key: value for key, value in words.items() if key not in SHARED} | given
+    assert {key: asked[key] for key in expected} == expected
 
 
 def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path, tmp_path: Path) -> None:

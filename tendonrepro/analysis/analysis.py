@@ -23,8 +23,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import FILTERED, Readings
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.linear import View, run_views
-from tendonrepro.experiments.loops import build_reference
+from tendonrepro.experiments.loops import View, build_reference, run_views
 from tendonrepro.physics.linear_loop import (
     Complex,
     decay_rate,

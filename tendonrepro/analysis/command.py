@@ -13,7 +13,7 @@ from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.linear import View
+from tendonrepro.experiments.loops import View
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table, TableColumns

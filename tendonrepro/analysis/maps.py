@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.linear import View
+from tendonrepro.experiments.loops import View
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import (
     closed,

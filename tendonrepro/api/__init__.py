@@ -1,1 +1,1 @@
-"""Every command as a function; ``import tendonrepro as tr`` has them all."""
+"""Every command as a function; ``import tendonrepro`` has them all."""

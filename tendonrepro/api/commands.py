@@ -1,4 +1,4 @@
-"""The commands that run something, as functions for scripts and notebooks; see docs/python.md."""
+"""The commands that run something, as functions; see docs/python.md."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _overrides(changes: Changes | None) -> list[str]:
 
 
 def _request(given: dict[str, Any]) -> Request:
-    """Take what many functions have in common out of the arguments of one, its `locals`."""
+    """What many functions share, out of the arguments of one."""
     source, out = given.pop("config", None), given.pop("out", None)
     return Request(
         None if source is None else str(source),
@@ -43,7 +43,7 @@ def _request(given: dict[str, Any]) -> Request:
 
 
 def _written(command: str, run: Callable[..., dict[str, Any]], given: dict[str, Any]) -> Result:
-    """Result of a command that writes its folder, carried out with the arguments of its function."""
+    """Result of a command that writes its own folder."""
     found = run(request=_request(given), talk=Talk(), **given)
     text = found.pop("text")
     folder = Path(found["out"])
@@ -63,14 +63,14 @@ def compare(
     Parameters
     ----------
     config : str or Path, optional
-        A file, or the name of a shipped configuration.
+        A file, or a shipped name.
     set : mapping, optional
         New values by dotted key.
     seed : int, optional
     controllers : sequence of int, optional
-        Numbers of the controllers to run; all if not given.
+        Those to run.
     laws : mapping, optional
-        Name -> function or object of a law of your own, to run beside them; see docs/python.md.
+        Name -> function or object of your own; see docs/python.md.
 
     Raises
     ------
@@ -83,14 +83,14 @@ def compare(
 def decouple(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
-    """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are those of `compare`."""
+    """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are as of `compare`."""
     return _experiment(_request({**locals()}).load("decouple"))
 
 
 def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
-    """Run both experiments and the fitted plant, write everything below `out`, and return them by name.
+    """Run both experiments and the fitted plant into `out`, and return results by name.
 
-    With `force` results of another configuration and files changed since are overwritten.
+    `force` overwrites other results, and files changed since.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
 
@@ -101,7 +101,7 @@ def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, 
 def statics(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
-    """Survey the tension of every tendon over the working half-plane. Parameters are those of `compare`."""
+    """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
     from tendonrepro.experiments.statics.command import study_statics
 
@@ -111,7 +111,7 @@ def statics(
 def explain(
     config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
 ) -> Result:
-    """Give stability margins and error ratios of the sampled loop. Parameters are those of `compare`."""
+    """Give stability margins and error ratios of the sampled loop. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("compare"), time.perf_counter()
     from tendonrepro.analysis.command import study_explain
 
@@ -128,10 +128,7 @@ def sweep(
 ) -> Result:
     """Run the comparison over values of one or two keys.
 
-    Parameters
-    ----------
-    over : mapping
-        Dotted key -> values, such as ``{"sampling_period": [0.5, 1, 2]}``. The others are those of `compare`.
+    `over` has them by dotted key: ``{"sampling_period": [0.5, 1, 2]}``. The others are as of `compare`.
     """
     request, started = _request({**locals()}), time.perf_counter()
     from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
@@ -144,7 +141,7 @@ def sweep(
 
 
 def recover(log: str | Path) -> Result:
-    """Tell which controller made a log, a trace file or a results folder with one.
+    """Tell which controller made a log: a trace file, or results folder.
 
     Raises
     ------
@@ -177,13 +174,11 @@ def ensemble(
     config, set, seed
         As of `compare`; the configuration is that of an ensemble.
     readings : str
-        ``default``, or names with commas between.
+        ``default``, or comma-separated names.
     jobs : int
         Processes; -1 is one for each processor.
-    out : str or Path
-        Results folder.
     force : bool
-        Replace results of another configuration or version.
+        Replace other results.
     """
     given = {**locals()}
     from tendonrepro.monte_carlo.command import run_ensemble
@@ -203,7 +198,7 @@ def identify(
     out: str | Path = "reports/identify",
     force: bool = False,
 ) -> Result:
-    """Search the plants, motions and readings closest to the printed numbers; an interrupted call goes on.
+    """Search plants and readings closest to the printed numbers; an interrupted call goes on.
 
     Parameters
     ----------
@@ -230,9 +225,9 @@ def predict(
     out: str | Path = "reports/predict",
     force: bool = False,
 ) -> Result:
-    """Predict what experiments on a bench would give under each interpretation of the paper.
+    """Predict what experiments on a bench would give under each reading.
 
-    Parameters are those of `ensemble`; `readings` not given are nine main ones.
+    Parameters are as of `ensemble`; the default is nine main readings.
     """
     given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict
@@ -255,18 +250,16 @@ def tune(
     out: str | Path = "reports/tune",
     force: bool = False,
 ) -> Result:
-    """Tune every law on the same plants and compare them at their best; an interrupted call goes on.
+    """Tune every law on the same plants, and compare them; an interrupted call goes on.
 
     Parameters
     ----------
-    plants : int
-        On which every law is tuned.
     searches, generations, population : int
-        Searches of each law on each plant, generations of each, and members of a generation.
+        Searches of each law and plant, generations of each, members of these.
     laws : mapping, optional
-        Name -> function of a law of your own with an attribute ``bounds``; see docs/python.md.
+        Name -> function of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
-        Take plants on which the published gains are unstable, too.
+        Also plants on which the published gains are unstable.
     config, set, seed, jobs, out, force
         As of `ensemble`; the seed is that of the searches.
     """
@@ -284,7 +277,7 @@ def validate(
     out: str | Path = "reports/validate",
     force: bool = False,
 ) -> Result:
-    """Compare measured data with the paper and with the model. Results are written to `out`."""
+    """Compare measured data with paper and model; results are written to `out`."""
     given = {**locals()}
     from tendonrepro.validation.command import run_validate
 
@@ -292,9 +285,9 @@ def validate(
 
 
 def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:
-    """Judge the published numbers and claims, or those named, from what lies under `out`.
+    """Judge the published claims, or those named, from results under `out`.
 
-    Without an ensemble there the verdicts of the stored one stand in. Nothing is written.
+    Without an ensemble there the stored one stands in. Nothing is written.
     """
     from tendonrepro.verdicts.command import judged
     from tendonrepro.verdicts.report import as_data, details_text, table_text
@@ -320,7 +313,7 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
-    from tendonrepro.experiments.report import outcome_of
+    from tendonrepro.experiments.run import outcome_of
 
     file = stored_traces(Path(folder))
     manifest = json.loads(file.manifest_json)
@@ -331,11 +324,9 @@ def open(folder: str | Path) -> Result:
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
-    """Simulate every run in this process: it needs no main guard, and a notebook has none."""
-    from tendonrepro.experiments.linear import growing
-    from tendonrepro.experiments.loops import all_loops
-    from tendonrepro.experiments.report import outcome_of
-    from tendonrepro.experiments.run import simulate_run, trace_file
+    """Simulate in this process, which needs no main guard; a notebook has none."""
+    from tendonrepro.experiments.loops import all_loops, growing
+    from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
     from tendonrepro.experiments.user_law import laws_of, with_user_laws
 
     started, own = time.perf_counter(), laws_of((), laws)

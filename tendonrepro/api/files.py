@@ -1,4 +1,4 @@
-"""The commands around files, as functions: data in, pictures and tables out."""
+"""The commands around files, as functions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool 
 
 
 def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool = False) -> dict[str, Any]:
-    """Tell what is in files, folders or archives; with `mapping`, write a mapping file to edit."""
+    """Tell what is in files; with `mapping`, write a mapping file to edit."""
     from tendonrepro.dataset.inspection import run_inspect
 
     target = None if mapping is None else Path(mapping)
@@ -44,14 +44,14 @@ def ingest(
 
 
 def figures(out: str | Path = "reports", names: Sequence[str] = (), *, force: bool = False) -> list[Path]:
-    """Draw figures again from stored traces, all or those named, and return the files."""
+    """Draw figures again from stored traces, all or those named."""
     from tendonrepro.experiments.command import redraw
 
     return redraw(Path(out), list(names) or None, force=force)
 
 
 def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:
-    """Write tables again from stored traces, and return the files."""
+    """Write tables again from stored traces."""
     from tendonrepro.experiments.command import rewrite_tables
 
     return rewrite_tables(Path(out), force=force)
@@ -60,7 +60,7 @@ def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:
 def export(
     file: str | Path, form: str = "csv", out: str | Path | None = None, *, force: bool = False
 ) -> Path:
-    """Write stored traces as ``csv``, ``parquet`` or ``mat``, and return the file."""
+    """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
     from tendonrepro.results.export import export_traces
 
     return export_traces(Path(file), form, None if out is None else Path(out), force=force)
@@ -74,7 +74,7 @@ def animate(
     speed: float = 1.0,
     force: bool = False,
 ) -> list[str]:
-    """Film the arm of a stored result, its tendons coloured by tension, and return the files."""
+    """Film the arm, its tendons coloured by tension, and return the files."""
     from tendonrepro.results.figures.animation import animate as make
 
     target = None if out is None else Path(out)
@@ -90,7 +90,7 @@ def diff(first: str | Path, second: str | Path) -> dict[str, Any]:
 
 
 def report(results: str | Path = "reports", out: str | Path | None = None, *, force: bool = False) -> Path:
-    """Write one HTML file of all that was run, and return it."""
+    """Write one HTML file of all that was run."""
     from tendonrepro.reporting.command import run_report
 
     found = run_report(Path(results), None if out is None else Path(out), force=force)

@@ -1,4 +1,4 @@
-"""What a command found, for scripts and notebooks: numbers, tables, figures and runs."""
+"""What a command found."""
 
 from __future__ import annotations
 
@@ -58,13 +58,7 @@ class Result:
         return True
 
     def __getitem__(self, run: str) -> xr.Dataset:
-        """Return a run with the dimensions time and joint; units stand in the attributes.
-
-        Raises
-        ------
-        KeyError
-            When there is no such run.
-        """
+        """Return a run with the dimensions time and joint; units stand in the attributes."""
         from tendonrepro.results.traces import dataset_of
 
         if self._file is None or run not in self._file.runs:
@@ -73,7 +67,7 @@ class Result:
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Every table by name, with all digits."""
+        """Tables by name, with all digits."""
         import pandas as pd
 
         if self._folder is not None:
@@ -90,12 +84,12 @@ class Result:
         return available(self._file)
 
     def plot(self, name: str | int) -> Figure:
-        """Draw one of `figures`, by its name or its number in the paper.
+        """Draw one of `figures`, by name or by its number in the paper.
 
         Raises
         ------
         TendonreproError
-            When there is no such figure, or the runs do not hold what it shows.
+            When the runs do not hold what it shows.
         """
         if self._file is not None:
             from tendonrepro.results.figures.catalogue import draw
@@ -107,12 +101,12 @@ class Result:
         return self._outcome.figures[str(name)]().figure
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write everything into a folder, as the command line does, and return it.
+        """Write everything into a folder, and return it.
 
         Raises
         ------
         UsageError
-            When the folder holds anything else and `force` is not given.
+            When the folder holds anything else, without `force`.
         """
         target = Path(folder)
         if self._folder is not None:

@@ -1,4 +1,4 @@
-"""The command line: parse, call one function, print."""
+"""The command line; enter by `main`."""
 
 from tendonrepro.cli.app import main
 

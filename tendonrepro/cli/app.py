@@ -41,10 +41,10 @@ Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on
 
 
 class ByPanel(TyperGroup):
-    """Lists commands by what they are for."""
+    """Lists commands by panels."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a section for each panel."""
+        """Write a section for each."""
         del ctx
         widest = formatter.width - 6 - max(map(len, self.commands))
         panels: dict[str, list[tuple[str, str]]] = {}
@@ -154,7 +154,7 @@ def decouple(request: Request, terminal: Terminal) -> int:
 
 
 def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
-    """Carry out orders, print what they found, and return the exit code."""
+    """Print what orders found, and return the exit code."""
     from tendonrepro.experiments.command import diverged, run_experiments, summary_of
 
     found = run_experiments(orders, terminal.talk)
@@ -166,11 +166,7 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
 
 @command(app, "tendonrepro figures 14 15")
 def figures(
-    terminal: Terminal,
-    names: list[str] | None = None,
-    *,
-    out: Path = Path("reports"),
-    force: bool = False,
+    terminal: Terminal, names: list[str] | None = None, *, out: Path = Path("reports"), force: bool = False
 ) -> None:
     """Draw figures again from stored traces.
 
@@ -179,7 +175,7 @@ def figures(
     names
         The paper's numbers, or names [default: all].
     out
-        Results folder, or the folder above several.
+        Results folder, or the one above several.
     force
         Overwrite files changed since, or your own.
     """
@@ -195,7 +191,7 @@ def tables(terminal: Terminal, *, out: Path = Path("reports"), force: bool = Fal
     Parameters
     ----------
     out
-        Results folder, or the folder above several.
+        Results folder, or the one above several.
     force
         Overwrite files changed since, or your own.
     """
@@ -218,16 +214,12 @@ def animate(
 
     Parameters
     ----------
-    file
-        Trace file, or a results folder with one.
     run
         Run to show [default: the first].
     speed
         Seconds of the run in a second of film.
     out
         File to write [default: beside the traces].
-    force
-        Overwrite a file that is there.
     """
     from tendonrepro.results.figures.animation import animate as make
 
@@ -243,14 +235,10 @@ def export(
 
     Parameters
     ----------
-    file
-        Trace file, or a results folder with one.
     format
         csv, parquet or mat.
     out
         File to write [default: beside it].
-    force
-        Overwrite a file that is there.
     """
     from tendonrepro.results.export import export_traces
 
@@ -299,15 +287,7 @@ def config_list(terminal: Terminal) -> None:
 
 @command(config_app, "tendonrepro config show compare", name="show")
 def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """A configuration as it is used: complete, changes applied.
-
-    Parameters
-    ----------
-    config
-        Configuration file, - for standard input, or a shipped name.
-    set : KEY=VALUE
-        Change a value of the configuration; repeatable.
-    """
+    """A configuration as it is used: complete, changes applied."""
     from tendonrepro.configuration.kinds import shown
 
     tree, text = shown(config, set or ())
@@ -316,7 +296,7 @@ def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None
 
 @command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
 def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
-    """Copy a shipped configuration and what it names, to be edited.
+    """Copy a shipped configuration and what it names, to edit.
 
     Parameters
     ----------
@@ -332,15 +312,7 @@ def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
 def config_check(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """Check a configuration; all its mistakes are listed at once.
-
-    Parameters
-    ----------
-    config
-        Configuration file, - for standard input, or a shipped name.
-    set : KEY=VALUE
-        Change a value of the configuration; repeatable.
-    """
+    """Check a configuration, and list all its mistakes."""
     from tendonrepro.experiments.command import check
 
     found = check(config, set or (), terminal.talk)
@@ -394,14 +366,14 @@ def main() -> None:
 
 
 def _refuse_empty(words: Sequence[str]) -> None:
-    """An empty word, such as of a shell variable that is not set, would mean the current folder as a path."""
+    """An empty word, as of an unset shell variable, would mean the current folder."""
     for word in words:
         if re.fullmatch("(--[a-z-]+=)?", word):
             raise UsageError(f"{word or 'an argument'} is empty", hint="name a file, a folder or a value")
 
 
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
-    """Tell of an error on standard error, or as JSON where that is asked for, and return its code."""
+    """Tell of an error, as JSON where asked for, and return its code."""
     error = {"code": code, "message": message, "where": where, "hint": hint}
     head = f"{where}: {message}" if where else message
     with suppress(OSError):

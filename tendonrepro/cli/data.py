@@ -1,4 +1,4 @@
-"""Commands around the paper's data set: fetch, inspect, ingest, validate."""
+"""Commands around the paper's data set."""
 
 from __future__ import annotations
 
@@ -62,8 +62,6 @@ def inspect(
         Files, folders or archives.
     suggest
         Write a mapping file to edit.
-    mapping
-        Mapping file: which column is which variable.
     force
         Overwrite the mapping file.
     """
@@ -90,16 +88,12 @@ def ingest(
     ----------
     paths
         Files, folders or archives.
-    mapping
-        Mapping file: which column is which variable.
     out
         Trace file to write.
     confirm
         The mapping is right: delete every CHECK in it.
     dry_run
         Check everything, write nothing.
-    force
-        Overwrite a file that is there.
     """
     from tendonrepro.dataset.ingest import ingest_text, run_ingest
 
@@ -114,7 +108,7 @@ def validate(request: Request, terminal: Terminal, measured: Path = Path("data/m
     Parameters
     ----------
     measured
-        Trace file that ingest has written.
+        Trace file written by ingest.
     """
     from tendonrepro.validation.command import run_validate
 

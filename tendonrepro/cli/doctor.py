@@ -1,4 +1,4 @@
-"""A look at the environment: is everything there that the commands need."""
+"""Is everything there that the commands need."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tendonrepro.results.manifest import environment
 
 
 def examine() -> dict[str, Any]:
-    """Environment, versions, and of each check ``ok``, a remark, or what is wrong."""
+    """Environment, and of each check ``ok``, a remark, or what is wrong."""
     from tendonrepro.configuration.load import load_config
     from tendonrepro.configuration.published import published
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 from typer import Argument, Option
@@ -21,13 +21,11 @@ _TERMINAL = {
     "verbose": Annotated[bool, Option("--verbose", "-v", help="Say more on standard error.")],
 }
 _CONFIG = "Configuration file, - for standard input, or a shipped name."
+_CHANGE = "Change a value of the configuration; repeatable."
 _REQUEST = {
     "config": Annotated[str | None, Option("--config", help=_CONFIG)],
     "out": Annotated[Path | None, Option("--out", help="Results folder [default: its own below reports].")],
-    "overrides": Annotated[
-        list[str] | None,
-        Option("--set", metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
-    ],
+    "overrides": Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help=_CHANGE)],
     "seed": Annotated[int | None, Option("--seed", help="Seed of all noise.")],
     "controllers": Annotated[
         str | None, Option("--controllers", metavar="1,3", help="Run only these controllers.")
@@ -35,12 +33,20 @@ _REQUEST = {
     "dry_run": Annotated[bool, Option("--dry-run", help="Check everything, run nothing.")],
     "force": Annotated[bool, Option("--force", help="Overwrite other results, and files changed since.")],
 }
-_SWITCHES = {"as_json", "quiet", "verbose", "dry_run", "force"}
+# What stands for the value, and the help, of own parameters whose docstring does not tell.
+_TOLD = {
+    "config": ("", _CONFIG),
+    "set": ("KEY=VALUE", _CHANGE),
+    "file": ("", "Trace file, or a results folder with one."),
+    "mapping": ("", "Mapping file: which column is which variable."),
+    "jobs": ("", "Processes; -1 is one for each processor."),
+    "force": ("", "Overwrite a file that is there."),
+}
 
 
 @dataclass(frozen=True)
 class Terminal:
-    """How a command talks and prints: words on standard error, results on standard output."""
+    """How a command prints: words on standard error, results on standard output."""
 
     as_json: bool
     quiet: bool
@@ -52,7 +58,7 @@ class Terminal:
         return Talk(quiet=self.quiet, verbose=self.verbose)
 
     def show(self, data: dict[str, Any], text: str | None = None) -> int:
-        """Print a result as words, its own if not given, or as JSON, and return the exit code."""
+        """Print a result as JSON or words, its own by default; return the exit code."""
         if self.as_json:
             from tendonrepro.files import to_json
 
@@ -62,14 +68,14 @@ class Terminal:
         return 5 if data.get("diverged") else 0
 
     def list_files(self, paths: list[Path]) -> None:
-        """Print the files a command wrote."""
+        """Print files that were written."""
         names = [str(path) for path in paths]
         self.talk.detail(f"{len(names)} files")
         self.show({"schema_version": 1, "files": names}, "\n".join(names))
 
 
 def options_of(given: dict[str, Any], *others: str) -> dict[str, Any]:
-    """A command's own arguments, from its `locals`: without the two that all share, and some others."""
+    """A command's own arguments, of its `locals`."""
     return {key: value for key, value in given.items() if key not in {"request", "terminal", *others}}
 
 
@@ -78,15 +84,15 @@ def command(
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a function a command.
 
-    Its parameters `terminal` and `request` stand for the options that all commands, and all that run
-    something, have in common; of the latter those in `without` are left out. Its keyword-only parameters are
-    options, the others arguments. Its docstring says what each means, and what stands for its value.
+    Its parameters `terminal` and `request` stand for options that all commands, and all that run something,
+    share, those in `without` left out. Its keyword-only parameters are options, the others arguments. Its
+    docstring tells of each, or `_TOLD` does.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         own, hints = inspect.signature(function).parameters, get_type_hints(function)
         head, _, section = (inspect.getdoc(function) or "").partition("\n\nParameters\n----------\n")
-        told = {key: (metavar, text) for key, metavar, text in _PARAMETER.findall(section)}
+        told = _TOLD | {key: (metavar, text) for key, metavar, text in _PARAMETER.findall(section)}
         asked = {key: kind for key, kind in _REQUEST.items() if "request" in own and key not in without}
 
         def run(**given: Any) -> Any:
@@ -96,10 +102,10 @@ def command(
             return function(terminal=terminal, **given)
 
         keyword = inspect.Parameter.KEYWORD_ONLY
-        shared = {
-            key: inspect.Parameter(key, keyword, default=False if key in _SWITCHES else None, annotation=kind)
-            for key, kind in (asked | _TERMINAL).items()
-        }
+        shared = {}
+        for key, kind in (asked | _TERMINAL).items():
+            default = False if get_args(kind)[0] is bool else None
+            shared[key] = inspect.Parameter(key, keyword, default=default, annotation=kind)
         kept = {}
         for key, parameter in own.items():
             if key not in {"request", "terminal"}:
@@ -120,12 +126,11 @@ _PARAMETER = re.compile(r"^(\w+)(?: : (.+))?\n    (.+)", re.M)
 
 
 def _described(parameter: inspect.Parameter, hint: Any, metavar: str, text: str) -> Any:
-    """Type of an option or argument with its help, as Typer wants it."""
-    if parameter.kind is not parameter.KEYWORD_ONLY:
-        return Annotated[hint, Argument(help=text, metavar=metavar or None)]
-    return Annotated[
-        hint, Option(f"--{parameter.name.replace('_', '-')}", help=text, metavar=metavar or None)
-    ]
+    """Type and help, as Typer wants them."""
+    told: dict[str, Any] = {"help": text, "metavar": metavar or None}
+    if parameter.kind is parameter.KEYWORD_ONLY:
+        return Annotated[hint, Option(f"--{parameter.name.replace('_', '-')}", **told)]
+    return Annotated[hint, Argument(**told)]
 
 
 def _request(given: dict[str, Any]) -> Request:

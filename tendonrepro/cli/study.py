@@ -1,4 +1,4 @@
-"""Commands beyond the paper's own runs: sweep, ensemble, identify, explain, statics, claims, report."""
+"""Commands beyond the paper's own runs."""
 
 from __future__ import annotations
 
@@ -42,13 +42,11 @@ def ensemble(
     Parameters
     ----------
     draws
-        Plants drawn, a power of two; as shipped 256 at least.
-    jobs
-        Processes; -1 is one for each processor.
+        Plants, a power of two; as shipped 256 at least.
     dask : ADDRESS
         Scheduler to send the work to.
     readings
-        default, or names with commas between.
+        default, or comma-separated names.
     """
     from tendonrepro.monte_carlo.command import run_ensemble
 
@@ -75,19 +73,17 @@ def identify(
     Parameters
     ----------
     fit
-        Fit Controller 2 and show the others, or fit all sixteen numbers.
+        Fit Controller 2 alone, or all sixteen numbers.
     readings
-        printed, default, or names with commas between.
+        printed, default, or comma-separated names.
     window
         Whole run, or after the first period.
     generations
         Of each search.
     population
-        Members of each seed.
+        Members of a generation.
     seeds
-        Independent searches of an interpretation.
-    jobs
-        Processors; -1 is all.
+        Searches of each interpretation.
     """
     options = options_of(locals())
     from tendonrepro.identification.command import run_identify
@@ -104,7 +100,7 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     draws
         Plants.
     readings
-        Names with commas between [default: nine main ones].
+        Comma-separated names [default: nine main ones].
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 
@@ -131,7 +127,7 @@ def tune(
     Parameters
     ----------
     plants
-        Plants on which every law is tuned.
+        Plants to tune on.
     searches
         Of each law on each plant.
     generations
@@ -141,9 +137,7 @@ def tune(
     law : FILE:NAME
         Tune your own controller too; repeatable. FILE is executed.
     any_plant
-        Also plants on which the published gains are unstable.
-    jobs
-        Processes; -1 is one for each processor.
+        Also plants where the published gains are unstable.
     """
     options = options_of(locals(), "law")
     from tendonrepro.tuning.command import run_tune
@@ -176,7 +170,7 @@ def recover(request: Request, terminal: Terminal, log: Path) -> None:
     Parameters
     ----------
     log
-        Trace file, or a results folder with one.
+        Trace file, or results folder with one.
     """
     from tendonrepro.evidence.recover import run_recover
 
@@ -204,15 +198,15 @@ def claims(
     out
         Folder above the results.
     check
-        Leave with exit code 3 where a verdict is against the paper.
+        Exit with 3 where a verdict is against the paper.
     baseline
         Earlier claims.json: only changes count for --check.
     measured
         Measured trace file [default: data/measured.h5 if there is one].
     all
-        Show all verdicts, not the ten main ones alone.
+        Show all verdicts, not only the ten main ones.
     force
-        Overwrite verdicts that were edited, or are another's.
+        Overwrite edited verdicts, or those of others.
     """
     from tendonrepro.verdicts.command import run_claims
 

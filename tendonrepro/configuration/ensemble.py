@@ -1,7 +1,4 @@
-"""The ensemble's configuration: the box of plausible plants, its populations, and what is run on each draw.
-
-It names the configuration of `compare` that every draw starts from.
-"""
+"""The ensemble's configuration: box of plausible plants, populations, and what is run on each draw."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ FAST_PERIOD = 3.33  # of the motion fast_sine, s: 0.3 Hz
 
 
 class Population(Model):
-    """Draws in which rows of some confidences vary and the others keep their nominal value."""
+    """Draws in which rows of some confidences vary and the others stay nominal."""
 
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
     share: Annotated[Scalar, positive("1", "draws over the number asked for, a power of two", at_most=1.0)]
@@ -86,8 +83,7 @@ class EnsembleConfig(Model):
 class LoadedEnsemble:
     """A validated ensemble and where it came from.
 
-    `base` is the comparison that every draw starts from, with the overrides and files of both; `sha256`
-    covers it. `yaml_text` is the ensemble with overrides applied.
+    `base` is the comparison that draws start from, with the overrides and files of both; `sha256` covers it.
     """
 
     config: EnsembleConfig
@@ -98,7 +94,7 @@ class LoadedEnsemble:
 
     @property
     def compare(self) -> CompareConfig:
-        """The base as a comparison, which `load_ensemble` has made sure of."""
+        """The base, which `load_ensemble` knows to be a comparison."""
         assert isinstance(self.base.config, CompareConfig)
         return self.base.config
 
@@ -106,9 +102,9 @@ class LoadedEnsemble:
 def load_ensemble(
     source: Source, *, overrides: Sequence[str] = (), seed: int | None = None
 ) -> LoadedEnsemble:
-    """Read, complete and validate an ensemble's configuration, as `load_config` does.
+    """Read, complete and validate an ensemble, as `load_config` does.
 
-    Overrides below ``base`` change the comparison that draws start from.
+    Overrides below ``base`` change the comparison.
     """
     recorded = with_seed(overrides, seed)
     of_base = [text for text in recorded if text.strip().startswith("base.")]

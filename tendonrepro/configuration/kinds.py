@@ -1,4 +1,4 @@
-"""Any configuration, whatever it is for: an experiment, an ensemble, or a manipulator."""
+"""Any configuration: an experiment, an ensemble, or a manipulator."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def checked(source: str, overrides: Sequence[str]) -> Held:
 
 
 def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
-    """Plain values and YAML text of a valid configuration as it is used."""
+    """Values and YAML text of a configuration as it is used."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
     return load(text, source).tree, text
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
-    """JSON schema of a configuration file of a kind, of any kind when None."""
+    """JSON schema of a kind of configuration, of any when None."""
     models: dict[Any, Any] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
     if kind is not None and kind not in models:
         raise UsageError(f"no schema {kind!r}; there are {', '.join(map(str, models))}")

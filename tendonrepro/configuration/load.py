@@ -1,7 +1,7 @@
 """Configurations: YAML files become validated, immutable models with a hash.
 
-An experiment may name its manipulator, and another experiment as its base, whose keys it takes whole where
-it has none. Nothing else is merged, and no physical value has a default.
+An experiment may name its manipulator, and a base that gives the top keys it lacks. Nothing else is merged,
+and no physical value has a default.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MODELS: Mapping[str, type[Config]] = {"compare": CompareConfig, "decouple": Deco
 
 
 class ConfigSource(NamedTuple):
-    """Text of a configuration, what the user called it, and its file; None is standard input."""
+    """Text, what the user called it, and its file; None is standard input."""
 
     text: str
     origin: str
@@ -49,7 +49,7 @@ Source: TypeAlias = ConfigSource | Path | str | None
 
 
 def find_source(source: Source, kind: str | None) -> ConfigSource:
-    """Read standard input, a file, or a shipped configuration, in this order."""
+    """Read standard input, a file, or a shipped configuration."""
     if isinstance(source, ConfigSource):
         return source
     origin = str(kind if source is None else source)
@@ -63,9 +63,9 @@ def find_source(source: Source, kind: str | None) -> ConfigSource:
 
 
 class Draft:
-    """A configuration as plain values, complete, and the place each came from.
+    """A configuration as plain values, complete, and where each came from.
 
-    `kind` is one of `KINDS`, and the one that is `wanted`, unless None.
+    `kind` is one of `KINDS`, the `wanted` one unless None.
     """
 
     def __init__(self, source: Source, wanted: str | None, overrides: Sequence[str] = ()) -> None:
@@ -95,7 +95,7 @@ class Draft:
         apply_overrides(self._document, [change for change in changes if change not in naming])
 
     def _take_from_base(self, name: Node) -> None:
-        """Fill in the keys that the file leaves to another of the same experiment."""
+        """Fill in the keys that the file leaves to another."""
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
             self.refuse(("base",), f"must be a file beside this one or a shipped one, found {describe(name)}")
@@ -114,7 +114,7 @@ class Draft:
         return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """File that a key names, beside the configuration or among the shipped ones."""
+        """File that a key names, beside the configuration or shipped."""
         places = [self.folder / name, *([shipped_folder() / name] if shipped else [])]
         path = next((place for place in places if place.is_file()), None)
         if path is None:
@@ -127,14 +127,14 @@ class Draft:
         return str(self._document.place(path))
 
     def validate(self, model: type[_M]) -> _M:
-        """Make the model of the values, or raise a ConfigError with every mistake on a line of its own."""
+        """Make the model, or raise a ConfigError with a line for every mistake."""
         try:
             return model.model_validate(self.tree)
         except ValidationError as error:
             raise explain(error, self._document) from None
 
     def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
-        """Raise a ConfigError about an entry, with its place."""
+        """Raise a ConfigError about an entry."""
         raise ConfigError(f"{'.'.join(map(str, path))}: {words}", where=self.where(path), hint=hint)
 
 
@@ -142,9 +142,9 @@ class Draft:
 class LoadedConfig:
     """A validated configuration and where it came from.
 
-    `tree` and `yaml_text` are `config` as plain values and as YAML, complete and with overrides applied.
-    `sha256` covers the trajectory files too. Relative paths start at `folder`. `places` has ``file:line``, or
-    the option, where the size of each reference is set, by dotted key.
+    `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
+    Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
+    reference.
     """
 
     config: Config
@@ -171,16 +171,16 @@ def load_config(
     Parameters
     ----------
     experiment : {'compare', 'decouple'} or None
-        What the configuration must be for; None for either.
+        None for either.
     overrides : sequence of str
         ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
     controllers : sequence of int, optional
-        Keep only the runs of these controllers, by number.
+        Keep only the runs of these.
 
     Raises
     ------
     ConfigError
-        With every mistake on a line of its own, as ``file:line: path: what``.
+        With a line ``file:line: path: what`` for every mistake.
     UsageError
         When the command line asks for something impossible.
     """
@@ -214,12 +214,12 @@ def load_config(
 
 
 def with_seed(overrides: Sequence[str], seed: int | None) -> list[str]:
-    """Overrides of a command line, that of the seed among them."""
+    """Overrides, the seed's among them."""
     return [*overrides, *([] if seed is None else [f"seed={seed}"])]
 
 
 def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> CompareConfig:
-    """Drop the runs of other laws than ``controller_<number>``, from the tree as well."""
+    """Drop the runs of other controllers, from the tree too."""
     if not isinstance(config, CompareConfig):
         message = f"the experiment {config.experiment!r} has no controllers to choose from"
         raise UsageError(message, where="--controllers")

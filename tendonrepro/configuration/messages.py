@@ -1,4 +1,4 @@
-"""Validation errors in the words of the configuration file, each with its line."""
+"""Validation errors in the words of the configuration file."""
 
 from __future__ import annotations
 
@@ -32,10 +32,7 @@ _WORDS = {
 
 
 def explain(error: ValidationError, document: Document) -> ConfigError:
-    """Turn a validation error of a document's values into one message with a line for each mistake.
-
-    The line is ``file:line: path: what``; the first one counts them.
-    """
+    """Turn a validation error into one message, a line ``file:line: path: what`` for each mistake."""
     details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
     missing = {path for detail, path in details if detail["type"] == "missing"}
     unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
@@ -57,20 +54,20 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
 
 
 def nearest(word: str, words: Iterable[str]) -> str | None:
-    """Find the word that was probably meant; None when nothing is near."""
+    """The word that was probably meant, if any is near."""
     lower = {candidate.lower(): candidate for candidate in words}
     close = get_close_matches(word.lower(), lower, n=1)
     return lower[close[0]] if close else None
 
 
 def did_you_mean(word: object, words: Iterable[str]) -> str:
-    """Question after the word that was probably meant; empty when nothing is near."""
+    """Question after the word that was probably meant, or nothing."""
     meant = nearest(str(word), words)
     return "" if meant is None else f", did you mean {meant!r}?"
 
 
 def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:
-    """Path of the key beside an unknown one that it was probably meant to be, missing or set already."""
+    """Path of the key beside an unknown one that was probably meant, missing or set already."""
     parent = unknown[:-1]
     word = nearest(str(unknown[-1]), [str(path[-1]) for path in known if path[:-1] == parent])
     return None if word is None else (*parent, word)
@@ -101,7 +98,7 @@ def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
 
 
 def _written_path(detail: ErrorDetails, tree: Any) -> Key:
-    """Leave out of pydantic's path what is not in the file: the kinds of unions and marks for keys."""
+    """Pydantic's path without what is not in the file: kinds of unions and marks for keys."""
     path: list[str | int] = []
     for key in detail["loc"]:
         is_kind = isinstance(tree, dict) and key not in tree and tree.get("kind") == key

@@ -1,4 +1,4 @@
-"""Overrides from the command line: ``dotted.key=VALUE`` put into a document before it is validated."""
+"""Overrides from the command line: ``dotted.key=VALUE`` put into a document before validation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Override: TypeAlias = tuple[Key, Node]
 
 
 def parse_override(text: str) -> Override:
-    """Read ``key=VALUE``, VALUE in YAML; a UsageError or ConfigError where it cannot be read."""
+    """Read ``key=VALUE``, VALUE in YAML; a UsageError or ConfigError where that fails."""
     key, equals, value = text.partition("=")
     parts = key.strip().split(".")
     if not equals or not all(parts):
@@ -29,7 +29,7 @@ def parse_override(text: str) -> Override:
 def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
     """Set the values in place; a quantity whose value or unit is set says so in its source.
 
-    Only the last part of a key may be new, so that optional keys can be given.
+    Only the last part of a key may be new.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
     for path, value in sorted(overrides, key=lambda override: override[0][-1] == "source"):
@@ -62,7 +62,6 @@ def _apply(document: Document, path: Key, value: Node) -> None:
 
 
 def _below(node: Any, part: str | int, option: str) -> Any:
-    """Entry of a node, which must be there."""
     if holds(node, part):
         return node[part]
     if isinstance(node, dict):
@@ -75,7 +74,7 @@ def _below(node: Any, part: str | int, option: str) -> Any:
 
 
 def _for_all(current: Node, value: Node) -> Node:
-    """One number in place of one a joint means all of them."""
+    """One number in place of many means all of them."""
     if isinstance(current, list) and {type(value), *map(type, current)} <= {int, float}:
         return [value] * len(current)
     return value

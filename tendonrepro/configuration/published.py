@@ -1,4 +1,4 @@
-"""What the paper prints, as data: numbers with place, unit and digits, claims, and how each is judged."""
+"""What the paper prints, as data, and how each entry is judged."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PrintedNumber(_Entry):
 
     @property
     def as_printed(self) -> str:
-        """The number with its printed digits."""
+        """With the printed digits."""
         return f"{self.value:.{self.decimals}f}"
 
 
@@ -61,17 +61,17 @@ class PrintedRatio(_Entry):
 
     @property
     def value(self) -> float:
-        """The fraction, dimensionless."""
+        """Dimensionless."""
         return self.numerator / self.denominator
 
     @property
     def as_printed(self) -> str:
-        """The fraction without its unit."""
+        """Without its unit."""
         return f"{self.numerator:g}/{self.denominator:g}"
 
 
 class PrintedQuotient(_Entry):
-    """A number that follows from two that are printed, by their ids."""
+    """Follows from two printed numbers, by their ids."""
 
     kind: Literal["quotient"]
     numerator: str
@@ -80,7 +80,7 @@ class PrintedQuotient(_Entry):
 
 
 class PrintedDose(_Entry):
-    """What Controller 1 gains over Controller 2, ``1 - C1/C2``, on joint 3 over the same on joint 2."""
+    """What Controller 1 gains over Controller 2, ``1 - C1/C2``, on joint 3 over joint 2."""
 
     kind: Literal["dose"]
     metric: Literal["mae", "rmse"]
@@ -88,13 +88,13 @@ class PrintedDose(_Entry):
 
     @property
     def parts(self) -> tuple[tuple[str, str], tuple[str, str]]:
-        """Ids of both controllers' errors on joint 3, then on joint 2."""
+        """Ids of both controllers' errors on joint 3, then 2."""
         first, second = (f"table2.controller_{number}.{self.metric}.joint_" for number in (1, 2))
         return (first + "3", second + "3"), (first + "2", second + "2")
 
 
 class PrintedText(_Entry):
-    """A name as printed, or a claim: a statement of the paper in our words."""
+    """A name as printed, or a claim of the paper in our words."""
 
     kind: Literal["text", "claim"]
     text: str
@@ -106,7 +106,7 @@ PrintedEntry: TypeAlias = PrintedNumber | PrintedRatio | PrintedQuotient | Print
 class Judgement(Model):
     """By which rule of docs/verdicts.md entries are judged, and what their verdict depends on.
 
-    `ids` is an id, or a pattern with ``*``. What `repeats` another entry is not counted again.
+    `ids` is an id, or a pattern with ``*``. What `repeats` another is not counted.
     """
 
     ids: str
@@ -130,7 +130,7 @@ class Published:
     judgements: Mapping[str, Judgement]
 
     def number(self, identifier: str) -> float:
-        """Value of a printed number or ratio, in its printed unit."""
+        """Of a printed number or ratio, in its printed unit."""
         return self.quantity(identifier).value
 
     def quantity(self, identifier: str) -> PrintedNumber | PrintedRatio:
@@ -156,14 +156,14 @@ class Published:
         return rounding(self.quantity(identifier))
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
-        """Values of ``<identifier>.joint_<number>``; NaN where none is printed."""
+        """Values of ``<identifier>.joint_<number>``; NaN where none is."""
         names = (f"{identifier}.joint_{joint}" for joint in joints)
         return [self.number(name) if name in self.entries else float("nan") for name in names]
 
 
 @cache
 def published() -> Published:
-    """Return the shipped numbers, read once."""
+    """The shipped numbers, read once."""
     path = shipped("data") / "published.yaml"
     file = _File.model_validate(load(read_text(path), str(path)).tree)
     entries = {entry.id: entry for entry in file.entries}
@@ -172,26 +172,26 @@ def published() -> Published:
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:
-    """The digits as printed, as a fraction."""
+    """The printed digits as a fraction."""
     if isinstance(entry, PrintedRatio):
         return Fraction(str(entry.numerator)) / Fraction(str(entry.denominator))
     return Fraction(entry.as_printed)
 
 
 def rounding(entry: PrintedNumber | PrintedRatio) -> Interval:
-    """Numbers that print like this one; a fraction of two lengths stands for itself."""
+    """Numbers that print like this one; a ratio stands for itself."""
     value = exact(entry)
     half = Fraction(0) if isinstance(entry, PrintedRatio) else Fraction(1, 2 * 10**entry.decimals)
     return value - half, value + half
 
 
 def quotient(numerator: Interval, denominator: Interval) -> Interval:
-    """Interval of the quotient of two positive numbers."""
+    """Of two positive numbers."""
     return numerator[0] / denominator[1], numerator[1] / denominator[0]
 
 
 def table_1(paper: Published) -> Array:
-    """Table 1, ``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
+    """``D[p, q] / D[q]``, (3, 3), zero below the diagonal."""
     ratio = np.zeros((3, 3))
     for p, q in combinations_with_replacement(range(3), 2):
         ratio[p, q] = paper.number(f"table1.D_{p + 1}{q + 1}_over_D_{q + 1}")
@@ -199,6 +199,6 @@ def table_1(paper: Published) -> Array:
 
 
 def coupling_of(ratio: Array) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of Eq. (2) from `table_1`."""
+    """``S`` and ``S_inv`` of Eq. (2)."""
     S_inv = coupling_inverse(np.ones(3), ratio, SIGN)
     return coupling_matrix(S_inv), S_inv

@@ -1,4 +1,4 @@
-"""What a user asks of a command that runs something; it loads no heavy library."""
+"""What a user asks of a command; it loads no heavy library."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class Request:
     """Which configuration, changed how, and where results go.
 
-    `config` is a file, ``-`` for standard input, or a shipped name. What is None is the command's own.
-    `dry_run` checks everything but runs nothing; `force` overwrites results of another configuration.
+    `config` is a file, ``-`` for standard input, or a shipped name; None is the command's own. `force`
+    overwrites results of another configuration.
     """
 
     config: str | None = None

@@ -9,8 +9,6 @@ from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 
-SCHEMA_FILE = "schema.json"
-
 
 def shipped_folder() -> Path:
     """Folder of the shipped configurations."""
@@ -18,12 +16,12 @@ def shipped_folder() -> Path:
 
 
 def shipped_names() -> list[str]:
-    """Names of the shipped experiments and manipulators, in alphabetical order."""
+    """Names of the shipped configurations, sorted."""
     return sorted(path.stem for path in shipped_folder().glob("*.yaml"))
 
 
 def shipped_file(name: str) -> Path:
-    """Path of a shipped configuration; a UsageError names what there is."""
+    """Path of a shipped configuration, or a UsageError."""
     names = shipped_names()
     if name not in names:
         message = f"no shipped configuration {name!r}{did_you_mean(name, names)}"
@@ -34,12 +32,11 @@ def shipped_file(name: str) -> Path:
 def init_config(name: str, folder: Path) -> list[Path]:
     """Copy a shipped configuration, what it names and the JSON schema; the files written.
 
-    A companion that is there with the same content is left alone, so that experiments can share a folder.
-    Anything else that is there is refused.
+    A companion with the same content is left alone. Anything else that is there is refused.
     """
     source = shipped_file(name)
     new = {}
-    for path in (*_with_named(source), source.with_name(SCHEMA_FILE)):
+    for path in (*_with_named(source), source.with_name("schema.json")):
         target, text = folder / path.name, read_text(path)
         same = target.is_file() and target.read_bytes() == text.encode()
         if target.exists() and (path == source or not same):
@@ -53,7 +50,7 @@ def init_config(name: str, folder: Path) -> list[Path]:
 
 
 def _with_named(source: Path) -> list[Path]:
-    """A file and those that it names, those that they name included."""
+    """A file and those that it names, and so on."""
     tree = load(read_text(source), str(source)).tree
     named = [tree[key] for key in ("base", "manipulator") if isinstance(tree.get(key), str)]
     return [source, *(path for name in named for path in _with_named(source.with_name(name)))]

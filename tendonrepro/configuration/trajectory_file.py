@@ -1,4 +1,4 @@
-"""Trajectory files: a desired motion as samples in a CSV file."""
+"""A desired motion as samples in a CSV file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ FEWEST = 6
 
 
 def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
-    """Read a trajectory file: CSV with the columns ``time_s`` and ``q<joint>_deg``.
+    """Read columns ``time_s`` and ``q<joint>_deg``.
 
     Returns
     -------
     time : array (N,)
         s.
     angles : dict of array (N,)
-        Joint angles by the paper's joint number, rad.
+        By the paper's joint number, rad.
     """
     try:
         header, *rest = path.read_text(encoding="utf-8-sig").splitlines() or [""]

@@ -1,4 +1,4 @@
-"""What a command does: from a configuration to results on disk."""
+"""From configurations to results on disk."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.kinds import checked
@@ -16,10 +16,8 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiments.linear import growing
-from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.report import SCHEMA_VERSION, outcome_of
-from tendonrepro.experiments.run import PRECISE, simulate_all, trace_file
+from tendonrepro.experiments.loops import all_loops, growing
+from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.parallel import each
 from tendonrepro.results.manifest import make_manifest
@@ -32,20 +30,13 @@ from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
-Figure: TypeAlias = tuple[TraceFile, Path, str]
-"""Traces, folder of the pictures, and name of a figure to draw."""
-
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """One of the paper's experiments as a user wants it.
-
-    `laws` are ``FILE:NAME`` of those to run beside the controllers, each also with the payload. The solver is
-    the reference, or the stepper of ensembles.
-    """
+    """One of the paper's experiments as a user wants it; `laws` are ``FILE:NAME``."""
 
     experiment: ExperimentName
     request: Request = field(default_factory=Request)
@@ -54,7 +45,7 @@ class Order:
 
     @property
     def name(self) -> str:
-        """What its results are called: the shipped configuration's name, or the experiment's."""
+        """What its results are called."""
         return CLOSEST if self.request.config == CLOSEST else self.experiment
 
     @property
@@ -66,17 +57,14 @@ class Order:
 def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, Any]]:
     """Simulate experiments and write traces, figures, tables and manifest of each.
 
-    Their runs share the processors, and then their figures do. Everything is checked before the first run.
-    The orders share one stepper; all or none are a dry run.
+    Everything is checked before the first run. The orders share one stepper; all or none are a dry run.
 
     Returns
     -------
     dict
-        What ``--json`` prints of each order, by its name, and ``text``; of a dry run what would be done.
+        What ``--json`` prints of each order, by its name, and ``text``.
     """
-    asked = [_load(order) for order in orders]
-    for loaded, _ in asked:
-        _name_shipped(loaded, talk)
+    asked = [_load(order, talk) for order in orders]
     if orders[0].request.dry_run:
         return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
     from tendonrepro.results.figures.catalogue import available
@@ -90,7 +78,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         simulated = simulate_all(asked, talk, orders[0].solver)
-        figures: list[Figure] = []
+        figures: list[tuple[TraceFile, Path, str]] = []
         for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
             for trace in traces:
                 talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
@@ -110,16 +98,15 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
 
 
 def diverged(found: dict[str, Any]) -> bool:
-    """Whether a run of an experiment diverged."""
+    """Whether a run diverged."""
     return "diverged" in found.get("status", {}).values()
 
 
 def paper_orders(configs: Path | None, request: Request) -> list[Order]:
-    """Orders for the two experiments of the paper, and for the comparison fitted to its tables.
+    """Orders for both experiments of the paper, and for the comparison fitted to its tables.
 
-    `configs` is a folder with ``decouple.yaml`` and ``compare.yaml``, None for the shipped ones. The fitted
-    plant is run as it is shipped, so not with other configurations or changes. The request's folder is the
-    one above theirs.
+    `configs` is a folder with ``decouple.yaml`` and ``compare.yaml``. The fitted plant runs only as it is
+    shipped. The request's folder is the one above theirs.
     """
     names: tuple[ExperimentName, ...] = ("decouple", "compare")
     above = request.out or Path("reports")
@@ -131,7 +118,7 @@ def paper_orders(configs: Path | None, request: Request) -> list[Order]:
 
 
 def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """Mean errors as published, fitted, and of the paper, where both comparisons were run."""
+    """Mean errors as published, fitted and printed, where both comparisons were run."""
     if not {"compare", CLOSEST} <= found.keys() or "table2" not in found[CLOSEST]:
         return ""
     tables = {
@@ -148,16 +135,15 @@ def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Talk) -> dict[str, Any]:
-    """What would be done, with the number of samples of each run."""
     samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, laws).items()}
     plan = planned(order.experiment, loaded, order.folder, order.request, talk)
     return plan | {"experiment": order.experiment, "config": loaded.origin, "samples": samples}
 
 
 def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Check a configuration as thoroughly as running it would; its kind, digest and runs."""
+    """Kind, digest and runs of a configuration, checked as running it would."""
     held = checked(config, overrides)
-    found = {"schema_version": SCHEMA_VERSION, "config": config}
+    found = {"schema_version": 1, "config": config}
     if isinstance(held, LoadedEnsemble):
         return found | {"kind": "ensemble", "config_sha256": held.sha256}
     if not isinstance(held, LoadedConfig):
@@ -168,23 +154,23 @@ def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
 
 
 def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
-    """Say which shipped file a configuration that is not shipped itself was completed by."""
+    """Name the shipped file that completed a user's configuration."""
     for path in loaded.inputs:
         if path.parent == shipped_folder() != loaded.folder:
             talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
 
 
 def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> list[Path]:
-    """Draw figures from stored traces again, and return the files written.
+    """Draw figures from stored traces again, and return the files.
 
     Parameters
     ----------
     out : Path
-        Results folder, or the folder above several.
+        Results folder, or the one above several.
     figures : sequence of str, optional
-        Names, or the paper's numbers; all that the traces allow if not given.
+        Names, or the paper's numbers; all if not given.
     force : bool
-        Go on where files are somebody's own, which are kept, or were changed, which are made again.
+        Keep a user's own files, and make changed ones again.
     """
     from tendonrepro.results.figures.catalogue import available, name_of
 
@@ -204,7 +190,7 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
 
 
 def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
-    """Make the tables from stored traces again, as `redraw` does figures."""
+    """Make tables from stored traces again, as `redraw` does figures."""
 
     def make(file: TraceFile, path: Path) -> list[Path]:
         return [one for table in made_tables(file) for one in table.write(path / "tables")]
@@ -213,7 +199,7 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
-    """Traces in the given folder, or in those directly below it."""
+    """Traces in a folder, or in those directly below it."""
     paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
@@ -225,10 +211,7 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
 def _make_again(
     files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
 ) -> list[Path]:
-    """Make files of results again, in a copy that takes the place of each.
-
-    A folder without a manifest, as of measured traces, is written into.
-    """
+    """Make files of results again; measured traces lie in a folder without a manifest."""
     found: list[Path] = []
     for folder, file in files.items():
         if not (folder / MANIFEST).exists():
@@ -243,23 +226,21 @@ def _make_again(
     return found
 
 
-def _draw(figures: Sequence[Figure]) -> list[Path]:
-    """Draw figures of one or several results, the later ones first: they have more panels."""
-    return [path for paths in reversed(each(_drawn, figures[::-1])) for path in paths]
-
-
-def _drawn(figure: Figure) -> list[Path]:
+def _draw(figures: Sequence[tuple[TraceFile, Path, str]]) -> list[Path]:
+    """Draw by traces, folder and name; later figures first, for they have more panels."""
     from tendonrepro.results.figures.catalogue import redrawn
 
-    return redrawn(*figure)
+    drawn = each(lambda figure: redrawn(*figure), figures[::-1])
+    return [path for paths in reversed(drawn) for path in paths]
 
 
-def _load(order: Order) -> tuple[LoadedConfig, list[UserLaw]]:
-    """Configuration and laws; stepper and laws are part of the digest."""
+def _load(order: Order, talk: Talk) -> tuple[LoadedConfig, list[UserLaw]]:
+    """Configuration and laws; the digest covers stepper and laws."""
     if order.solver == "compiled" and order.laws:
         message = "only the paper's own control laws run on lanes"
         raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = order.request.load(order.experiment)
+    _name_shipped(loaded, talk)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))

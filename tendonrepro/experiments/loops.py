@@ -1,9 +1,10 @@
-"""From a configuration to closed loops ready to run: references, laws, and one loop per run."""
+"""From a configuration to closed loops: references, laws, and one loop per run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, own_loops
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
+from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
@@ -31,9 +34,6 @@ RESOLVED_ANGLE = 1e-9
 PERIODS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
 """Sampling periods of the delay time under each reading of it."""
 
-RATED_SHARES = {"percent_of_rated": 0.01, "volt": 1.0 / 3.0}
-"""Share of the motors' rated torque in a unit of the law's torque; drives of this family take 3 V for all."""
-
 
 def reference_period(reference: ReferenceConfig) -> float:
     """Duration after which a reference repeats, s; 0 if it does not, or if joints differ."""
@@ -45,16 +45,12 @@ def reference_period(reference: ReferenceConfig) -> float:
 
 
 def build_reference(
-    reference: ReferenceConfig,
-    config: Config,
-    folder: Path,
-    S: Array | None = None,
-    key: str = "reference",
+    reference: ReferenceConfig, config: Config, folder: Path, S: Array | None = None, key: str = "reference"
 ) -> DesiredMotion:
     """Desired motion at every sample.
 
-    Paths of trajectory files start at `folder`. `S` (n, n) is given where the reference moves the motors:
-    it maps their angles to the joints. A ConfigError names `key` where a link would leave the half-plane.
+    Paths of trajectory files start at `folder`. `S` (n, n) maps motors' angles to joints where a reference
+    moves motors. A ConfigError names `key` where a link would leave the half-plane.
     """
     L = config.sampling_period.si
     motions = _motions(reference, config.joints, folder)
@@ -105,20 +101,18 @@ def _shape(reference: Single, i: int) -> Shape:
 
 def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
     time, angles = read_samples(path)
-    missing = [joint for joint in joints if joint not in angles]
-    if missing:
-        message = f"has no column for joint {missing[0]}"
-        raise ConfigError(message, where=str(path), hint=f"add a column q{missing[0]}_deg")
-    moved = [joint for joint in joints if angles[joint][0] != 0.0]
-    if moved:
-        start = np.rad2deg(angles[moved[0]][0])
-        message = f"joint {moved[0]} starts at {start:g} deg; it must start at 0, the start posture"
-        raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
+    for joint in joints:
+        if joint not in angles:
+            message = f"has no column for joint {joint}"
+            raise ConfigError(message, where=str(path), hint=f"add a column q{joint}_deg")
+        if start := np.rad2deg(angles[joint][0]):
+            message = f"joint {joint} starts at {start:g} deg; it must start at 0, the start posture"
+            raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
     return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
-    """Links work between hanging and upright on one side; elsewhere gravity would slacken the tendons."""
+    """Links work between hanging and upright; elsewhere gravity would slacken the tendons."""
     angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
     outside = (angles <= 0.0) | (angles >= 180.0)
     if outside.any():
@@ -173,21 +167,22 @@ def build_law(config: CompareConfig, name: str) -> Law:
 
 
 def _boundary(gains: Gains, readings: Readings) -> Array:
-    """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number as degrees."""
+    """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number."""
     if readings.gain_unit != "radian":
         return np.array(gains.Delta.value)
     return np.radians(gains.Delta.si) if readings.Delta_unit == "deg" else gains.Delta.si
 
 
 def torque_map(config: CompareConfig) -> Array:
-    """Map from the law's torque coordinates to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
+    """Map from the law's torque to joint coordinates, (n, n); by virtual work ``S_invᵀ``."""
     readings, reduction = config.control.readings, config.manipulator.winches.reduction.si
     rated = reduction * published().number("hardware.rated_torque")
-    in_newton_metres = readings.torque_unit == "newton_metre"
-    scale = 1.0 if in_newton_metres else RATED_SHARES[readings.torque_unit] * rated
+    # Drives of this family take 3 V for the rated torque.
+    units = {"newton_metre": 1.0, "percent_of_rated": 0.01 * rated, "volt": 1.0 / 3.0 * rated}
+    scale = units[readings.torque_unit]
     if readings.torque_coordinates == "joint":
         return scale * np.eye(len(config.joints))
-    if readings.torque_coordinates == "motor_shaft" and in_newton_metres:
+    if readings.torque_coordinates == "motor_shaft" and readings.torque_unit == "newton_metre":
         scale = reduction
     return np.ascontiguousarray(scale * rig.coupling(config)[1].T)
 
@@ -195,28 +190,27 @@ def torque_map(config: CompareConfig) -> Array:
 def build_loops(
     config: Config, folder: Path, reference: DesiredMotion | None = None
 ) -> Iterator[tuple[str, Loop]]:
-    """One closed loop per run of a configuration, with the run's name.
+    """One closed loop per run, with the run's name.
 
-    The `reference` of a comparison may have been built before; that takes most of the time.
+    A comparison's `reference` may be given, for building it takes most of the time.
     """
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
-        cold = config.control.readings.start == "cold"
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))
-            yield name, _loop(config, run.payload.si, controller, reference, cold=cold)
+            yield name, _loop(config, run.payload.si, controller, reference)
         return
     loop = config.position_loop
     servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
-        yield name, _loop(config, choice.payload.si, PositionController(servo), reference, cold=False)
+        yield name, _loop(config, choice.payload.si, PositionController(servo), reference)
 
 
 def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
-    """Closed loops of all runs by name, those of a user's laws last."""
+    """Closed loops of all runs by name, a user's laws last."""
     try:
         loops = dict(build_loops(loaded.config, loaded.folder))
     except ConfigError as error:
@@ -235,9 +229,7 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
     return loops
 
 
-def _loop(
-    config: Config, payload_mass: float, controller: Controller, reference: DesiredMotion, *, cold: bool
-) -> Loop:
+def _loop(config: Config, payload_mass: float, controller: Controller, reference: DesiredMotion) -> Loop:
     solver = config.solver
     return Loop(
         plant=rig.build_plant(config, payload_mass),
@@ -249,6 +241,42 @@ def _loop(
         L=config.sampling_period.si,
         solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
         divergence_limit=config.status.divergence_limit.si,
-        cold=cold,
+        cold=isinstance(config, CompareConfig) and config.control.readings.start == "cold",
         seed=int(config.seed.si),
     )
+
+
+class View(NamedTuple):
+    """One run as a linear loop."""
+
+    law_name: str
+    law: Law
+    plant: Plant
+    payload: float
+    delay: int
+
+
+def run_views(config: CompareConfig) -> dict[str, View]:
+    """Law, plant and delay of every run."""
+    delay = int(config.manipulator.actuator.output_delay.si)
+    found = {}
+    for name, run in config.runs.items():
+        plant = rig.build_plant(config, run.payload.si)
+        found[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
+    return found
+
+
+def growing(loaded: LoadedConfig) -> dict[str, float]:
+    """Runs whose linear loop grows somewhere on the motion, and the frequency, Hz.
+
+    A run may end before slow growth is seen in its status.
+    """
+    found = {}
+    for name, loop in build_loops(loaded.config, loaded.folder):
+        if isinstance(loop.controller, TimeDelayController):
+            law, postures = loop.controller.law, stroke(loop.reference.q_d)
+            matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
+            growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)
+            if growth > 0.0:
+                found[name] = hertz
+    return found

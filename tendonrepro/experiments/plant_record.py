@@ -1,4 +1,4 @@
-"""What a trace file says about the plant: enough for someone else to rebuild it from that file alone."""
+"""What a trace file says about the plant, enough to rebuild it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ EQUATIONS = (
 
 
 def plant_record(config: Config) -> PlantRecord:
-    """Every value of the plant with its unit and source: matrices of the moving joints, the rest for all."""
+    """Values with units and sources: matrices of the moving joints, the rest for all."""
     values = _derived_matrices(config) | dict(_stated(config.manipulator, ""))
     posture = "start posture; joints before the moving ones are held there"
     values["posture"] = _plant_value(config.posture, posture)
@@ -77,7 +77,7 @@ def _derived_matrices(config: Config) -> dict[str, PlantValue]:
 
 
 def _stated(section: Model, prefix: str) -> Iterator[tuple[str, PlantValue]]:
-    """Every quantity of the manipulator, named by its path in the configuration."""
+    """Quantities of the manipulator by their paths in the configuration."""
     for key, item in section:
         name = f"{prefix}{key}"
         if isinstance(item, Scalar | Vector | Matrix):

@@ -1,7 +1,7 @@
-"""From a configuration to the plant and the instruments it describes, in SI units.
+"""From a configuration to the plant and its instruments, in SI units.
 
-Vectors of a manipulator have one entry per joint; joints that are held rigidly come first and drop out here.
-Holding them leaves the trailing block of the coupling: a held joint winds no tendon.
+Vectors of a manipulator have one entry per joint. Joints held rigidly come first and drop out here, from the
+coupling too: a held joint winds no tendon.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DISTURBANCE_STREAM = 3
 
 
 def coupling(config: Config) -> tuple[Array, Array]:
-    """``S`` and ``S_inv`` of the moving joints, (n, n), Eq. (2), the others held."""
+    """``S`` and ``S_inv`` of the moving joints, (n, n), Eq. (2)."""
     routing, n = config.manipulator.routing, len(config.joints)
     S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
     S_inv = np.ascontiguousarray(S_inv[-n:, -n:])
@@ -34,7 +34,7 @@ def coupling(config: Config) -> tuple[Array, Array]:
 
 
 def start_angles(config: Config) -> Array:
-    """Absolute angles of the moving links in the start posture, rad from hanging, (n,)."""
+    """Absolute start angles of the moving links, rad from hanging, (n,)."""
     return np.cumsum(config.posture.si)[-len(config.joints) :]
 
 
@@ -74,7 +74,6 @@ def build_drive(config: Config) -> Drive:
 
 
 def _friction(dry: DryFriction, viscous: Vector, n: int) -> Friction:
-    """Friction of the moving joints or of their winches."""
     values = {name: getattr(dry, name).si[-n:] for name in DryFriction.model_fields}
     return Friction(viscous=viscous.si[-n:], **values)
 
@@ -103,7 +102,7 @@ def build_disturbance(config: Config) -> disturbance.Disturbance:
 
 
 def build_plant(config: Config, payload_mass: float) -> Plant:
-    """Everything that moves, with a payload in kg at the tip."""
+    """Everything that moves, with a payload in kg."""
     link, n = config.manipulator.friction.link, len(config.joints)
     return Plant(
         arm=build_arm(config, payload_mass),
@@ -115,7 +114,7 @@ def build_plant(config: Config, payload_mass: float) -> Plant:
 
 
 def build_encoder(encoder: EncoderConfig) -> Encoder:
-    """Encoder of one kind."""
+    """Encoder of motors or joints."""
     return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
 
 

@@ -1,9 +1,8 @@
-"""One experiment in memory: the runs of a configuration, simulated, as traces."""
+"""One experiment in memory: its runs simulated, as traces, tables and notes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -19,8 +18,10 @@ from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
 from tendonrepro.parallel import each
 from tendonrepro.physics.metrics import status_of
+from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import USER_LAW
+from tendonrepro.results.study import Outcome
+from tendonrepro.results.summary import USER_LAW, fitted_under
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import Loop, simulate
 
@@ -33,7 +34,7 @@ def simulate_all(
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
 ) -> list[list[Trace]]:
-    """Simulate every run of every configuration, each with its status; one that diverged ends early."""
+    """Simulate every run of every configuration; one that diverged ends early."""
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
     loops = [all_loops(*one) for one in asked]
@@ -43,28 +44,24 @@ def simulate_all(
         return [_simulate_together(one[0], named, talk) for one, named in zip(asked, loops, strict=True)]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        traces = each(_simulated, runs, progress)
+        traces = each(lambda run: simulate_run(*run), runs, progress)
     rest = iter(traces)
     return [[next(rest) for _ in named] for named in loops]
 
 
-def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str]) -> Trace:
-    return simulate_run(*run)
-
-
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
-    """Simulate the run of a name."""
+    """Simulate one run."""
     loop = all_loops(loaded, laws)[name]
-    trace = _trace(loaded, name, loop, simulate(loop), laws)
-    if name in loaded.config.runs:
-        return trace
-    # What a user's law does not have, it returned at no sample.
-    absent = [key for key in ("s", "H_hat", "epsilon") if np.isnan(trace[key]).all()]
-    return replace(trace, variables={key: x for key, x in trace.variables.items() if key not in absent})
+    variables = simulate(loop)
+    if name not in loaded.config.runs:
+        # What a user's law does not have, it returned at no sample.
+        absent = {key for key in ("s", "H_hat", "epsilon") if np.isnan(variables[key]).all()}
+        variables = {key: variables[key] for key in variables if key not in absent}
+    return _trace(loaded, name, loop, variables, laws)
 
 
 def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Talk) -> list[Trace]:
-    """Simulate by the compiled batch stepper; a plant too fast for it, or a foreign law, is refused."""
+    """Simulate by the stepper of ensembles, which refuses a plant too fast for it."""
     from tendonrepro.simulation.batch import simulate_batch
 
     with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
@@ -83,7 +80,6 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
 def _trace(
     loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
 ) -> Trace:
-    """Variables of a run with their status and attributes."""
     t = variables.pop("time")
     limits = loaded.config.status
     status, status_time = status_of(
@@ -97,7 +93,7 @@ def _trace(
 
 
 def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, Any]:
-    """Law, gains, readings and payload of a run, as a trace stores them."""
+    """What a trace stores of its law and payload."""
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
         gains = {"law": "motor_position_loop", "gains": _vectors(config.position_loop), "readings": {}}
@@ -122,7 +118,7 @@ def _vectors(section: Any) -> dict[str, list[float]]:
 
 
 def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
-    """Put runs together with what they were made with; the manifest is without outputs."""
+    """Runs with what they were made with; the manifest is without outputs."""
     return TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",
@@ -135,3 +131,27 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
         created=manifest["created"],
         tendonrepro_version=__version__,
     )
+
+
+def outcome_of(file: TraceFile, growing_hz: dict[str, float]) -> Outcome:
+    """Numbers, tables and notes of an experiment; `growing_hz` is as of `loops.growing`."""
+    joints = list(next(iter(file.runs.values())).joint)
+    data: dict[str, Any] = {"schema_version": 1, "experiment": file.experiment, "joints": joints}
+    data |= table_data(file)
+    if file.experiment == "compare":
+        data["growing_hz"] = growing_hz
+    return Outcome(data, [*made_tables(file), *_notes(file, data)])
+
+
+def _notes(file: TraceFile, data: Mapping[str, Any]) -> Iterator[str]:
+    if under := fitted_under(file):
+        yield f"The plant was fitted to the published tables under {under}, so agreement proves nothing."
+    for run, sizes in data["tension"].items():
+        for tendon, seconds in zip(data["joints"], sizes["slack_s"], strict=True):
+            if seconds:
+                yield f"Tendon {tendon} does not pull in {run} for {seconds:.3f} s."
+    # A loop may grow so slowly that its run ends before the status tells.
+    growing, status = data.get("growing_hz", {}), data["status"]
+    if runs := [f"{run} at {hz:.1f} Hz" for run, hz in growing.items() if status[run] == "ok"]:
+        loops = ", ".join(runs)
+        yield f"Linearised without friction these loops grow: {loops}. See tendonrepro explain."

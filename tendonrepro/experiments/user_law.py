@@ -1,4 +1,4 @@
-"""A control law of the user's own, run beside the paper's on the same plant and reference."""
+"""A control law of the user's own, on the same plants and reference."""
 
 from __future__ import annotations
 
@@ -29,8 +29,6 @@ from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
 from tendonrepro.simulation.stepper import Loop
 
-CALLED = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
-
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
     """The plant without payload, as a law may know it, SI; see docs/python.md."""
@@ -54,7 +52,7 @@ def model_of(config: CompareConfig) -> SimpleNamespace:
 class UserLaw:
     """A callable with the signature of :func:`tendonrepro.physics.control.command`; its name is the run's.
 
-    It is the one of that name in a Python file, or `given`.
+    It is in the Python file `path`, or `given`.
     """
 
     name: str
@@ -89,12 +87,13 @@ class UserLaw:
             own = [call.lineno for call in calls if call.filename == str(self.path)]
             message = f"the law {self.name} failed: {type(error).__name__}: {error}"
             where = f"{self.path}:{own[-1]}" if own else self.spec
-            hint = CALLED if isinstance(error, TypeError) else None
+            called = "a law is called with memory, q, q_d, dq_d, ddq_d, law"
+            hint = called if isinstance(error, TypeError) else None
             raise TendonreproError(message, where=where, hint=hint) from error
 
 
 def laws_of(specs: Sequence[str], given: Mapping[str, Callable[..., Any]] | None = None) -> list[UserLaw]:
-    """Laws named as ``FILE:NAME``, and then those given by name."""
+    """Laws named as ``FILE:NAME``, then those given by name."""
     laws = []
     for spec in specs:
         file, _, name = spec.rpartition(":")
@@ -111,7 +110,7 @@ def laws_of(specs: Sequence[str], given: Mapping[str, Callable[..., Any]] | None
 
 
 def with_user_laws(loaded: LoadedConfig, laws: Sequence[UserLaw]) -> LoadedConfig:
-    """Configuration whose digest and inputs know of the laws that run beside it."""
+    """Configuration whose digest and inputs know of the laws."""
     for law in laws:
         content = sha256_of(law.path) if law.path else repr(law.given)
         loaded = replace(
@@ -124,7 +123,7 @@ def with_user_laws(loaded: LoadedConfig, laws: Sequence[UserLaw]) -> LoadedConfi
 
 
 def runs_of(law: UserLaw, config: CompareConfig) -> dict[str, str]:
-    """A law's runs, each with the configured run whose plant it has: the first one, and one with payload."""
+    """A law's runs, and whose plants they have: the first run's, and one with payload."""
     first, *rest = config.runs
     payload = next((run for run in rest if config.runs[run].payload.si > config.runs[first].payload.si), None)
     return {law.name: first} | ({f"{law.name}{PAYLOAD}": payload} if payload else {})
@@ -140,7 +139,7 @@ def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) ->
 
 
 def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
-    """A law that was told of its plant, its answers in the shapes that a run needs."""
+    """A law that was told of its plant, and answers in the shapes that a run needs."""
     function, setup = law.load()
     if setup:
         with law.explained():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -25,17 +24,15 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
-from tendonrepro.identification import judge
+from tendonrepro.identification import report
 from tendonrepro.identification.misfit import Bench, Printed, Window, printed_numbers, rounding_misfit
-from tendonrepro.identification.report import CONFIG, best_of, conclusions, outcome, write_config
 from tendonrepro.identification.search import Effort, Found, Plants, nominal_unit, rows_that_matter, search
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
-from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import MANIFEST, replaced
-from tendonrepro.results.study import foretell
+from tendonrepro.results.store import unfinished
+from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
@@ -57,7 +54,7 @@ SCREENED = 256
 
 @dataclass(frozen=True)
 class Task:
-    """All that an identification depends on."""
+    """What an identification depends on."""
 
     loaded: LoadedEnsemble
     fit: Target
@@ -69,7 +66,7 @@ class Task:
 
     @property
     def fitted(self) -> tuple[str, ...]:
-        """Runs whose numbers are fitted."""
+        """Runs that are fitted."""
         return FITTED[self.fit]
 
     @property
@@ -78,7 +75,7 @@ class Task:
         return [RUNS.index(run) for run in self.fitted]
 
     def cases(self) -> dict[Reading, list[Reading]]:
-        """Readings by the part that changes the fitted runs, which is searched once."""
+        """Readings by what of them changes the fitted runs; that is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
             changing = {axis for run in self.fitted for axis, _ in axes.case_of(held, run).settings}
@@ -87,7 +84,7 @@ class Task:
         return found
 
     def outline(self) -> dict[str, Any]:
-        """What is known before the search."""
+        """What is known beforehand."""
         return {
             "schema_version": SCHEMA_VERSION,
             "experiment": "identify",
@@ -102,7 +99,7 @@ class Task:
         }
 
     def identity(self) -> str:
-        """SHA-256 of all that the numbers depend on."""
+        """SHA-256 of all of it, and of the code."""
         content = {
             "version": __version__,
             "code": code_digest("physics", "simulation"),
@@ -130,16 +127,11 @@ def run_identify(
     Parameters
     ----------
     request : Request
-        Its configuration is that of an ensemble, whose box is searched.
-    talk : Talk
-    fit : {'controller_2', 'all'}
+        Of an ensemble, whose box is searched.
     readings : str
         ``printed``, ``default``, or names joined by commas.
-    window : {'whole', 'late'}
     generations, population, seeds : int
-        Effort of each search; the population is that of one seed.
-    jobs : int
-        Processors; -1 is all.
+        Effort of each search; the population is of one seed.
 
     Raises
     ------
@@ -152,6 +144,7 @@ def run_identify(
         if value < 1:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
+    base = loaded.base
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
     processors = jobs if jobs > 0 else os.cpu_count() or 1
     task = Task(
@@ -161,35 +154,37 @@ def run_identify(
         effort=Effort(generations, population, seeds),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
-        bench=Bench(loaded.base, make_box(loaded.config), window, simulate_batch),
+        bench=Bench(base, make_box(loaded.config), window, simulate_batch),
     )
     identity = task.identity()
-    head = task.outline() | {"out": str(folder), "config": str(folder / CONFIG)}
+    head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
         text = f"identify would make {len(head['searches'])} searches of {head['evaluations']} plants"
         plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
         return head | plan | {"text": f"{text}\nwould write to {folder}"}
-    # Of another search they are not taken up.
-    states = f"search-{identity[:16]}"
-    with replaced(folder, identity, command="identify", force=request.force, keep=states) as result:
-        found = _searches(task, result.path / states, processors, talk)
+    states = f"search-{identity[:16]}"  # those of another search are not taken up
+
+    def study() -> Outcome:
+        found = _searches(task, unfinished(folder) / states, processors, talk)
         data = head | {"readings": [found[held.name][0] for held in named]}
-        data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + conclusions(data)
-        write_config(result.path / CONFIG, found[best_of(data)["name"]][1], data)
-        told = outcome(data)
-        told.save(result, "identify")
-        shutil.rmtree(result.path / states)
-        result.manifest = make_manifest(loaded.base, result.seconds, "identify")
-        result.manifest |= {"experiment": "identify", "seed": task.seed}
-        result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        result.manifest["config"] |= {"sha256": identity, "ensemble_sha256": loaded.sha256}
-    text = f"{told.text()}\n\nResults are in {folder}"
-    return data | {"text": text, "manifest": str(folder / MANIFEST)}
+        data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
+        report.write_config(unfinished(folder) / report.CONFIG, found[report.best_of(data)["name"]][1], data)
+        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+        config = {
+            "origin": base.origin,
+            "sha256": identity,
+            "tree": base.tree,
+            "ensemble_sha256": loaded.sha256,
+        }
+        made = {"experiment": "identify", "seed": task.seed, "solver": solver, "config": config}
+        return replace(report.outcome(data), manifest=made)
+
+    return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
 
 
 def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
-    """Search for every reading; several searches run side by side."""
+    """Search for every reading, several at once."""
     cases = list(task.cases())
     processes = min(processors, len(cases))
     simulate = partial(simulate_batch, threads=processors if processes == 1 else 1)
@@ -207,7 +202,6 @@ def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
 
 
 def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
-    """Search under one case; what is on disk already is not done again."""
     box, effort, goal = task.bench.box, task.effort, task.printed.values[task.places]
     case, readings = list(task.cases().items())[place]
 
@@ -234,7 +228,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
 def _reading_data(
     task: Task, bench: Bench, case: Reading, held: Reading, found: Found
 ) -> tuple[dict[str, Any], CompareConfig]:
-    """Plain values of one reading, and its best plant."""
+    """Values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * found.misfit)
     units = np.vstack([found.closest, found.points[found.misfits <= limit]])
     ours, printed, places = bench.measure(units, held, RUNS), task.printed, task.places
@@ -250,8 +244,8 @@ def _reading_data(
         "misfit_by_seed": found.misfits.tolist(),
         "seeds_agree": found.agree,
         "rows_searched": np.array(bench.box.names)[bench.box.free].tolist(),
-        "best_shape": judge.shape_rows(ours, printed),
-        "numbers": judge.number_rows(ours, printed, task.fitted),
-        "parameters": judge.parameter_rows(bench.box, units),
+        "best_shape": report.shape_rows(ours, printed),
+        "numbers": report.number_rows(ours, printed, task.fitted),
+        "parameters": report.parameter_rows(bench.box, units),
     }
     return data, bench.config(units[0], held)

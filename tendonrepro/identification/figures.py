@@ -1,4 +1,4 @@
-"""Figure of an identification: every number over the printed one."""
+"""Figure of an identification."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tendonrepro.results.figures.style import SERIES, Drawing
 
 
 def draw_numbers(held: Mapping[str, Any]) -> Drawing:
-    """Draw every number over the printed one, of the best plant and of the seeds that come near."""
+    """Every number over the printed one, of the best plant and of the seeds that come near."""
     numbers = held["numbers"]
     runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
     names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]

@@ -1,4 +1,4 @@
-"""How far the numbers of a plant are from the printed ones."""
+"""How far numbers of a plant are from the printed ones."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Simulated(NamedTuple):
     """What N plants give on R runs.
 
     `sizes` (N, R, 2, n): MAE and RMSE, deg, of a diverged run up to its end; `status` (N, R) indexes
-    `STATUSES`; `lasted` (N, R): share of the run that was done.
+    `STATUSES`; `lasted` (N, R): share of the run done.
     """
 
     sizes: Array
@@ -74,7 +74,7 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """Points of the unit cube to numbers, from a comparison `base`."""
+    """Points of the unit cube to numbers."""
 
     base: LoadedConfig
     box: Box
@@ -82,23 +82,23 @@ class Bench:
     simulate: Simulate
 
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
-        """The same with some rows (P,) free and the others at their nominal value."""
+        """With some rows (P,) free and the others nominal."""
         return replace(self, box=replace(self.box, free=rows))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
-        """Configuration of one point (P,) under a reading."""
+        """Of one point (P,) under a reading."""
         values = self.box.values(unit[np.newaxis])[0]
         return under(reading, configured(self.base, self.box, values), self.box.named(values))
 
     def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
-        """Simulate runs of many points (N, P), in batches."""
+        """Simulate points (N, P), in batches."""
         pieces = np.split(units, range(_PLANTS_AT_ONCE, len(units), _PLANTS_AT_ONCE))
         found = [self._measure(piece, reading, runs) for piece in pieces]
         sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return Simulated(sizes, status, lasted)
 
     def evaluated(self, units: Array, reading: Reading, runs: Sequence[str], goal: Array) -> Evaluated:
-        """Misfits of points (N, P) to printed numbers (R, 2, n), deg."""
+        """Misfits of points (N, P) to numbers (R, 2, n), deg."""
         ours = self.measure(units, reading, runs)
         return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(units), -1))
 
@@ -115,7 +115,6 @@ class Bench:
         )
 
     def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        """Loops of the runs of every point, point by point."""
         loops = []
         for unit in units:
             config = self.config(unit, reading)
@@ -125,9 +124,9 @@ class Bench:
         return loops
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        """Runs of some samples in which everything acts, for each branch of the code.
+        """Short runs in which everything acts, for each branch of the code.
 
-        Code is compiled for what acts anywhere in a batch, so a population that agrees on a row needs none.
+        Code is compiled for what acts in a batch, so uniform populations need none.
         """
         loops = self._loops(acting_units(self.box), reading, runs)
         return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
@@ -160,12 +159,12 @@ def log_misfit(ours: Simulated, printed: Array) -> Array:
 
 
 def log_residuals(ours: Simulated, printed: Array) -> Array:
-    """log(ours / printed), bounded, (N, R, 2, n); the bound where there is no number."""
+    """log(ours / printed), bounded, (N, R, 2, n); the bound without a number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(ours.sizes / printed)
     return np.asarray(np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT))
 
 
 def rounding_misfit(sizes: Array, printed: Array, half: Array) -> float:
-    """Root mean square of ours - printed, each (R, 2, n), in half units of the last digit."""
+    """Root mean square of ours - printed in half units of the last digit."""
     return float(np.sqrt(np.mean(((sizes - printed) / half) ** 2)))

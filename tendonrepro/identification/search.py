@@ -1,7 +1,4 @@
-"""Search of the box by CMA-ES and least squares; what was looked at is kept on disk.
-
-CMA-ES copes with choices and a rough misfit, and least squares go on from where it settles.
-"""
+"""Search of the box by CMA-ES, which copes with choices and a rough misfit, and least squares."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from tendonrepro.monte_carlo.evolution import evolution
 
 
 class Evaluated(NamedTuple):
-    """Misfits (N,) of N points, and residuals (N, K) of the fitted numbers."""
+    """Misfits (N,) and residuals (N, K) of the fitted numbers."""
 
     misfits: Array
     residuals: Array
@@ -76,12 +73,12 @@ class Effort:
 
     @property
     def plants(self) -> int:
-        """Points that each seed looks at."""
+        """Points of each seed."""
         return (self.generations + 1) * self.population
 
     @property
     def evaluations(self) -> int:
-        """Points looked at in all, at most; the best seed is polished."""
+        """Points at most; the best seed is polished."""
         return self.plants * (self.seeds + 1)
 
 
@@ -96,7 +93,7 @@ class Found:
 
     @property
     def agree(self) -> bool:
-        """Whether all seeds have come to the same misfit."""
+        """Whether all seeds found the same misfit."""
         return bool(self.misfits.max() <= AGREED * self.misfits.min())
 
 
@@ -105,7 +102,7 @@ class _UsedUp(Exception):
 
 
 class Plants:
-    """At most so many points (N, `width`) to look at; those on disk are not looked at again.
+    """At most so many points (N, `width`) to look at, kept on disk.
 
     However often interrupted, a search ends the same.
     """
@@ -118,7 +115,7 @@ class Plants:
         self._table = np.load(path) if path.exists() else np.empty((0, 0))
 
     def __call__(self, points: Array) -> Evaluated:
-        """Look at the next points, or find on disk what was seen there."""
+        """Look at points, or find on disk what was seen there."""
         if len(points) > self.left:
             raise _UsedUp
         asked = slice(self.count, self.count + len(points))
@@ -133,7 +130,7 @@ class Plants:
         return Evaluated(self._table[asked, self._width], self._table[asked, self._width + 1 :])
 
     def best(self, since: int = 0) -> tuple[float, Array]:
-        """Smallest misfit since so many points were looked at, and its point (P,)."""
+        """Smallest misfit since so many points, and its point (P,)."""
         seen = self._table[since : self.count]
         row = seen[np.argmin(seen[:, self._width])]
         return float(row[self._width]), row[: self._width]
@@ -151,8 +148,6 @@ def search(
         What is moved, and what of it is no choice.
     plants : callable
         Gives the points of a search by its name.
-    effort : Effort
-    seed : int
     """
     best = []
     for place, members in enumerate(starts):
@@ -192,14 +187,14 @@ def _stands(course: list[float]) -> bool:
 
 
 def _moved(start: Array, rows: Rows, values: Array) -> Array:
-    """Points (N, P) with other values (N, F) of some rows than a start (P,)."""
+    """Points (N, P): a start (P,) with other values (N, F) of some rows."""
     points = np.tile(start, (len(values), 1))
     points[:, rows] = values
     return points
 
 
 def _descend(start: Array, smooth: Rows, look: Plants) -> None:
-    """Least squares from a point over the smooth unknowns; choices stay."""
+    """Least squares over the smooth unknowns; choices stay."""
     from scipy.optimize import least_squares
 
     def at(values: Array) -> Array:
@@ -223,7 +218,7 @@ def _descend(start: Array, smooth: Rows, look: Plants) -> None:
 
 
 def rows_that_matter(box: Box, look: Plants, draws: Array) -> Rows:
-    """Rows that the fitted numbers feel at the best of some draws (N, P); all where none is felt."""
+    """Rows that the fitted numbers feel at the best of some draws (N, P), or all."""
     first = look(draws)
     best = np.argsort(first.misfits, kind="stable")[:_LOOKED_AT]
     rows = np.arange(len(box.names))
@@ -248,7 +243,7 @@ def with_switches(names: Sequence[str], chosen: Rows) -> Rows:
 
 
 def nominal_unit(box: Box) -> Array:
-    """Point of the unit cube with nominal values, (P,)."""
+    """Unit-cube point of the nominal values, (P,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(box.nominal / box.low) / np.log(box.high / box.low)
         shares = (box.nominal - box.low) / (box.high - box.low)

@@ -1,9 +1,7 @@
-"""The paper's equations as pure functions: no files, no clock, no state.
+"""The paper's equations as pure functions of arrays.
 
-Arrays of arm, drive and statics have the joint or tendon axis first; further axes are independent lanes.
-Signals over time are (T, n).
-
-What a law of your own builds on (docs/python.md) can be imported from here.
+Arrays of arm, drive and statics have the joint or tendon axis first, then independent lanes. Signals over
+time are (T, n). A law of your own (docs/python.md) builds on the names here.
 """
 
 from tendonrepro.physics.control import (

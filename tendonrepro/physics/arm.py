@@ -1,7 +1,7 @@
 """The rigid arm: ``M``, ``C`` and ``G`` of Eq. (4) for a planar serial chain under gravity.
 
-The paper leaves them open. A link's absolute angle is measured from hanging, positive clockwise as the paper
-draws it, that is upwards. In absolute angles the chain needs only constants.
+A link's absolute angle is measured from hanging, positive clockwise, that is upwards. In absolute angles the
+chain needs only constants.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Arm(NamedTuple):
     a : array (n, n)
         Inertia coupling of two links in absolute angles, kg m².
     b : array (n,)
-        Moment of weight, N m: the gravity torque of a horizontal link.
+        Gravity torque of a horizontal link, N m.
     phi_0 : array (n,)
         Absolute link angles at ``q = 0``, rad.
     """
@@ -46,13 +46,11 @@ def make_arm(
     Parameters
     ----------
     length, com
-        Link lengths and distances of the centres of mass from the proximal axis, m.
+        Link lengths and centres of mass from the proximal axis, m.
     mass, inertia
-        Link masses, kg, and inertias about the centre of mass, kg m².
-    phi_0
-        As of `Arm`.
+        Of links, kg, and about the centre of mass, kg m².
     payload_mass
-        Point mass at the tip of the last link, kg.
+        Point mass at the tip, kg.
     gravity
         m s⁻².
     """
@@ -68,16 +66,13 @@ def make_arm(
 
 
 def carried_mass(mass: Array, payload_mass: float) -> Array:
-    """Mass (n, ...) beyond the end of each link, kg, with the payload at the tip."""
+    """Mass (n, ...) beyond the end of each link, kg, payload included."""
     outer = np.cumsum(mass[::-1], axis=0)[::-1][1:]
     return np.asarray(payload_mass + np.concatenate([outer, 0.0 * mass[-1:]]))
 
 
 def weight_moment(length: Array, mass: Array, com: Array, payload_mass: float, gravity: float) -> Array:
-    """Gravity torque (n, ...) of each horizontal link with what it carries, N m: ``b`` of `Arm`.
-
-    Parameters are those of :func:`make_arm`.
-    """
+    """``b`` of `Arm` (n, ...), N m, from the link data of :func:`make_arm`."""
     return gravity * (mass * com + carried_mass(mass, payload_mass) * length)
 
 
@@ -92,7 +87,7 @@ def link_angles(q: Array, phi_0: Array) -> Array:
 
 
 def joint_angles(phi: Array, phi_0: Array) -> Array:
-    """Joint angles (n, ...) that give absolute link angles, rad: the inverse of :func:`link_angles`."""
+    """Inverse of :func:`link_angles`: joint angles (n, ...), rad."""
     q = np.empty_like(phi)
     turned = 0.0 * phi[0]
     for i in range(phi.shape[0]):
@@ -104,7 +99,7 @@ def joint_angles(phi: Array, phi_0: Array) -> Array:
 def mass_matrix(q: Array, arm: Arm) -> Array:
     """Mass matrix ``M(q)`` of Eq. (4), (n, n, ...), kg m².
 
-    ``M[i, j] = Σ_{k>=i, l>=j} a[k, l] cos(phi_k - phi_l)``: links beyond a joint move with it.
+    ``M[i, j] = Σ_{k>=i, l>=j} a[k, l] cos(phi_k - phi_l)``
     """
     phi = link_angles(q, arm.phi_0)
     n = q.shape[0]
@@ -118,7 +113,7 @@ def mass_matrix(q: Array, arm: Arm) -> Array:
 def coriolis_matrix(q: Array, dq: Array, arm: Arm) -> Array:
     """Coriolis matrix ``C(q, dq)`` of Eq. (4), (n, n, ...), N m s.
 
-    It is the Christoffel form: ``dM/dt - 2 C`` is skew-symmetric.
+    In Christoffel form: ``dM/dt - 2 C`` is skew-symmetric.
     """
     phi = link_angles(q, arm.phi_0)
     dphi = link_angles(dq, 0.0 * arm.phi_0)
@@ -132,10 +127,7 @@ def coriolis_matrix(q: Array, dq: Array, arm: Arm) -> Array:
 
 
 def gravity_torque(q: Array, arm: Arm) -> Array:
-    """Gravity torque ``G(q)`` of Eq. (4), (n, ...), N m; positive where the weight turns the joint back.
-
-    It is the gradient of :func:`potential_energy`.
-    """
+    """Gravity torque ``G(q)`` of Eq. (4), (n, ...), N m; positive where the weight turns the joint back."""
     phi = link_angles(q, arm.phi_0)
     G = np.empty_like(q)
     carried = 0.0 * q[0]
@@ -146,7 +138,7 @@ def gravity_torque(q: Array, arm: Arm) -> Array:
 
 
 def bias_torque(q: Array, dq: Array, arm: Arm) -> Array:
-    """Torque of motion and weight, ``C(q, dq) dq + G(q)``, (n, ...), N m."""
+    """``C(q, dq) dq + G(q)``, (n, ...), N m."""
     C = coriolis_matrix(q, dq, arm)
     torque = gravity_torque(q, arm)
     for i in range(q.shape[0]):
@@ -156,7 +148,7 @@ def bias_torque(q: Array, dq: Array, arm: Arm) -> Array:
 
 
 def potential_energy(q: Array, arm: Arm) -> Array:
-    """Energy of the weight, (...), J, zero with every link horizontal."""
+    """Energy of the weight, (...), J, whose gradient is ``G``; zero with every link horizontal."""
     return np.asarray(-np.tensordot(arm.b, np.cos(link_angles(q, arm.phi_0)), axes=(0, 0)))
 
 
@@ -166,7 +158,7 @@ def kinetic_energy(q: Array, dq: Array, arm: Arm) -> Array:
 
 
 def _sum_over_outer_links(A: Array) -> Array:
-    """Replace ``A[i, j]`` by the sum over all ``k >= i, l >= j``: absolute angles to joint angles."""
+    """Replace ``A[i, j]`` by its sum over ``k >= i, l >= j``."""
     n = A.shape[0]
     for i in range(n - 2, -1, -1):
         for j in range(n):

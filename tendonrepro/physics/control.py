@@ -1,9 +1,7 @@
-"""The sampled control law: one law, of which Controllers 1 to 3 and plain TDC are parameter sets.
+"""One sampled control law, of which Controllers 1 to 3 and plain TDC are parameter sets.
 
-Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). They differ in the surface that makes ``u`` (Eqs. 9, 11,
-18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15). Each ambiguity of the paper is a
-field of :class:`Law`. It runs once per sampling period on encoder values, and its memory is a value. What
-depends on measured values is chosen by ``arrays.choose``, not by a branch, for lanes.
+Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). Laws differ in the surface that makes ``u`` (Eqs. 9, 11,
+18) and in the weights of the time-delay estimate ``H_hat`` (Eqs. 8, 15).
 """
 
 from __future__ import annotations
@@ -34,9 +32,9 @@ class Surface(IntEnum):
 
 
 class Law(NamedTuple):
-    """Gains and readings of one law; arrays are (n,), one entry per moving joint.
+    """Gains and readings of one law; arrays are (n,), an entry per moving joint.
 
-    Defaults are as published, but for the odd polynomial of ``phi`` and the ``eta`` kept in Controller 2.
+    Defaults are as published, but for the odd polynomial and the ``eta`` kept in Controller 2.
 
     Attributes
     ----------
@@ -45,38 +43,37 @@ class Law(NamedTuple):
     L
         Sampling period, s.
     lag
-        Sampling periods of the delay time; 1 as the paper suggests.
+        Delay time in sampling periods; 1 as the paper suggests.
     M_bar
         kg m².
     lam, eta, b, Delta, beta
-        Gains of Eqs. (11) to (14); ``Delta`` in rad, or in degrees where ``angle_scale`` says so.
+        Gains of Eqs. (11) to (14); ``Delta`` is in rad times ``angle_scale``.
     K_d, K_p
-        Gains of Eq. (9), s⁻¹ and s⁻²; read by ``Surface.PD`` only.
+        Gains of Eq. (9), s⁻¹ and s⁻², of ``Surface.PD`` only.
     weights : array (2, n)
-        Weights of the estimates from ``t - L`` and ``t - 2L``, Eq. (15).
+        Of the estimates from ``t - L`` and ``t - 2L``, Eq. (15).
     newest
-        Newest encoder sample in the difference labelled ``t - L``: 1 as Eq. (16) prints it, 0 centred.
+        Newest sample in the difference labelled ``t - L``: 1 as Eq. (16) prints it, 0 centred.
     phi_is_odd
         Polynomial ``gamma_1 e + gamma_2 |e| e``; False is the print's ``gamma_1 e + gamma_2 e²``.
     power_inside
         Power branch of ``phi`` inside ``Delta`` too.
     power_floor
-        Error below which the slope of the power branch stops growing, in the unit of ``Delta``.
+        Error, in the unit of ``Delta``, below which the power branch's slope stops growing.
     angle_scale
-        Units of ``phi``'s argument per radian: 1, or 180/π where the gains mean degrees.
+        Units of ``phi``'s argument per radian: 1, or 180/π where gains mean degrees.
     rate_gain
         Factor of ``dphi`` in ``u``: ``eta``, or 1 where Controller 2's print drops it.
     rate_filter, ddq_filter, estimate_filter
-        Weight of the newest value in the low-pass filter of the error's rate, of Eq. (16) and of ``H_hat``;
-        1 is no filter.
+        Low-pass filters of ``de``, Eq. (16) and ``H_hat``: weight of the newest value, 1 for none.
     error_differenced
-        The rate is the difference of the error, not the desired rate less that of the encoder.
+        ``de`` is the error's difference, not ``dq_d`` less the encoder's.
     to_joint, from_joint : array (n, n)
-        From the law's torque coordinates to joint coordinates, and back.
+        Between the law's torque coordinates and joint coordinates.
     stores_applied
-        It remembers the torque that the drive put out, not the one it commanded.
+        It remembers the torque that the drive put out, not the commanded one.
     motor_side
-        Its angles are ``S q_motor`` of the motors' encoders, not those of the joints'.
+        Angles are ``S q_motor`` of motor encoders, not of joint encoders.
     """
 
     L: float
@@ -113,16 +110,16 @@ class Memory(NamedTuple):
     Attributes
     ----------
     q : array (3 lag, n)
-        Encoder values before, as far back as ``t - 3L``, rad.
+        Encoder values back to ``t - 3L``, rad.
     tau : array (2 lag, n)
-        Torques in joint coordinates as far back as ``t - 2L``, N m: those commanded, within the motors'
-        limits, or those applied (`Law.stores_applied`).
+        Torques back to ``t - 2L``, N m in joint coordinates: commanded and limited, or applied
+        (`Law.stores_applied`).
     de, q_d : array (n,)
         Rate of the error, rad s⁻¹, and desired angles, rad, one sample ago.
     ddq : array (lag, n)
         Accelerations of Eq. (16), rad s⁻².
     H_hat : array (n,)
-        Last estimate in joint coordinates, N m.
+        Last estimate, N m in joint coordinates.
     """
 
     q: Array
@@ -134,10 +131,10 @@ class Memory(NamedTuple):
 
 
 def start_memory(q: Array, tau: Array, lag: int = 1) -> Memory:
-    """Start-up rule for ``t < 4L``: every delay line is filled with one value.
+    """Start-up rule for ``t < 4L``: every delay line holds one value.
 
-    An arm that has been at rest hands over its encoder values, rad, and its holding torque, N m. The reading
-    ``cold`` hands over zero torque, as the delay blocks of a freshly started block diagram do.
+    They are the encoder values, rad, and holding torque, N m, of an arm at rest. The reading ``cold`` gives
+    zero torque.
     """
     still = np.zeros_like(q)
     return Memory(
@@ -159,10 +156,7 @@ def packed_memory(values: Array, n: int, lag: int) -> Memory:
 
 
 def remember(memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law) -> Memory:
-    """Shift the delay lines by one period; arguments are those of this sample, as in `Memory`.
-
-    Which torque ``tau`` is, the commanded or the applied, is the reading `Law.stores_applied`.
-    """
+    """Shift the delay lines by one period; arguments are this sample's, as in `Memory`."""
     return Memory(
         q=_shifted(memory.q, q),
         tau=_shifted(memory.tau, tau),
@@ -180,7 +174,7 @@ def _shifted(line: Array, newest: Array) -> Array:
 def command(
     memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
 ) -> tuple[Array, Array, Array, Array]:
-    """One sample of the law: Eqs. (8) to (18); all arrays are (n,).
+    """One sample of the law, Eqs. (8) to (18); all arrays are (n,).
 
     Parameters
     ----------
@@ -192,11 +186,11 @@ def command(
     Returns
     -------
     tau, H_hat
-        Commanded torque and estimate of the lumped dynamics in joint coordinates, N m.
+        Commanded torque and estimate of the lumped dynamics, N m in joint coordinates.
     s
         Sliding variable, rad s⁻¹.
     de
-        Rate of the error, rad s⁻¹; goes into :func:`remember`.
+        Rate of the error, rad s⁻¹, for :func:`remember`.
     """
     de = error_rate(memory, q, q_d, dq_d, law)
     H_hat = time_delay_estimate(memory, q, law)
@@ -209,9 +203,9 @@ def command(
 
 
 def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> Array:
-    """Rate of the tracking error, ``de``, (n,), low-pass filtered where the law says so, rad s⁻¹.
+    """Rate ``de`` (n,) of the tracking error, rad s⁻¹, filtered as the law says.
 
-    The measured part is the backward difference of the encoder; the paper names neither it nor a filter.
+    The encoder's part is a backward difference; the paper names none.
     """
     de = np.empty_like(q)
     for i in range(q.shape[0]):
@@ -222,10 +216,7 @@ def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> A
 
 
 def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
-    """``H_hat`` (n,) by Eq. (15) with the differences of Eq. (16), N m in the law's torque coordinates.
-
-    With weights (1, 0) it is Eq. (8).
-    """
+    """``H_hat`` (n,) by Eqs. (15) and (16), or (8), N m in the law's torque coordinates."""
     newest = delayed_acceleration(memory, q, law)
     H_hat = np.zeros_like(q)
     for back in range(2):
@@ -240,10 +231,9 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
 
 
 def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
-    """``ddq(t - L)`` of Eq. (16), (n,), low-pass filtered where the law says so, rad s⁻².
+    """``ddq(t - L)`` of Eq. (16), (n,), rad s⁻², filtered as the law says.
 
-    ``ddq(t - 2L)`` is what this was one delay time ago. Only the centred reading uses ``q``, the angles of
-    now.
+    ``ddq(t - 2L)`` is what this was one delay time ago. Only the centred reading uses ``q``.
     """
     L, lag = law.lag * law.L, law.lag
     first = memory.q[lag - 1] if law.newest else q
@@ -254,10 +244,9 @@ def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
 
 
 def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
-    """Sliding variable ``s`` and feedback ``u - ddq_d`` of joint i, from 0, rad s⁻¹ and rad s⁻².
+    """Sliding variable ``s``, rad s⁻¹, and feedback ``u - ddq_d``, rad s⁻², of joint i, from 0.
 
-    NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``. ``e``
-    is the tracking error, rad, ``de`` its rate.
+    NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``.
     """
     if law.surface == Surface.NTSM:
         s = de + law.eta[i] * phi(e, law, i)
@@ -272,8 +261,8 @@ def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
 def phi(e: Any, law: Law, i: int) -> Any:
     """``phi(e)`` of Eq. (12) for joint i, rad^b; ``eta`` carries the unit that makes it a velocity.
 
-    The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero. That
-    is an equality of measured numbers, so the polynomial runs there.
+    The print takes the power branch inside ``Delta`` only while ``de + eta sig(e)^b`` is exactly zero, which
+    measured numbers never are.
     """
     x = e * law.angle_scale
     value = sig(x, law.b[i])
@@ -287,7 +276,7 @@ def phi(e: Any, law: Law, i: int) -> Any:
 def phi_slope(e: Any, law: Law, i: int) -> Any:
     """Slope of :func:`phi`, so that ``dphi/dt = phi_slope de``; the paper never prints it.
 
-    The power branch's slope grows without bound at zero; it is held at its value at ``power_floor``.
+    The power branch's slope is unbounded at zero; below ``power_floor`` it is held.
     """
     x = e * law.angle_scale
     slope = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
@@ -313,7 +302,7 @@ def estimator_weights(alpha: Array, reading: str = "interpolating") -> Array:
     """Weights (2, n) of Eq. (15) from alpha (n,): ``(1 - alpha, alpha)`` as printed.
 
     The reading ``extrapolating`` is ``(1 + alpha, -alpha)``, ``swapped`` is ``(alpha, 1 - alpha)``. But for
-    ``swapped`` zero is plain time-delay estimation, Eq. (8).
+    ``swapped``, zero is Eq. (8).
     """
     older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
     return np.stack([1.0 - older, older])
@@ -322,15 +311,13 @@ def estimator_weights(alpha: Array, reading: str = "interpolating") -> Array:
 class Servo(NamedTuple):
     """Gains of one position loop per winch, for the decoupling experiment.
 
-    The paper does not say how its motors were positioned there; a stiff loop on each motor's own encoder is
-    assumed. Claim K3 does not depend on its gains: calculated joint angles start from motor angles reached.
+    A stiff loop is assumed; the paper names none. Claim K3 does not depend on it: calculated joint angles
+    start from motor angles reached.
 
     Attributes
     ----------
     stiffness, damping : array (n,)
-        N m rad⁻¹ and N m s rad⁻¹ at the winch.
-    S_inv : array (n, n)
-        Coupling of Eq. (2), by which alone the loops know the joints.
+        At the winch, N m rad⁻¹ and N m s rad⁻¹.
     L : float
         Sampling period, s.
     """
@@ -342,10 +329,10 @@ class Servo(NamedTuple):
 
 
 def servo_torque(q_motor: Array, q_motor_before: Array, q_d: Array, dq_d: Array, servo: Servo) -> Array:
-    """Torque (n,) beyond the one that held the arm at the start, in joint coordinates, N m.
+    """Torque (n,) beyond the one that held the arm at the start, N m in joint coordinates.
 
-    ``q_motor`` and ``q_motor_before`` (n,) are motor encoder values now and one sample ago, rad at the winch,
-    ``q_d`` and ``dq_d`` (n,) the desired motion of the joints, rad and rad s⁻¹.
+    Motor encoder values (n,) are in rad at the winch. ``q_d`` and ``dq_d`` (n,) are of joints, rad and rad
+    s⁻¹.
     """
     rate = (q_motor - q_motor_before) / servo.L
     error, de = times(servo.S_inv, q_d) - q_motor, times(servo.S_inv, dq_d) - rate

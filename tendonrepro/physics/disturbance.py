@@ -1,7 +1,4 @@
-"""The disturbance torque ``tau_d(t)`` of Eq. (4): a step, a sine, or band-limited noise.
-
-All three are a step plus a sum of sines, which an adaptive integrator can follow.
-"""
+"""The disturbance torque ``tau_d(t)`` of Eq. (4): a step plus sines, which an integrator can follow."""
 
 from __future__ import annotations
 
@@ -20,11 +17,11 @@ class Disturbance(NamedTuple):
     step : array (n,)
         N m.
     start : float
-        Time of the step, s.
+        Of the step, s.
     amplitude, phase : array (n, m)
         Of the sines, N m and rad.
     omega : array (m,)
-        Their angular frequencies, rad s⁻¹.
+        Angular frequencies, rad s⁻¹.
     """
 
     step: Array
@@ -40,23 +37,22 @@ def no_disturbance(n: int) -> Disturbance:
 
 
 def step_disturbance(torque: Array, start: float) -> Disturbance:
-    """Constant torque (n,), N m, from a start time, s, on."""
+    """Constant torque (n,), N m, from a time, s, on."""
     n = torque.size
     return Disturbance(np.array(torque), start, np.zeros((n, 0)), np.zeros((n, 0)), np.zeros(0))
 
 
 def sine_disturbance(torque: Array, frequency: float) -> Disturbance:
-    """Sine with an amplitude (n,), N m, and a frequency, Hz; zero at the start."""
+    """Sine of amplitude (n,), N m, and frequency, Hz; zero at the start."""
     n = torque.size
     omega = np.array([2.0 * np.pi * frequency])
     return Disturbance(np.zeros(n), 0.0, torque[:, np.newaxis].copy(), np.zeros((n, 1)), omega)
 
 
 def noise_disturbance(torque: Array, band: Array, components: int, rng: np.random.Generator) -> Disturbance:
-    """Band-limited noise of RMS ``torque`` (n,), N m, independent from joint to joint.
+    """Band-limited noise of RMS ``torque`` (n,), N m, independent between joints.
 
-    It sums ``components`` sines, whose frequencies, within ``band`` (2,), Hz, and phases are drawn from
-    ``rng``.
+    It sums sines with frequencies within ``band`` (2,), Hz, and phases from ``rng``.
     """
     n = torque.size
     omega = 2.0 * np.pi * rng.uniform(band[0], band[1], components)

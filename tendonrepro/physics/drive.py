@@ -1,8 +1,7 @@
 """Winches and tendons: the motor side of the flexible joint, Eqs. (3) and (5).
 
-In winch coordinates, ``q_motor = S_inv theta``, everything is diagonal: one inertia, one friction law and one
-tendon per winch. In joint coordinates the same sums are the paper's ``I``, ``D_m``, ``K_s``, ``D_s``
-(`tendonrepro.physics.kinematics.to_joint_matrix`). A winch feels ``Sᵀ`` of a joint torque.
+In winch coordinates, ``q_motor = S_inv theta``, everything is diagonal. In joint coordinates the same sums
+are the paper's ``I``, ``D_m``, ``K_s``, ``D_s``.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ class Drive(NamedTuple):
     Attributes
     ----------
     S, S_inv : array (n, n)
-        Coupling matrix and its inverse, Eq. (2).
+        Eq. (2).
     inertia
         Rotor, reducer and drum at the winch, kg m².
     stiffness, damping
@@ -30,7 +29,7 @@ class Drive(NamedTuple):
     slack
         Half the assembly clearance, as a winch angle, rad.
     one_way
-        1 where a tendon only pulls and goes slack where it would push, 0 where it does both, as in Eq. (5).
+        1 where a tendon goes slack instead of pushing, 0 where it pushes, as in Eq. (5).
     friction : Friction
         At the winch; its viscous part is ``D_m``.
     pulley_loss
@@ -40,7 +39,7 @@ class Drive(NamedTuple):
     wobble
         Amplitude of the reducer's transmission error at the winch, rad.
     wobble_rate
-        Periods of that error per radian of the winch, times 2π.
+        Its periods per radian of the winch, times 2π.
     """
 
     S: Array
@@ -58,7 +57,7 @@ class Drive(NamedTuple):
 
 
 def to_winch_angle(angle: Array, drive: Drive) -> Array:
-    """Winch angles that belong to joint angles, ``S_inv angle``, rad; also for velocities."""
+    """Winch angles ``S_inv angle``, rad; also for velocities."""
     return times(drive.S_inv, angle)
 
 
@@ -68,14 +67,14 @@ def to_winch_torque(torque: Array, drive: Drive) -> Array:
 
 
 def to_joint_torque(torque: Array, drive: Drive) -> Array:
-    """Joint torques that winch torques produce, ``S_invᵀ torque``, N m."""
+    """Joint torques of winch torques, ``S_invᵀ torque``, N m."""
     return times(np.swapaxes(drive.S_inv, 0, 1), torque)
 
 
 def lever(theta: Array, drive: Drive) -> Array:
-    """Turns (n, ...) of a winch per turn of its motor's angle, one but for the transmission error.
+    """Turns (n, ...) of a winch per turn of its motor, one but for the transmission error.
 
-    By virtual work it is also the motor's share of a tendon's torque. ``theta`` is in joint coordinates, rad.
+    By virtual work also the motor's share of a tendon's torque. ``theta``, rad, is in joint coordinates.
     """
     motor = to_winch_angle(theta, drive)
     turns = np.empty_like(theta)
@@ -86,7 +85,7 @@ def lever(theta: Array, drive: Drive) -> Array:
 
 
 def pulled(torque: Array, drive: Drive) -> Array:
-    """Tendon torque (n, ...), N m, positive where a tendon pulls, without what it would have to push."""
+    """Tendon torque (n, ...), N m, positive in a pull, without what it would have to push."""
     kept = np.empty_like(torque)
     for i in range(torque.shape[0]):
         kept[i] = choose(drive.one_way[i] * torque[i] < 0.0, 0.0, torque[i])
@@ -96,9 +95,8 @@ def pulled(torque: Array, drive: Drive) -> Array:
 def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive) -> Array:
     """Torque ``Sᵀ tau_s`` (n, ...) of every tendon at its winch, N m, positive where it pulls; Eq. (5).
 
-    A clearance is a dead zone of the elastic part. The damping acts throughout: it stands for everything that
-    dissipates along the tendon's path. A transmission error turns the winch a little ahead of or behind its
-    motor. ``theta`` (n, ...) are motor angles in joint coordinates, rad.
+    A clearance is a dead zone of the elastic part. Damping always acts: it stands for all losses along the
+    path. ``theta`` (n, ...), rad, is in joint coordinates.
     """
     stretch = to_winch_angle(theta - q, drive)
     motor, motor_rate = to_winch_angle(theta, drive), to_winch_angle(dtheta, drive)
@@ -114,10 +112,10 @@ def tendon_torque(q: Array, dq: Array, theta: Array, dtheta: Array, drive: Drive
 
 
 def winch_friction(winch_rate: Array, tendon: Array, motor: Array, drive: Drive) -> Array:
-    """Friction torque (n, ...) at the winches, N m: own bearings, guide pulleys and reducer.
+    """Friction torque (n, ...) at the winches, N m: bearings, guide pulleys and reducer.
 
-    Pulleys and reducer lose a share of what they transmit, in the direction of the motion. ``winch_rate`` is
-    in rad s⁻¹; ``tendon`` and ``motor`` are their torques at the winch, N m.
+    The last two lose a share of what they transmit, signed as the motion. ``winch_rate`` is in rad s⁻¹;
+    ``tendon`` and ``motor`` are torques at the winch, N m.
     """
     torque = friction_torque(winch_rate, drive.friction)
     for i in range(winch_rate.shape[0]):
@@ -130,7 +128,7 @@ def winch_friction(winch_rate: Array, tendon: Array, motor: Array, drive: Drive)
 def motor_acceleration(theta: Array, dtheta: Array, tendon: Array, tau_m: Array, drive: Drive) -> Array:
     """Motor acceleration (n, ...) in joint coordinates, rad s⁻²; Eq. (3) solved for ``ddtheta``.
 
-    ``tendon`` is the torque at the winch, ``tau_m`` that of the motors in joint coordinates, N m.
+    ``tendon`` is at the winch, ``tau_m`` in joint coordinates, N m.
     """
     motor = to_winch_torque(tau_m, drive)
     load = lever(theta, drive) * tendon + winch_friction(to_winch_angle(dtheta, drive), tendon, motor, drive)
@@ -141,10 +139,10 @@ def motor_acceleration(theta: Array, dtheta: Array, tendon: Array, tau_m: Array,
 
 
 def theta_at_rest(q: Array, tau_s: Array, drive: Drive) -> Array:
-    """Motor angles (n,) at which resting tendons carry a joint torque (n,), N m; rad in joint coordinates.
+    """Motor angles (n,), rad in joint coordinates, at which resting tendons carry a joint torque (n,), N m.
 
     There ``tendon_torque(q, 0, theta, 0) = Sᵀ tau_s``. A tendon without load rests in the middle of its
-    clearance, and so does one that would have to push and cannot.
+    clearance.
     """
     load = pulled(to_winch_torque(tau_s, drive), drive)
     stretch = load / drive.stiffness + drive.slack * np.sign(load)

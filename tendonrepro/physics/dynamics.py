@@ -28,12 +28,10 @@ class Plant(NamedTuple):
 
     Attributes
     ----------
-    arm, drive, disturbance
-        Parts of it.
     link_friction
         ``F(dq)`` of Eq. (4).
     preload : array (n,)
-        Joint torque of the constant-force tendon 4, N m, positive clockwise; zero without tensioner.
+        Joint torque of the constant-force tendon 4, N m, positive clockwise.
     """
 
     arm: Arm
@@ -55,8 +53,8 @@ def link_acceleration(t: float | Array, q: Array, dq: Array, tau_s: Array, plant
 def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Array:
     """Time derivative (4 n, ...) of the state at time t, s; Eqs. (3) to (5).
 
-    The state stacks ``q``, ``dq``, ``theta``, ``dtheta``; rad and rad s⁻¹. ``tau_m`` (n, ...) is the motor
-    torque in joint coordinates, N m.
+    The state stacks ``q``, ``dq``, ``theta``, ``dtheta``, rad and rad s⁻¹. ``tau_m`` is in joint coordinates,
+    N m.
     """
     n = state.shape[0] // 4
     q, dq, theta, dtheta = state[:n], state[n : 2 * n], state[2 * n : 3 * n], state[3 * n :]
@@ -70,7 +68,7 @@ def state_derivative(t: float, state: Array, tau_m: Array, plant: Plant) -> Arra
 
 
 def load_at_rest(q: Array, plant: Plant) -> Array:
-    """Torque (n, ...) of the tendons while the arm rests, N m: the weight less the tensioner's pull."""
+    """Torque (n, ...) of the tendons at rest, N m: the weight less the tensioner's pull."""
     torque = gravity_torque(q, plant.arm)
     for i in range(q.shape[0]):
         torque[i] -= plant.preload[i]
@@ -80,8 +78,7 @@ def load_at_rest(q: Array, plant: Plant) -> Array:
 def holding_torque(q: Array, plant: Plant) -> Array:
     """Motor torque (n,) that holds the arm at rest, N m in joint coordinates.
 
-    It is the load at rest. A transmission error changes the motors' share of it, and a tendon that would have
-    to push and cannot has none.
+    A transmission error changes the motors' share of the load, and a tendon that would have to push has none.
     """
     load, drive = load_at_rest(q, plant), plant.drive
     ahead = lever(theta_at_rest(q, load, drive), drive) - 1.0
@@ -97,15 +94,12 @@ def rest_state(q: Array, plant: Plant) -> Array:
 
 
 def both_ways(plant: Plant) -> Plant:
-    """Return the plant with tendons that never go slack."""
+    """The plant with tendons that never go slack."""
     return plant._replace(drive=plant.drive._replace(one_way=np.zeros_like(plant.drive.one_way)))
 
 
 def frictionless(plant: Plant) -> Plant:
-    """Return the plant without link friction and without dry friction at the winches.
-
-    ``D_m`` stays: in Eq. (3) it is not part of ``F``.
-    """
+    """The plant without link friction and dry winch friction; ``D_m`` of Eq. (3) stays."""
     none = plant.link_friction._replace(viscous=np.zeros_like(plant.link_friction.viscous))
     drive = plant.drive._replace(
         friction=without_dry_friction(plant.drive.friction),

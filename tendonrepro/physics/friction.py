@@ -1,6 +1,6 @@
 """Friction of joints and winches: a smooth Coulomb law with an optional Stribeck rise.
 
-The paper names ``F(q, dq)`` in Eq. (4) and says no more.
+The paper only names ``F(q, dq)`` in Eq. (4).
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from tendonrepro.arrays import Array
 
 
 class Friction(NamedTuple):
-    """Parameters of one friction law per joint or winch, each an array (n,).
+    """One friction law per joint or winch; arrays (n,).
 
     Attributes
     ----------
     viscous
-        Torque per velocity, N m s.
+        N m s.
     coulomb
         Torque at speed, N m.
     static_ratio
-        Torque near standstill over ``coulomb``; 1 switches the Stribeck rise off.
+        Torque near standstill over ``coulomb``; 1 is no Stribeck rise.
     stribeck_velocity
-        Velocity over which that rise dies out, rad s⁻¹.
+        At which that rise dies out, rad s⁻¹.
     smoothing_velocity
-        Velocity over which the sign of the motion is smoothed, rad s⁻¹.
+        Over which the sign is smoothed, rad s⁻¹.
     """
 
     viscous: Array
@@ -37,7 +37,7 @@ class Friction(NamedTuple):
 
 
 def friction_torque(velocity: Array, friction: Friction) -> Array:
-    """Friction torque (n, ...) that opposes a velocity (n, ...), rad s⁻¹, at joints or winches, N m.
+    """Friction torque (n, ...), N m, that opposes a velocity (n, ...), rad s⁻¹.
 
     ``viscous v + coulomb [1 + (static_ratio - 1) exp(-(v/v_s)²)] tanh(v/v_c)``
     """
@@ -51,5 +51,5 @@ def friction_torque(velocity: Array, friction: Friction) -> Array:
 
 
 def without_dry_friction(friction: Friction) -> Friction:
-    """Return the law with its Coulomb part, and so its Stribeck rise, switched off."""
+    """The law without Coulomb part, and so without Stribeck rise."""
     return friction._replace(coulomb=np.zeros_like(friction.coulomb))

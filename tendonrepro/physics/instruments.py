@@ -1,4 +1,4 @@
-"""Between the law and the plant: incremental encoders, and what drives and motors make of a command."""
+"""Between law and plant: incremental encoders, and what drives and motors make of a command."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Encoder(NamedTuple):
     Attributes
     ----------
     resolution
-        Angle of one count, rad; 0 is an ideal encoder.
+        Of one count, rad; 0 is ideal.
     noise
-        RMS angle noise before counting, rad.
+        RMS before counting, rad.
     """
 
     resolution: float
@@ -26,9 +26,9 @@ class Encoder(NamedTuple):
 
 
 def quantise(value: Any, step: Any) -> Any:
-    """Round to whole steps of the same unit, halves upwards.
+    """Round to whole steps, halves upwards; a step of exactly 0 changes nothing.
 
-    A step of exactly 0 leaves the value as it is. On lanes each experiment has its own step.
+    On lanes each experiment has its own step.
     """
     if isinstance(step, float) and step == 0.0:
         return value
@@ -37,7 +37,7 @@ def quantise(value: Any, step: Any) -> Any:
 
 
 def noise_sequence(rms: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
-    """White Gaussian noise for a whole run, of the shape samples, axes."""
+    """White Gaussian noise for a whole run, (samples, axes)."""
     return rms * rng.standard_normal(shape)
 
 
@@ -47,11 +47,11 @@ class Actuator(NamedTuple):
     Attributes
     ----------
     limit : array (n,)
-        Largest torque, N m.
+        N m.
     resolution
-        Torque step of the drive's input, N m; 0 is none.
+        Step of the drive's input, N m; 0 is none.
     noise
-        RMS torque noise on the drive's output, N m.
+        RMS noise of its output, N m.
     delay
         Whole samples between command and output.
     """
@@ -63,10 +63,9 @@ class Actuator(NamedTuple):
 
 
 def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
-    """Torque (n,) after the drive's resolution and the motors' saturation, in joint coordinates, N m.
+    """Torque (n,) after the drive's resolution and the motors' saturation, N m in joint coordinates.
 
-    ``command`` (n,) is in joint coordinates too. Only what the actuator changes is mapped back, so one that
-    changes nothing returns the command to the last bit.
+    An actuator that changes nothing returns the command to the last bit.
     """
     winch = times(S.T, command)
     change = np.empty_like(command)

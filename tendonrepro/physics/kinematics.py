@@ -1,7 +1,6 @@
 """Coupling between winches and joints: Eqs. (1) and (2).
 
-Every tendon passes the joints before its own over guide pulleys, so a joint's motion winds the tendons of
-all later joints. Only here does that coupling enter the model.
+A tendon passes the joints before its own over guide pulleys, so their motion winds it.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from tendonrepro.arrays import Array
 
 
 def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array) -> Array:
-    """Map ``S_inv`` (n, n) from joint angles to winch angles, ``q_motor = S_inv q``, lower triangular.
+    """Map ``S_inv`` (n, n) from joint to winch angles, ``q_motor = S_inv q``, lower triangular.
 
     Eq. (2): the diagonal is ``c[n,n] D[n,n] / D[n]``, below it stands ``-c[i,n] D[i,n] / D[n]``. Of the
     matrices only ``p <= q`` is read.
@@ -20,16 +19,15 @@ def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array)
     Parameters
     ----------
     winch_diameter : array (n,)
-        ``D[n]``, diameter of the winch of motor n, m.
+        ``D[n]``, m.
     pulley_diameter : array (n, n)
-        ``D[p, q]``, diameter of the pulley at joint p that guides tendon q, m; the diagonal holds the joint
-        winches.
+        ``D[p, q]``, m: pulley at joint p that guides tendon q, on the diagonal the joint winch.
     sign : array (n, n)
         ``c[p, q]``: +1 if joint p, turning clockwise, makes tendon q drive joint q clockwise too.
 
     Examples
     --------
-    Table 1 of the paper, with the signs of its section 3.3:
+    Table 1, with the signs of section 3.3:
 
     >>> D = np.array([37.0, 37.0, 37.0])
     >>> D_pq = np.array([[77.0, 35.0, 35.0], [0.0, 77.0, 35.0], [0.0, 0.0, 37.0]])
@@ -44,10 +42,7 @@ def coupling_inverse(winch_diameter: Array, pulley_diameter: Array, sign: Array)
 
 
 def coupling_matrix(S_inv: Array) -> Array:
-    """Map ``S`` (n, n) from winch angles to joint angles, ``q = S q_motor``, by forward substitution.
-
-    ``S_inv`` (n, n), of :func:`coupling_inverse`, needs a diagonal free of zeros.
-    """
+    """Map ``S`` (n, n) from winch to joint angles, ``q = S q_motor``, by forward substitution."""
     S = np.zeros_like(S_inv)
     for row in range(S_inv.shape[0]):
         S[row, row] = 1.0 / S_inv[row, row]
@@ -56,9 +51,8 @@ def coupling_matrix(S_inv: Array) -> Array:
 
 
 def to_joint_matrix(winch_values: Array, S_inv: Array) -> Array:
-    """Refer one value per winch (n,) to the joints: ``S_invᵀ diag(w) S_inv``, symmetric (n, n), same unit.
+    """Refer values of the winches (n,) to the joints: ``S_invᵀ diag(w) S_inv``, symmetric (n, n), same unit.
 
-    So inertia, damping and stiffness become ``I``, ``D_m``, ``D_s`` and ``K_s``: the energy ``½ Σ w_n
-    q_motor_n²`` is the same in all coordinates.
+    So inertia, damping and stiffness become ``I``, ``D_m``, ``D_s``, ``K_s`` at the same energy.
     """
     return S_inv.T @ np.diag(winch_values) @ S_inv

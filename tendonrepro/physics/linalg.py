@@ -1,4 +1,4 @@
-"""Products and solutions of small systems, written so that they compile and run on lanes alike."""
+"""Products and solutions of small systems that compile and run on lanes alike."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tendonrepro.arrays import Array
 
 
 def times(A: Array, x: Array) -> Array:
-    """Matrix (n, n) times vector (n, ...), joint axis first, lanes after."""
+    """Matrix (n, n) times vector (n, ...)."""
     product = np.zeros_like(x)
     for i in range(x.shape[0]):
         for j in range(x.shape[0]):
@@ -19,7 +19,7 @@ def times(A: Array, x: Array) -> Array:
 def solve_positive_definite(A: Array, b: Array) -> Array:
     """Solve ``A x = b`` for symmetric and positive definite ``A`` (n, n, ...) and ``b`` (n, ...).
 
-    It takes ``A = L D Lᵀ``, without square roots or a library call, so that lanes stay lanes.
+    By ``A = L D Lᵀ``, without square roots or a library call.
     """
     n = b.shape[0]
     # Below the diagonal L D, on it D.

@@ -1,7 +1,6 @@
 """The sampled loop near a posture: linear, exactly discretised, delay lines and hold included.
 
-Friction is left out: near standstill it only adds damping of unknown size. One matrix takes the loop from
-sample to sample, and its eigenvalues say whether it rings.
+Friction is left out: near standstill it only adds damping of unknown size.
 """
 
 from __future__ import annotations
@@ -34,8 +33,8 @@ DEADEST = 1e-12
 def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
     """Frictionless plant at rest at ``q`` (n,), linear: ``dx/dt = A x + B tau_m``, A (4 n, 4 n), B (4 n, n).
 
-    The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``, under the matrices of Eqs. (3) and
-    (5). A clearance or transmission error does not enter.
+    The state is the deviation of ``q``, ``dq``, ``theta``, ``dtheta``. Clearance and transmission error do
+    not enter.
     """
     n, drive = q.size, plant.drive
     I, D_m = to_joint_matrix(drive.inertia, drive.S_inv), to_joint_matrix(drive.friction.viscous, drive.S_inv)
@@ -56,14 +55,14 @@ def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
 
 
 def gravity_stiffness(q: Array, plant: Plant) -> Array:
-    """Derivative of ``G(q)``, N m rad⁻¹, (n, n), by a complex step: exact to rounding."""
+    """Derivative (n, n) of ``G(q)``, N m rad⁻¹, by a complex step: exact to rounding."""
     step = 1e-30
     shifted = q[:, np.newaxis] + 1j * step * np.eye(q.size)
     return np.asarray(gravity_torque(shifted, plant.arm).imag / step)
 
 
 def hold_discretised(A: Array, B: Array, L: float) -> tuple[Array, Array]:
-    """Exact step over a period of L seconds, the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``."""
+    """Exact step over L seconds, the input held: ``x(t + L) = Phi x(t) + Gamma tau_m``."""
     # As heavy as all else that a command imports before its runs begin.
     from scipy.linalg import expm
 
@@ -85,10 +84,10 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
 
 
 def law_matrices(law: Law, delay: int = 0) -> tuple[Array, Array]:
-    """Part of the loop that no plant enters: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
+    """Part of the loop without plant: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
-    The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques on their way to
-    the motors (delay n). The law's functions are linear in it, so they are applied to all unit vectors.
+    The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques under way (delay
+    n).
     """
     n = law.M_bar.size
     end = (4 + 6 * law.lag + 3) * n
@@ -105,7 +104,7 @@ def law_matrices(law: Law, delay: int = 0) -> tuple[Array, Array]:
 
 
 def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
-    """Join sampled plants, of `hold_discretised`, and laws, of `law_matrices`; leading axes broadcast."""
+    """Join sampled plants and laws, of `hold_discretised` and `law_matrices`; leading axes broadcast."""
     motion = Gamma @ output
     motion[..., : Phi.shape[-1]] += Phi
     lead = np.broadcast_shapes(motion.shape[:-2], memory.shape[:-2])
@@ -116,8 +115,8 @@ def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
 def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, Array, Array]:
     """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
 
-    ``v = tau_m`` closes it. The law remembers its own torque, whatever the plant feels, as with a wrong
-    torque constant.
+    ``v = tau_m`` closes it. The law remembers ``C z`` whatever the plant feels, as with a wrong torque
+    constant.
     """
     n = q.size
     output, memory = law_matrices(law, delay)
@@ -128,7 +127,7 @@ def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, 
 
 
 def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
-    """Matrix (m, m) that takes the closed loop at posture ``q``, rad, from one sample to the next."""
+    """Matrix (m, m) of the closed loop from one sample to the next, at posture ``q``, rad."""
     A, B, C = open_loop(q, plant, law, delay)
     return A + B @ C
 
@@ -139,7 +138,7 @@ def spectral_radius(matrices: Array) -> Array:
 
 
 def without_unread(matrices: Array) -> Array:
-    """Matrices (..., m, m) without states that nothing reads, whose eigenvalue is zero."""
+    """Matrices (..., m, m) without states that nothing reads; their eigenvalue is zero."""
     read = (matrices != 0.0).any(axis=tuple(range(matrices.ndim - 1)))
     return matrices if read.all() else without_unread(matrices[..., read, :][..., read])
 
@@ -153,7 +152,7 @@ def decay_rate(postures: Sequence[Array], plant: Plant, law: Law, delay: int = 0
 def modes(matrix: Array, L: float) -> Complex:
     """Eigenvalues as rates, ``log(z) / L``, slowest decay first, without modes that die within a sample.
 
-    Real part: growth, s⁻¹. Imaginary part: ``2 pi`` times the frequency, rad s⁻¹, from 0 to Nyquist's.
+    Real part: growth, s⁻¹. Imaginary part: angular frequency, rad s⁻¹, from 0 to Nyquist's.
     """
     z = np.linalg.eigvals(without_unread(matrix)).astype(np.complex128)
     z = z[(np.abs(z) > DEADEST) & (z.imag >= 0.0)]
@@ -161,7 +160,7 @@ def modes(matrix: Array, L: float) -> Complex:
 
 
 def slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
-    """Growth, s⁻¹, and frequency, Hz, of the mode that decays the least; NaN if no mode is that fast."""
+    """Growth, s⁻¹, and frequency, Hz, of the mode that decays least; NaN if no mode is that fast."""
     every = np.concatenate(found)
     hertz = every.imag / (2.0 * np.pi)
     every, hertz = every[hertz >= above], hertz[hertz >= above]
@@ -172,6 +171,6 @@ def slowest(found: Sequence[Complex], above: float) -> tuple[float, float]:
 
 
 def stroke(q_d: Array) -> Array:
-    """Start of a motion, its farthest sample, and the posture halfway between, rad, (3, n), in order."""
+    """Start of a motion, the posture halfway, and its farthest sample, rad, (3, n)."""
     far = q_d[np.abs(q_d - q_d[0]).sum(axis=1).argmax()]
     return np.stack([q_d[0], 0.5 * (q_d[0] + far), far])

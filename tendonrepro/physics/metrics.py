@@ -1,4 +1,4 @@
-"""Sizes of a tracking error, the time windows they are taken over, and the status of a run."""
+"""Sizes of a tracking error, time windows, and the status of a run."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ STATUSES = ("ok", "ringing", "diverged", "unresolved")
 
 
 def start_level(time: Array, x: Array) -> Array:
-    """Level (...) at which a record (T, ...) starts: the median of its first tenth of a second.
+    """Level (...) at which a record (T, ...) starts: the median of its first 0.1 s.
 
-    One sample may be spoilt, and nothing moves far in so short a time.
+    One sample may be spoilt.
     """
     return np.asarray(np.median(x[time <= time[0] + 0.1], axis=0))
 
 
 def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Mean over the first axis of the finite samples inside; NaN where there is none."""
+    """Mean of the finite samples inside, over the first axis; NaN without any."""
     kept = inside & np.isfinite(values)
     count = kept.sum(axis=0)
     total = np.where(kept, values, 0.0).sum(axis=0)
@@ -32,17 +32,17 @@ def mean(values: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
 
 
 def mae(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Mean absolute error of each joint, Tables 2 and 3; see `mean`."""
+    """Mean absolute error of each joint, Tables 2 and 3."""
     return mean(np.abs(e), inside)
 
 
 def rmse(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Root of the mean square error of each joint, Tables 2 and 3; see `mean`."""
+    """Root of the mean square error of each joint, Tables 2 and 3."""
     return np.sqrt(mean(np.square(e), inside))
 
 
 def max_abs(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
-    """Largest magnitude of each joint's finite samples; see `mean`."""
+    """Largest magnitude of each joint's finite samples."""
     sizes = np.where(inside & np.isfinite(e), np.abs(e), -np.inf).max(axis=0, initial=-np.inf)
     return np.where(np.isfinite(sizes), sizes, np.nan)
 
@@ -50,10 +50,9 @@ def max_abs(e: Array, inside: NDArray[np.bool_] | bool = True) -> Array:
 def windows(time: Array, period: float) -> dict[str, slice]:
     """Stretches of a run to take a metric over: ``whole``, ``after_first_period``, ``period_1``, ...
 
-    Period k holds the samples with (k-1)P <= t - t0 < kP, to half a sampling step, and is listed when the run
-    covers all of it. One sample past the last whole period, as a run that records both ends has, belongs to
-    that period. ``after_first_period`` is everything from t0 + P on, whole or not. Windows without samples
-    are left out. A reference without period, 0 s, leaves ``whole`` alone.
+    Period k holds the samples with (k-1)P <= t - t0 < kP, to half a sampling step, if the run covers it. One
+    sample past the last whole period belongs to it. ``after_first_period`` is all from t0 + P on. Empty
+    windows are left out; a period of 0 s leaves ``whole`` alone.
     """
     count = len(time)
     found = {"whole": slice(0, count)}
@@ -73,10 +72,10 @@ def windows(time: Array, period: float) -> dict[str, slice]:
 
 
 def periodogram(x: Array, step: float) -> tuple[Array, Array]:
-    """One-sided periodogram of a signal (T, n) without a window: lines, Hz, and their mean squares.
+    """One-sided periodogram of a signal (T, n) without a window, constant part included.
 
-    The shapes are (T // 2 + 1,) and (T // 2 + 1, n), constant part included. The sum is the mean square of
-    ``x`` (Parseval). ``step`` is the sampling period, s.
+    Lines (T // 2 + 1,), Hz, and mean squares (T // 2 + 1, n), whose sum is that of ``x`` (Parseval). ``step``
+    is in s.
     """
     count = len(x)
     power = np.square(np.abs(np.fft.rfft(x, axis=0) / count))
@@ -90,10 +89,9 @@ def status_of(
 ) -> tuple[Status, float]:
     """Judge a run by its tracking error ``e`` (T, n), rad, over evenly spaced ``time`` (T,), s.
 
-    ``diverged``: a sample is not finite, or beyond `divergence_limit`, rad, on a joint. ``ringing``: bounded,
-    but on a joint more than `ringing_share` of the error's mean square, constant part included, lies above
-    `ringing_frequency`, Hz; a spectral line exactly there counts as below. ``ok``: neither. The time returned
-    is that of the first sample out of bounds, else of the last.
+    ``diverged``: a sample is not finite, or beyond `divergence_limit`, rad. ``ringing``: on a joint more than
+    `ringing_share` of the mean square, constant part included, lies above `ringing_frequency`, Hz. ``ok``:
+    neither. The time returned is of the first sample out of bounds, else of the last.
     """
     # "not <=" rather than ">", so that NaN is out of bounds too.
     out = ~(np.abs(e) <= divergence_limit).all(axis=1)
@@ -110,10 +108,9 @@ def status_of(
 
 
 def window_mean(x: Array, samples: int) -> Array:
-    """Centred moving mean over a number of samples along the first axis.
+    """Centred moving mean over ``samples``, widened to an odd number, along the first axis.
 
-    An even width is widened by one sample. At both ends the window is cut to the samples that exist, so a
-    constant stays a constant.
+    At both ends the window is cut, so a constant stays constant.
     """
     half = samples // 2
     index = np.arange(len(x))

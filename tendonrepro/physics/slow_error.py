@@ -1,4 +1,4 @@
-"""The error that a slowly changing load leaves, as far as it follows from the law alone."""
+"""The error that a slowly changing load leaves, as far as the law alone decides it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ TYPICAL_ERROR_DEG = 0.25
 
 
 def estimate_age(law: Law, delay: int = 0) -> Array:
-    """Mean age of the estimate when it acts, in periods, (n,), with whole samples of output delay.
+    """Mean age (n,) of the estimate when it acts, in periods, with whole samples of output delay.
 
-    As assumed 1 + α by Eq. (15), 1 by Eq. (8), 1 − α extrapolating. A delay of the output adds to it only
-    where the law remembers the applied torque: a command meets the delay on both sides of its equation. The
-    mean lag of a low-pass filter of the estimate adds to it too.
+    It is 1 + α by Eq. (15), 1 by Eq. (8), 1 − α extrapolating. A filter adds its mean lag. A delay adds only
+    where the law remembers the applied torque: a command meets it on both sides of its equation.
     """
     waited = delay * law.stores_applied + (1.0 / law.estimate_filter - 1.0)
     return np.asarray(law.lag * (law.weights[0] + 2.0 * law.weights[1]) + waited)
@@ -34,10 +33,10 @@ def stiffness(law: Law, e: float) -> Array:
 def error_ratio(law_a: Law, law_b: Law, e: float, delay: int = 0) -> Array:
     """Error of one law over that of another (n,) while the load changes slowly, without any plant.
 
-    ``e = w L Ḣ / (M_bar λ k)`` with the age ``w`` of the estimate and the chord ``λ k`` of the feedback at
-    the size ``e`` of both errors, rad. Two laws, in the same torque coordinates, meet the same ``Ḣ``. It
-    holds while both loops are stable and quiet, ``H`` changes little within a few ``L`` and over ``1/k`` and
-    ``1/λ``, no motor saturates and dry friction does not hold the arm.
+    ``e = w L Ḣ / (M_bar λ k)``: age ``w``, stiffness ``λ k`` at the size ``e`` of both errors, rad. Both
+    laws, in the same torque coordinates, meet the same ``Ḣ``. It holds while both loops are stable and quiet,
+    ``H`` changes little within a few ``L``, ``1/k`` and ``1/λ``, no motor saturates and dry friction does not
+    hold the arm.
     """
     a, b = (estimate_age(law, delay) * law.L / (law.M_bar * stiffness(law, e)) for law in (law_a, law_b))
     return np.asarray(a / b)

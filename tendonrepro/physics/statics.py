@@ -1,9 +1,7 @@
-"""Tension of the tendons at rest: why every one of them has to pull, section 2.2 of the paper.
+"""Tension of the tendons at rest: why each has to pull, section 2.2 of the paper.
 
-A tendon passes each joint on one side: +1 where pulling it turns the joint clockwise, as a tendon turns its
-own joint, -1 where counter-clockwise, 0 where it crosses the axis. These sides give the signs ``c`` of Eq.
-(1), the coupling and the tensions alike. The tensioner is tendon 4 of the paper; its force is given, not
-solved for.
+A tendon's side at a joint is +1 where its pull turns the joint clockwise, as at its own joint, -1 where
+counter-clockwise, 0 where it crosses the axis. The tensioner is tendon 4; its force is given, not solved for.
 """
 
 from __future__ import annotations
@@ -23,12 +21,12 @@ TENSIONER_SIDES = {"negative": 1.0, "distal_only": 0.0, "alternating": -1.0}
 
 
 class Spring(NamedTuple):
-    """A spring at the base end of the tensioner, in place of its motor.
+    """A spring at the tensioner's base end, in place of its motor.
 
     Attributes
     ----------
     force
-        Pull at ``q = 0``, N.
+        At ``q = 0``, N.
     rate
         N m⁻¹; zero is the motor's constant force.
     """
@@ -40,26 +38,17 @@ class Spring(NamedTuple):
 def sign_of_side(side: Array) -> Array:
     """Signs ``c`` of Eq. (1) from the sides ``side[p, q]`` of tendon q at joint p; the same map leads back.
 
-    A tendon that a joint on its way winds up is on that joint's counter-clockwise side, so ``c`` is the
-    opposite of the side. On the diagonal, where a tendon turns its own joint, it is the side.
-
-    Examples
-    --------
-    Section 2.2 and 3.3 of the paper: tendon 2 passes joint 1 on the negative side, tendon 3 joint 2.
-
-    >>> sign_of_side(np.array([[1.0, -1.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]]))
-    array([[ 1.,  1., -1.],
-           [ 0.,  1.,  1.],
-           [ 0.,  0.,  1.]])
+    A tendon that a joint on its way winds up is on that joint's counter-clockwise side, so ``c`` is minus the
+    side. On the diagonal, at its own joint, it is the side.
     """
     own = np.eye(side.shape[0], dtype=bool)
     return np.where(own, side, 0.0 - side)
 
 
 def tensioner_side(course: str, joints: int) -> Array:
-    """Side (N,) on which tendon 4 passes each of N joints, by a course of `TENSIONER_SIDES`.
+    """Side (N,) of tendon 4 at each of N joints, by a course of `TENSIONER_SIDES`.
 
-    It turns the last joint counter-clockwise; on which side it passes the others is a reading.
+    It turns the last joint counter-clockwise; its side at the others is a reading.
     """
     return np.asarray(-(TENSIONER_SIDES[course] ** np.arange(joints - 1, -1, -1.0)))
 
@@ -67,9 +56,8 @@ def tensioner_side(course: str, joints: int) -> Array:
 def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:
     """Tension (n, ...) of each motor's tendon, ``T[n] = (2 / D[n]) (Sᵀ tau_s)[n]``, N, positive in a pull.
 
-    ``tau_s`` (n, ...) is their torque at the joints, N m: the compliance torque of Eqs. (3) to (5), or at
-    rest the weight less what the tensioner adds. ``S`` (n, n) is that of the moving joints, Eq. (2); tendons
-    of held joints are not determined. ``winch_diameter`` (n,) is ``D[n]``, m.
+    ``tau_s`` (n, ...), N m, is that of Eqs. (3) to (5), or at rest the weight less the tensioner's part.
+    ``S`` (n, n), Eq. (2), is of the moving joints. ``winch_diameter`` (n,) is in m.
     """
     tension = times(np.swapaxes(S, 0, 1), tau_s)
     for n in range(tension.shape[0]):
@@ -80,13 +68,13 @@ def tendon_tension(tau_s: Array, S: Array, winch_diameter: Array) -> Array:
 def tensioner_torque(force: float | Array, side: Array, diameter: Array) -> Array:
     """Joint torque (n, ...) of the tensioner's pull, N m, positive clockwise.
 
-    ``side`` and ``diameter`` (n,) are where it passes each joint; m.
+    It passes joints on ``side`` (n,) at ``diameter`` (n,), m.
     """
     return np.multiply.outer(side * diameter / 2.0, force)
 
 
 def tensioner_stretch(q: Array, side: Array, diameter: Array) -> Array:
-    """Rope that joint angles (n, ...), rad, draw from the tensioner's end at the base, m."""
+    """Rope that joint angles (n, ...), rad, draw from the tensioner's base end, m."""
     return np.asarray(-np.tensordot(side * diameter / 2.0, q, axes=(0, 0)))
 
 
@@ -96,11 +84,10 @@ def spring_force(stretch: Array, spring: Spring) -> Array:
 
 
 def force_window(without: Array, per_newton: Array, margin: float = 0.0) -> tuple[Array, Array]:
-    """Least and largest force (...) of the tensioner that keep every tendon at a tension ``margin``, N.
+    """Least and largest tensioner force (...), N, that keep every tendon at a tension ``margin``, N.
 
-    Neither is below zero. Where no force does it, least is above largest; where there is no limit it is
-    infinite. ``without`` (n, ...) are the tensions without tensioner, N, ``per_newton`` (n,) what one newton
-    of it adds.
+    Neither is negative; least is above largest where no force does it. ``without`` (n, ...) are the tensions
+    without tensioner, N, ``per_newton`` (n,) what a newton of it adds.
     """
     least = np.zeros(without.shape[1:])
     largest = np.full(without.shape[1:], np.inf)
@@ -123,14 +110,14 @@ def tension_with_losses(
     Parameters
     ----------
     tau : array (n, ...)
-        Joint torque that all tendons together hold, N m: at rest the weight.
+        Joint torque that all tendons hold, N m: at rest the weight.
     force : float or array (...)
-        The tensioner's pull at its base end, N.
+        The tensioner's at its base end, N.
     side, diameter : array (n, n + 1)
-        Of tendon q at joint p in ``[p, q]``, m; the last tendon is the tensioner.
+        Of tendon q at joint p in ``[p, q]``, m; the tensioner is last.
     passed_on : array (n + 1, ...)
-        Share of the tension that a guide pulley of each tendon passes on: less than one where the rope is
-        about to move towards its joint, more than one where it is about to move back.
+        Share of the tension that a guide pulley passes on: below one where the rope is about to move
+        towards its joint, above one where back.
     """
     n = side.shape[0]
     tension: list[Array] = [*np.empty((n, 1)), np.asarray(force)]
@@ -145,9 +132,8 @@ def tension_with_losses(
 
 
 def slack_time(time: Array, tension: Array) -> Array:
-    """How long each tendon (n,) does not pull: it is slack or, where tendons may, pushes; s.
+    """How long each tendon (n,) of ``tension`` (n, T), N, does not pull, s: it is slack or pushes.
 
-    A sample of ``tension`` (n, T), N, stands for the time up to the next one; less than `SLACK` counts as
-    none.
+    A sample stands for the time up to the next.
     """
     return np.asarray(np.where(tension[:, :-1] < SLACK, np.diff(time), 0.0).sum(axis=1))

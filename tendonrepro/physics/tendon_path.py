@@ -1,8 +1,7 @@
 """Where a tendon lies in the arm's plane: straight between pulleys, along an arc on each.
 
-Directions are angles from the x axis, counter-clockwise, rad. A tendon is followed from its winch at the base
-to its end. It passes a circle of positive ``side * radius`` on the right hand side of the centre, and one of
-negative on the left. Sides are those of :func:`tendonrepro.physics.statics.sign_of_side`.
+Directions are from the x axis, counter-clockwise, rad. From winch to end a tendon passes a circle of positive
+``side * radius`` (`tendonrepro.physics.statics`) on the right, of negative on the left.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ class TendonPath(NamedTuple):
     Attributes
     ----------
     centre : array (T, m, 2)
-        Of the winch at the base, the guide pulleys, and the joint winch or pulley at the end, m.
+        Of winch, guide pulleys, and the last joint's winch or pulley, m.
     radius : array (m,)
-        Signed, m.
+        Signed, m; zero lets the tendon pass the centre.
     direction : array (T, m)
         In which the tendon leaves each circle, or ends.
     wrap : array (T, m)
-        Angle along which it lies on each circle, never negative; zero on the winch.
+        Angle along which it lies on each, never negative.
     """
 
     centre: Array
@@ -38,8 +37,7 @@ class TendonPath(NamedTuple):
 def joint_positions(length: Array, angle: Array) -> Array:
     """Joints and tip of a planar chain, (..., n + 1, 2), m from joint 1, x to the right and y upwards.
 
-    ``length`` (n,) is that of the links, m, ``angle`` (..., n) their absolute angles, rad from hanging,
-    positive clockwise.
+    ``length`` (n,) is in m, ``angle`` (..., n) absolute, rad from hanging, positive clockwise.
     """
     steps = -length[:, np.newaxis] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     return np.concatenate([np.zeros_like(steps[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
@@ -48,9 +46,8 @@ def joint_positions(length: Array, angle: Array) -> Array:
 def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
     """Lay a tendon over circles; ``centre`` (T, m, 2) and ``radius`` (m,) are as of `TendonPath`.
 
-    Where bending a joint would lift it off a pulley, it lies around that pulley once more through all
-    postures: Eq. (1) and Assumption 2 of the paper want it never to leave one. A zero radius lets it pass the
-    centre. ``end`` (T,) is the direction from the last centre to the point where the tendon is fixed, rad.
+    Where it would lift off a pulley, it lies around it once more in all postures: by Eq. (1) and Assumption 2
+    it never does. ``end`` (T,) is the direction from the last centre to the fixed point, rad.
 
     Raises
     ------
@@ -72,7 +69,7 @@ def tendon_path(centre: Array, radius: Array, end: Array) -> TendonPath:
 
 
 def path_points(path: TendonPath, place: int, spacing: float = 0.1) -> Array:
-    """Points (K, 2) to draw a tendon through in one of its postures, m, from the winch to the end.
+    """Points (K, 2) to draw a tendon through in one posture, m.
 
     ``spacing`` is the largest angle between two points of an arc, rad.
     """

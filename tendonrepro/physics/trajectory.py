@@ -1,7 +1,6 @@
-"""Reference motions with exact derivatives.
+"""Reference motions with exact derivatives; the paper shows its reference only as a picture.
 
-The paper shows its reference only as a picture. Each shape here is a function of time that returns angle,
-velocity and acceleration of one joint. It starts at zero: a joint angle is a displacement from the start.
+A shape starts at zero: a joint angle is a displacement from the start.
 """
 
 from __future__ import annotations
@@ -31,9 +30,9 @@ class Motion:
 
 
 def motion(time: Array, joints: Sequence[Motion]) -> tuple[Array, Array, Array]:
-    """Desired angles, velocities and accelerations of every joint, each (T, n), rad, rad s⁻¹ and rad s⁻².
+    """Desired angles, velocities and accelerations, each (T, n), rad, rad s⁻¹ and rad s⁻².
 
-    ``time`` (T,) is in s, from 0, increasing. After its last turn a joint stays where it is.
+    ``time`` (T,), s, increases from 0. After its last turn a joint stays where it is.
     """
     columns = [_follow(time, joint) for joint in joints]
     q_d, dq_d, ddq_d = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
@@ -55,7 +54,7 @@ def _follow(time: Array, joint: Motion) -> tuple[Array, Array, Array]:
 
 
 def at_rest(time: Array) -> tuple[Array, Array, Array]:
-    """Shape of a joint that keeps its start angle."""
+    """A joint that keeps its start angle."""
     return np.zeros_like(time), np.zeros_like(time), np.zeros_like(time)
 
 
@@ -74,7 +73,7 @@ def raised_cosine(amplitude: float, period: float) -> Shape:
 def minimum_jerk(amplitude: float, rise: float, hold: float) -> Shape:
     """Up, hold, down, hold; each stroke is the quintic with the least mean square jerk.
 
-    ``amplitude`` is in rad, ``rise`` and ``hold`` are how long a stroke and a hold last, s.
+    Units are rad and s.
     """
 
     def stroke(t: Array) -> tuple[Array, Array, Array]:
@@ -88,10 +87,9 @@ def minimum_jerk(amplitude: float, rise: float, hold: float) -> Shape:
 
 
 def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: float) -> Shape:
-    """Up, hold, down, hold with constant acceleration, constant velocity, constant deceleration.
+    """Up, hold, down, hold with constant acceleration, velocity and deceleration.
 
-    ``amplitude`` is in rad, ``hold`` in s. A stroke too short to reach the limit ``velocity``, rad s⁻¹, under
-    ``acceleration``, rad s⁻², is a triangle.
+    Units are rad and s. A stroke too short to reach ``velocity`` is a triangle.
     """
     ramp, rise = trapezoid_times(amplitude, velocity, acceleration)
     sense = np.sign(amplitude) * acceleration
@@ -109,7 +107,7 @@ def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: fl
 
 
 def trapezoid_times(amplitude: float, velocity: float, acceleration: float) -> tuple[float, float]:
-    """Duration of a ramp and of a whole stroke of :func:`trapezoidal`, s."""
+    """Duration of a ramp and of a stroke of :func:`trapezoidal`, s."""
     ramp = min(velocity / acceleration, float(np.sqrt(abs(amplitude) / acceleration)))
     if ramp == 0.0:
         return 0.0, 0.0
@@ -129,7 +127,7 @@ def _up_and_down(stroke: Shape, half: float) -> Shape:
 def smooth_sine(amplitude: float, offset: float, period: float, blend: float) -> Shape:
     """``offset + amplitude sin(2π t/period)``, rad, blended in by a minimum-jerk stroke of ``blend`` s.
 
-    Its turn must last the whole run: a second turn would start from zero again.
+    Its turn must last the whole run: a second would start from zero.
     """
     omega = 2.0 * np.pi / period
     fade = minimum_jerk(1.0, blend, np.inf)
@@ -147,7 +145,7 @@ def smooth_sine(amplitude: float, offset: float, period: float, blend: float) ->
 def sampled(time: Array, angle: Array) -> Shape:
     """Quintic spline through samples, at rest and without acceleration at both ends.
 
-    ``time`` (N,) is strictly increasing, s, ``angle`` (N,) in rad.
+    ``time`` (N,), s, increases strictly; ``angle`` (N,) is in rad.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,1 +1,1 @@
-"""Controllers at their best: each law tuned on the same plants, and the laws compared in pairs."""
+"""Laws tuned on the same plants, and compared in pairs."""

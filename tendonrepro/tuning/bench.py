@@ -1,4 +1,4 @@
-"""The question as it is posed: plants, loads, motions, what is known, and what is measured."""
+"""The question: plants, loads, motions, knowledge, and what is measured."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Known: TypeAlias = Mapping[tuple[str, bool], tuple[Array, Array]]
 
 
 class Plants(NamedTuple):
-    """One draw as the loops that a candidate is run in, and what its laws are made of.
+    """One draw as loops to run in, and what laws are made of.
 
     Loops are without payload, with it, and without it at `LESS_DAMPING`; then with the held-out payload and
     motion. `law` is Controller 2 and `alpha` (n,) Controller 1's, as published; `newest` is the weight of the
@@ -69,7 +69,7 @@ class Plants(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A law with gains in a class, its velocities low-pass filtered or not."""
+    """A law with gains and knowledge, its velocities filtered or not."""
 
     law: TunedLaw
     knows: str
@@ -80,7 +80,7 @@ class Candidate(NamedTuple):
 class Measured(NamedTuple):
     """Of C candidates in R runs: mean absolute error (C, R, n), rad, roughness (C,), N m, stability (C, R).
 
-    Roughness is the RMS change of the applied torque in a sample, in the rougher of the first two runs.
+    Roughness is the RMS change of torque in a sample, in the rougher of the first two runs.
     """
 
     mae: Array
@@ -89,7 +89,7 @@ class Measured(NamedTuple):
 
 
 def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
-    """One draw (P,) of the box, with the motions and loads of the tuning in place of its own."""
+    """One draw (P,) of the box, with the motions and loads of the tuning."""
     config = configured(loaded.base, box, row)
     motions = [_motion(*posed, config.sampling_period.si, len(config.joints)) for posed in (TUNING, HELD_OUT)]
     own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
@@ -108,7 +108,7 @@ def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
 
 
 def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> Known:
-    """What each class knows of a plant along the motion of tuning, and along the held-out one."""
+    """What each class knows along the motion of tuning, and along the held-out one."""
     return {
         (name, bool(k)): _known(name, plant, along) for name in CLASSES for k, along in enumerate(motions)
     }
@@ -130,7 +130,7 @@ def _known(name: str, plant: Plant, along: DesiredMotion) -> tuple[Array, Array]
 
 
 def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
-    """Loops of the first so many runs of a candidate; runs of one motion share what its law is given."""
+    """Loops of the first so many runs; runs of one motion share what a law is given."""
     law, command = _law_of(plants, candidate), candidate.law.command
     controller = TimeDelayController(law, command, on_lanes=command is not None)
     given = [plants.loops[0].reference, plants.loops[-1].reference]
@@ -154,9 +154,9 @@ def _law_of(plants: Plants, candidate: Candidate) -> Law:
 
 
 def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
-    """What has to be added to a law's torque (T, n) so that a known torque acts from the start on.
+    """What to add to a law's torque (T, n) so that a known torque acts from the start.
 
-    A law with an estimator holds the torque of the past already, and is given only what is new.
+    An estimator holds past torque already, and is given only what is new.
     """
     first = np.broadcast_to(torque[0], torque.shape)
     if not increments:
@@ -168,7 +168,7 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 
 
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
-    """Run candidates on one draw in the first so many runs."""
+    """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
     batch, shape = simulate_batch(loops, plants.limits), (len(candidates), runs, -1)
     names = ("mae", "rmse", "fast_share", "torque_step_rms")
@@ -189,5 +189,5 @@ def published(plants: Plants, knows: str = "none", filtered: bool = False) -> di
 
 
 def usable(plants: Plants) -> bool:
-    """Whether Controllers 1 to 3 as published are stable on a draw, with and without payload."""
+    """Whether the published gains are stable, with and without payload."""
     return bool(measure(plants, [*published(plants).values()]).stable[:, :2].all())

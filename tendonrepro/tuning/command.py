@@ -1,4 +1,4 @@
-"""What ``tendonrepro tune`` does: find usable draws, tune every law on each, and compare the laws."""
+"""Find usable draws, tune every law on each, and compare the laws."""
 
 from __future__ import annotations
 
@@ -46,25 +46,25 @@ def run_tune(
     any_plant: bool = False,
     jobs: int = -1,
 ) -> dict[str, Any]:
-    """Tune every law on the same plants, and write numbers, tables and the figure.
+    """Tune every law on the same plants, and write the results.
 
     Parameters
     ----------
     request : Request
-        Its configuration is that of an ensemble, from whose box plants are drawn.
+        Its configuration is that of an ensemble.
     searches, generations, population : int
         Of each law under each condition; of each search; of each generation.
     laws : sequence of str
         A user's, ``FILE:NAME``; more by name in `given`.
     any_plant : bool
-        Take draws on which Controllers 1 to 3 as published are unstable, too.
+        Also draws on which the published gains are unstable.
     jobs : int
         Processes; -1 is one for each processor.
 
     Raises
     ------
     UsageError
-        For too little effort, or a law without bounds or that cannot run on lanes.
+        For too little effort, or a law that has no bounds or cannot run on lanes.
     """
     effort = {"searches": searches, "generations": generations, "population": population}
     # The scatter of a law is that of two searches at least.
@@ -100,7 +100,7 @@ def run_tune(
 
 
 def _try(task: Task, law: TunedLaw) -> None:
-    """Refuse a user's law that does not become code on lanes, before hours of work."""
+    """Refuse a user's law that cannot run on lanes, before hours of work."""
     plants = task.draw(0)
     n = plants.alpha.size
     middle = law.values(np.full(sum(law.sizes(n)), 0.5), n)
@@ -113,7 +113,7 @@ def _try(task: Task, law: TunedLaw) -> None:
 
 
 def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
-    """Numbers of the first draws on which Controllers 1 to 3 as published are stable, or of every draw."""
+    """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
@@ -123,7 +123,7 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
 
 
 def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[dict[str, Any]]:
-    """Tune on every draw; what is on disk already is not done again."""
+    """Tune on the draws that are not on disk already."""
     states.mkdir(exist_ok=True)
     paths = {number: states / f"{number}.json" for number in numbers}
     missing = [number for number, path in paths.items() if not path.exists()]

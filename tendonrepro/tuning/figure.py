@@ -1,4 +1,4 @@
-"""The picture of a tuning: error against torque roughness, a panel for each class of knowledge."""
+"""The picture of a tuning."""
 
 from __future__ import annotations
 
@@ -8,37 +8,30 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    Drawing,
-    journal_style,
-    letter_panels,
-    open_figure,
-    stroke_of,
-)
+from tendonrepro.results.figures import style
 
 KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
 LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
 FEW = 0.5  # share of plants below which a median is not drawn
 
 
-@journal_style()
-def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> Drawing:
-    """Draw medians over plants: every law's front, the published gains, and Controller 2's over alpha."""
-    figure = open_figure(PAGE_MM, 88.0)
+@style.journal_style()
+def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> style.Drawing:
+    """Draw medians of error against torque roughness, a panel for each class of knowledge."""
+    figure = style.open_figure(style.PAGE_MM, 88.0)
     panels = figure.subplots(1, len(KNOWN), squeeze=False, sharex=True, sharey=True)[0]
     drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
     for panel, knows in zip(panels, KNOWN, strict=True):
         _draw(panel, [row for row in laws if row["knows"] == knows and row["share_stable"] >= FEW], drawn)
     panels[0].set_ylabel("mean absolute error (deg)")
-    letter_panels(panels, KNOWN.values())
+    style.letter_panels(panels, KNOWN.values())
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     caption = (
         "Every law at its best: mean absolute error against torque roughness, medians over the plants on "
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
         "changes."
     )
-    return Drawing("tune", figure, list(panels), caption)
+    return style.Drawing("tune", figure, list(panels), caption)
 
 
 def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> None:
@@ -50,7 +43,7 @@ def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, s
         mark = (
             {"marker": "s", "markerfacecolor": "white"} if filtered else {"marker": "o", "label": titles[law]}
         )
-        plot(front, **stroke_of(number).line | mark | {"linewidth": 0.7, "markersize": 2.6})
+        plot(front, **style.stroke_of(number).line | mark | {"linewidth": 0.7, "markersize": 2.6})
     panel.plot([], [], "s", color="black", markersize=2.6, fillstyle="none", label="velocity filtered")
     published = [row for row in rows if row["cap"] == "published" and not row["filtered"]]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))

@@ -1,7 +1,7 @@
-"""The laws that are tuned, their gains with bounds, and how one law's gains give another's behaviour.
+"""The laws that are tuned, bounds of their gains, and how laws follow from one another.
 
-All laws but super-twisting are parameter sets of `tendonrepro.physics.control.command`; docs/theory.md
-derives why. A gain named in `PER_JOINT` has a value for each joint, all others are shared by the joints.
+All but super-twisting are parameter sets of `tendonrepro.physics.control.command`; docs/theory.md derives
+why. Gains in `PER_JOINT` have a value for each joint.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tendonrepro.simulation.sampled import CommandFunction
 
 
 class Range(NamedTuple):
-    """Bounds of a gain and where searches start; the logarithm is searched, but for negative bounds."""
+    """Bounds of a gain and where searches start; positive gains are searched by their logarithm."""
 
     low: float
     high: float
@@ -34,7 +34,7 @@ class Range(NamedTuple):
         return np.asarray(self.low + (self.high - self.low) * x)
 
     def place(self, value: Any) -> Array:
-        """Where between the bounds a value is; outside them below 0 or above 1."""
+        """Where between the bounds a value is; outside below 0 or above 1."""
         if self.low > 0.0:
             return np.asarray(np.log(value / self.low) / np.log(self.high / self.low))
         return np.asarray((value - self.low) / (self.high - self.low))
@@ -87,12 +87,8 @@ def super_twisting(
 class TunedLaw:
     """A law and what is tuned in it.
 
-    Attributes
-    ----------
-    alpha : float
-        How many times the published one the older estimate weighs, where `gains` do not tune it.
-    newest : int
-        0 where the acceleration is the centred difference.
+    Where `gains` have no ``alpha``, `alpha` is its ratio to the published one. `newest` is 0 for centred
+    differences.
     """
 
     name: str
@@ -104,7 +100,7 @@ class TunedLaw:
     command: CommandFunction | None = None
 
     def sizes(self, n: int) -> list[int]:
-        """How many numbers each gain is, for n joints."""
+        """How many numbers each gain is."""
         return [n if name in PER_JOINT else 1 for name in self.gains]
 
     def values(self, unit: Array, n: int) -> Gains:
@@ -113,7 +109,7 @@ class TunedLaw:
         return {name: held.value(part) for (name, held), part in zip(self.gains.items(), parts, strict=True)}
 
     def unit(self, gains: Gains, n: int) -> Array:
-        """Point of the unit cube with these gains, or with the nearest within the bounds."""
+        """Point of the unit cube with these gains, or the nearest."""
         places = [held.place(gains[name]) for name, held in self.gains.items()]
         parts = [np.broadcast_to(place, size) for place, size in zip(places, self.sizes(n), strict=True)]
         return np.clip(np.concatenate(parts), 0.0, 1.0)
@@ -165,7 +161,7 @@ Change: TypeAlias = Callable[[Gains, Array], Gains]
 
 
 class Step(NamedTuple):
-    """How gains of one law become those of another that does the same, exactly or nearly."""
+    """How gains of one law give another that does the same."""
 
     source: str
     target: str
@@ -190,7 +186,7 @@ def _scaled(gains: Gains, factor: Array) -> Gains:
 def _twisting(gains: Gains, ratio: float, s: float) -> Gains:
     """Super-twisting that is TSM's PI of the sliding variable, ``M_bar/L (s + lam ∫s)``, where that is `s`.
 
-    Its ``M_bar`` is `ratio` times that of TSM: so much of the rate's gain is left to the equivalent control.
+    Its ``M_bar`` is `ratio` times that of TSM.
     """
     reach = 1.0 / (SAMPLING_PERIOD * ratio)
     k_2 = reach * gains["lam"] * s
@@ -228,12 +224,11 @@ def _is_range(bounds: Any) -> bool:
 
 
 def user_law(own: UserLaw) -> TunedLaw:
-    """A user's law with the bounds it brings, refused where they are missing or it asks for the plant."""
+    """A user's law, refused without bounds or if it asks for the plant."""
     function, setup = own.load()
-    bounds = getattr(function, "bounds", None)
-    if not isinstance(bounds, dict) or not bounds.keys() <= _TUNABLE:
-        bounds = {}
-    if not bounds or not all(map(_is_range, bounds.values())):
+    bounds: Any = getattr(function, "bounds", None)
+    named = isinstance(bounds, dict) and bool(bounds) and bounds.keys() <= _TUNABLE
+    if not named or not all(map(_is_range, bounds.values())):
         names = ", ".join(sorted(_TUNABLE))
         hint = (
             f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"

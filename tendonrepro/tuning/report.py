@@ -1,4 +1,4 @@
-"""From the rows of every draw to answers: paired ratios with intervals, verdicts, and tables."""
+"""From the rows of every draw to ratios with intervals, verdicts, and tables."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _HEAD = "law", "over", "knows", "filtered", "cap", "draws"
 
 
 def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the error of one law over that of another, both at their best, under every condition and cap.
+    """Yield the error of one law over another's, both at their best, under every condition and cap.
 
     ``ratio`` is the median over draws with its 95 % bootstrap interval, ``scatter`` the ratio by which the
     second best search misses the best, ``held_out`` the median ratio on the held-out payload and motion.
@@ -72,13 +72,13 @@ def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> dict[str, Any]:
 
 
 def _miss(errors: Sequence[float | None]) -> float:
-    """By how much the second best search misses the best, in logs; infinite where only one found gains."""
+    """By how much the second best search misses the best, in logs."""
     found = sorted(error for error in errors if error is not None)
     return found[1] - found[0] if len(found) > 1 else np.inf
 
 
 def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Yield errors, roughness and share of draws with gains, by law, condition and cap."""
+    """Yield errors, roughness and share of stable draws, by law, condition and cap."""
     names = ("law", "knows", "filtered", "cap", "alpha")
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -97,7 +97,7 @@ def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[dict[str, A
 
 
 def question_rows(found: Sequence[Row], titles: Mapping[str, str]) -> Iterator[dict[str, Any]]:
-    """Yield for every pair how many conditions and caps have which verdict, and which has half of them."""
+    """Yield how often a pair has which verdict, and which it has in half of all cases."""
     for (law, over), group in groupby(found, itemgetter("law", "over")):
         own = list(group)
         ratios = [one["ratio"] for one in own if one["verdict"] != TOO_FEW]
@@ -113,7 +113,7 @@ def question_rows(found: Sequence[Row], titles: Mapping[str, str]) -> Iterator[d
 
 
 def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
-    """Numbers, tables and the figure of all draws; a user's laws are compared with NTSM and PID."""
+    """Numbers, tables and figure; a user's laws are compared with NTSM and PID."""
     from tendonrepro.tuning.figure import draw_tuning
 
     joints = task.loaded.compare.joints

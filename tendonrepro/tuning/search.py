@@ -1,8 +1,7 @@
-"""Search for the gains of every law on one draw, by CMA-ES, all searches side by side, and what is kept.
+"""Search for the gains of every law on one draw, by CMA-ES.
 
-A search belongs to a law, a class of knowledge, a filter and a seed. It keeps all that it has looked at, and
-works under every cap on roughness at once: what one cap finds serves the others. Halfway and at the end laws
-hand their best gains to laws that do the same with other gains (`laws.STEPS`).
+A search works under every cap on roughness at once: what one cap finds serves the others. Halfway and at the
+end laws hand on their best gains (`laws.STEPS`).
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class Key(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """A place in the unit cube: its log error, mean of all joints without and with payload, and the rest."""
+    """A place in the unit cube, its mean log error without and with payload, and the rest."""
 
     unit: Array
     error: float
@@ -80,10 +79,9 @@ def best(seen: Sequence[Seen], cap: float) -> Seen | None:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Searches on one draw that go on together, under caps on roughness, N m; infinity is none.
+    """Searches on one draw under caps on roughness, N m; infinity is none.
 
-    Effort is ``searches`` of each law under each condition, ``generations`` of each, and the ``population``
-    of a generation.
+    Effort is ``searches`` of each law and condition, their ``generations``, and the ``population`` of these.
     """
 
     laws: Mapping[str, TunedLaw]
@@ -94,7 +92,7 @@ class Tuning:
     found: dict[Key, list[Seen]] = field(default_factory=dict)
 
     def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[Key, list[Seen]]:
-        """Search under every condition: what is known, and whether velocities are filtered."""
+        """Search under conditions: what is known, and whether velocities are filtered."""
         for law, condition, k in product(self.laws, conditions, range(self.effort["searches"])):
             self.found[Key(law, *condition, k)] = []
         self._look([(key, unit) for key in self.found for unit in self._spread(key)])
@@ -105,7 +103,6 @@ class Tuning:
         return self.found
 
     def _spread(self, key: Key) -> list[Array]:
-        """First candidates: where searches start, and points around it."""
         law = self.laws[key.law]
         start = law.unit({name: held.start for name, held in law.gains.items()}, self.plants.alpha.size)
         steps = np.random.default_rng(self._seed(key)).standard_normal((FIRST - 1, start.size))
@@ -116,7 +113,6 @@ class Tuning:
         return [*self.seed, *half, zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
 
     def _generations(self, half: int, count: int) -> None:
-        """Go on from the best gains of every search under every cap."""
         size, strategies = self.effort["population"], {}
         for (key, seen), (k, cap) in product(self.found.items(), enumerate(self.caps)):
             generator = np.random.default_rng([*self._seed(key, half), k])
@@ -130,7 +126,6 @@ class Tuning:
                 one.tell(asked[key, k], costs(own, self.caps[k]).tolist())
 
     def _look(self, asked: Sequence[tuple[Key, Array]]) -> None:
-        """Measure what searches ask for, all together."""
         n, candidates = self.plants.alpha.size, []
         for key, unit in asked:
             law = self.laws[key.law]
@@ -143,14 +138,13 @@ class Tuning:
                 self.found[key].append(Seen(unit, error, roughness, stable))
 
     def _exchange(self) -> None:
-        """Hand the best gains of each law to itself with more knowledge, and to those that do the same."""
         for before, after in pairwise(CLASSES):
             self._hand_on("knows", before, after)
         for step in STEPS:
             self._hand_on("law", step.source, step.target, step.change)
 
     def _hand_on(self, axis: str, source: str, target: str, change: Change | None = None) -> None:
-        """Have searches look at the best places of others, with changed gains, if they are new to them."""
+        """Have searches look at the best places of others, if these are new to them."""
         alpha, asked = self.plants.alpha, []
         for key, seen in self.found.items():
             changed: dict[str, Any] = {axis: target}
@@ -166,7 +160,7 @@ class Tuning:
         self._look(asked)
 
     def _best_units(self, seen: Sequence[Seen]) -> list[Array]:
-        """Places of the smallest cost and the smallest error that is allowed, under each cap; each once."""
+        """Places of least cost and least error under each cap; each once."""
         held = [seen[int(costs(seen, cap).argmin())] for cap in self.caps]
         held += filter(None, (best(seen, cap) for cap in self.caps))
         return [one.unit for one in seen if any(one is other for other in held)]
@@ -178,7 +172,7 @@ Found: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
 
 @dataclass(frozen=True)
 class Task:
-    """All that a tuning depends on; its seed is that of the searches, the draws have the box's."""
+    """All that a tuning depends on; its seed is the searches', draws have the box's."""
 
     loaded: LoadedEnsemble
     laws: Mapping[str, TunedLaw]
@@ -203,7 +197,6 @@ class Task:
         return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(found)]}
 
     def _best(self, found: Found, n: int) -> Iterator[Row]:
-        """Yield the best of all searches for every law, condition and cap, with its gains if there is one."""
         for (name, knows, filtered, cap), own in found.items():
             row = _row(name, knows, filtered, cap, errors=[one.error if one else None for one in own])
             if top := min(filter(None, own), key=lambda one: one.error, default=None):
@@ -217,7 +210,7 @@ def _row(law: str, knows: str, filtered: bool, cap: str, **more: Any) -> Row:
 
 
 def _as_published(plants: Plants) -> Iterator[Row]:
-    """Yield Controllers 1 to 3 as published, and Controller 2 with its estimator's weights moved."""
+    """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
     for condition in CONDITIONS:
         for name, candidate in published(plants, *condition).items():
             yield _row(name, *condition, "published", candidate=candidate)
@@ -228,7 +221,7 @@ def _as_published(plants: Plants) -> Iterator[Row]:
 
 
 def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
-    """Rows with what their candidates give, angles in rad: errors by run and joint, and their mean."""
+    """Rows with what their candidates give, angles in rad."""
     found = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
     results = zip(found.mae, found.roughness.tolist(), found.stable, strict=True)
     for row in rows:
@@ -243,7 +236,7 @@ def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
 
 
 def _lost(found: Found) -> Iterator[Row]:
-    """Yield where a law does worse than its own special case, which is a failure of the search."""
+    """Yield where a law does worse than its own special case: a failure of the search."""
     errors = {key: min(one.error if one else np.inf for one in own) for key, own in found.items()}
     for step, (key, special) in product(STEPS, errors.items()):
         general = (step.target, *key[1:])

@@ -9,8 +9,7 @@ from support.overrides import SMOOTH
 from tendonrepro.analysis.analysis import first_views
 from tendonrepro.analysis.loads import load_to_error, loads
 from tendonrepro.configuration.load import load_config
-from tendonrepro.experiments.linear import run_views
-from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.physics.disturbance import sine_disturbance
 from tendonrepro.simulation.stepper import DesiredMotion, simulate
 

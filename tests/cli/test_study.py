@@ -27,62 +27,45 @@ def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     assert "1.5" in answer(*words, cwd=tmp_path, code=2)["error"]["message"]
 
 
+M = Path("m")
+
+
 def test_a_diverged_run_is_exit_code_5() -> None:
     quiet = Terminal(as_json=False, quiet=True, verbose=False)
     assert [quiet.show({"diverged": runs}) for runs in ([], ["controller_1"])] == [0, 5]
 
 
 @pytest.mark.parametrize(
-    ("function", "words", "given"),
+    ("module", "words", "given"),
     [
-        ("evidence.predict.run_predict", "predict --draws 3", {"draws": 3, "readings": READINGS}),
-        ("evidence.predict.run_predict", "predict --readings printed", {"draws": 256, "readings": "printed"}),
-        ("validation.command.run_validate", "validate x.h5", {"measured": Path("x.h5")}),
-        ("monte_carlo.command.run_ensemble", "ensemble --jobs 3 --dask a:1", {"jobs": 3, "dask": "a:1"}),
-        (
-            "identification.command.run_identify",
-            "identify --window late --seeds 2",
-            {"window": "late", "seeds": 2},
-        ),
-        ("tuning.command.run_tune", "tune --law a.py:f --any-plant", {"laws": ["a.py:f"], "any_plant": True}),
-        ("verdicts.command.run_claims", "claims --all", {"every": True, "force": False, "measured": None}),
-        (
-            "verdicts.command.run_claims",
-            "claims --force --measured x.h5",
-            {"every": False, "force": True, "measured": Path("x.h5")},
-        ),
-        ("reporting.command.run_report", "report a --force", {"force": True}),
-        ("dataset.inspection.run_inspect", "inspect a --mapping m --force", {"mapping": None, "force": True}),
-        (
-            "dataset.inspection.run_inspect",
-            "inspect a --mapping m --suggest",
-            {"mapping": Path("m"), "force": False},
-        ),
-        (
-            "dataset.ingest.run_ingest",
-            "ingest a --confirm",
-            {"confirm": True, "dry_run": False, "force": False},
-        ),
-        (
-            "dataset.ingest.run_ingest",
-            "ingest a --dry-run --force",
-            {"confirm": False, "dry_run": True, "force": True},
-        ),
-        ("dataset.fetch.run_fetch", "fetch 7 --dry-run", {"record": "7", "dry_run": True, "force": False}),
+        ("evidence.predict", "predict --draws 3", {"draws": 3, "readings": READINGS}),
+        ("evidence.predict", "predict --readings printed", {"draws": 256, "readings": "printed"}),
+        ("validation.command", "validate x.h5", {"measured": Path("x.h5")}),
+        ("monte_carlo.command", "ensemble --jobs 3 --dask a:1", {"jobs": 3, "dask": "a:1"}),
+        ("identification.command", "identify --window late --seeds 2", {"window": "late", "seeds": 2}),
+        ("tuning.command", "tune --law a.py:f --any-plant", {"laws": ["a.py:f"], "any_plant": True}),
+        ("verdicts.command", "claims --all", {"every": True, "force": False, "measured": None}),
+        ("verdicts.command", "claims --force --measured m", {"every": False, "force": True, "measured": M}),
+        ("reporting.command", "report a --force", {"force": True}),
+        ("dataset.inspection", "inspect a --mapping m --force", {"mapping": None, "force": True}),
+        ("dataset.inspection", "inspect a --mapping m --suggest", {"mapping": M, "force": False}),
+        ("dataset.ingest", "ingest a --confirm", {"confirm": True, "dry_run": False, "force": False}),
+        ("dataset.ingest", "ingest a --dry-run --force", {"confirm": False, "dry_run": True, "force": True}),
+        ("dataset.fetch", "fetch 7 --dry-run", {"record": "7", "dry_run": True, "force": False}),
     ],
 )
 def test_options_reach_their_function(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, function: str, words: str, given: dict[str, Any]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, module: str, words: str, given: dict[str, Any]
 ) -> None:
-    module, name = f"tendonrepro.{function}".rsplit(".", 1)
-    parameters = inspect.signature(getattr(import_module(module), name))
+    held, name = import_module(f"tendonrepro.{module}"), f"run_{words.split(maxsplit=1)[0]}"
+    parameters = inspect.signature(getattr(held, name))
     asked: dict[str, Any] = {}
 
     def stub(*args: Any, **others: Any) -> None:
         asked.update(parameters.bind(*args, **others).arguments)
         raise UsageError("enough")
 
-    monkeypatch.setattr(f"{module}.{name}", stub)
+    monkeypatch.setattr(held, name, stub)
     assert run(*words.split(), cwd=tmp_path).returncode == 2
     assert {key: asked[key] for key in given} == given
 

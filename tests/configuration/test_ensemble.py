@@ -59,12 +59,6 @@ def test_seed_and_overrides_of_the_base() -> None:
     assert loaded.compare.control.gains.lam.value == (7.0, 8.0)
 
 
-def with_base(folder: Path, old: str, new: str) -> Path:
-    mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8").replace(old, new)
-    (folder / "mine.yaml").write_text(mine, encoding="utf-8")
-    return written(folder, ("base: compare.yaml ", "base: mine.yaml "))
-
-
 MISTAKES = [
     ("link_mass_2:", "link_mas_2:", "unknown key 'link_mas_2', did you mean 'link_mass_2'"),
     ("low: 40, ", "low: 4000, ", "tendon_stiffness_2.low: must be below high, 2000, found 4000"),
@@ -109,7 +103,10 @@ def test_mistakes_on_the_command_line(overrides: list[str], message: str) -> Non
 
 
 def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
-    path = with_base(tmp_path, "  controller_1_payload:", "  loaded:")
+    mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
+    mine = mine.replace("  controller_1_payload:", "  loaded:")
+    (tmp_path / "mine.yaml").write_text(mine, encoding="utf-8")
+    path = written(tmp_path, ("base: compare.yaml ", "base: mine.yaml "))
     with pytest.raises(ConfigError, match="controller_1_payload") as raised:
         load_ensemble(path)
     assert raised.value.where == f"{path}:{line_of('base: compare')}"

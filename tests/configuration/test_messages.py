@@ -206,19 +206,13 @@ def test_motion_of_one_joint_that_does_not_fit(files: Files, old: str, new: str,
     assert f": reference.{key}" in mistake
 
 
-@pytest.mark.parametrize(("content", "message"), [
-    (b"[1, 2]", "mapping of keys"),
-    (b"\x89HDF\r\n\x1a\n\0\0", "UTF-8"),
-    (b"a: 1\na: 2", "'a' is given twice"),
-])  # fmt: skip
 @pytest.mark.parametrize("way", ["file", "stdin", "manipulator"])
-def test_text_that_is_no_configuration(
-    files: Files, content: bytes, message: str, way: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_text_that_is_no_configuration(files: Files, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = b"[1, 2]"
     path = files.path("lumidouce_ii" if way == "manipulator" else "compare")
     path.write_bytes(content)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
-    with pytest.raises(ConfigError, match=message) as raised:
+    with pytest.raises(ConfigError, match="mapping of keys") as raised:
         load_config("-" if way == "stdin" else files.path("compare"), "compare")
     assert raised.value.exit_code == 2
     assert ("<stdin>" if way == "stdin" else str(path)) in str(raised.value)

@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import importlib
-import json
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
-from support import ROOT
+from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, tables_of, text_of
 
-from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
-from tendonrepro.console import Talk
-from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.reporting.answer import BOTH, STEPS, numbers
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED
-from tendonrepro.results.paper_tables import table_data
 from tendonrepro.verdicts.judge import Sources, judge_all
 
-DOCS = ROOT / "docs"
-pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
+pytestmark = NEEDS_DOCS
 EXTRAPOLATING = "control.readings.weights=extrapolating"
 DEGREES = "control.readings.Delta_unit=deg"
-CONTROLLERS = ("controller_1", "controller_2", "controller_3")
-
-
-def stored(name: str) -> Any:
-    return json.loads((DOCS / "results" / f"{name}.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +29,6 @@ def readings() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def claims() -> dict[str, Any]:
     return {entry["id"]: entry for entry in stored("claims")["claims"]}
-
-
-def text_of(page: str) -> str:
-    return " ".join((ROOT / page).read_text(encoding="utf-8").split())
-
-
-def cells_of(page: str, first: str) -> list[str]:
-    """Cells behind the first of the one table row of a page that begins so."""
-    lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
-    (line,) = (line for line in lines if line.startswith(f"| {first} |"))
-    return [cell.strip() for cell in line.strip("|").split("|")][1:]
 
 
 def test_made_parts_are_fresh_and_stand_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,11 +188,7 @@ def test_nominal_arm(row: str, overrides: list[str]) -> None:
 
 def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
     """MAE of Controllers 1 to 3 on joints 2 and 3, degrees; all of them have to be stable."""
-    loaded = load_config(experiment, None, overrides=overrides)
-    created = {"created": "2026-01-01T00:00:00+00:00"}
-    found: Mapping[str, Any] = table_data(
-        trace_file(loaded, simulate_all([(loaded, ())], Talk(quiet=True))[0], created)
-    )
+    found = tables_of(experiment, *overrides)
     assert {found["status"][name] for name in CONTROLLERS} == {"ok"}
     return [found["table2"][name]["mae_deg"] for name in CONTROLLERS]
 

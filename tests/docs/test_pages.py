@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 import typer
 from PIL import Image
+from support import ROOT
+from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, tables_of
 from typer.main import get_command
 
 import tendonrepro
@@ -32,16 +34,13 @@ from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
-from tendonrepro.physics.metrics import mae, status_of
+from tendonrepro.physics.metrics import mae
 from tendonrepro.reporting.assumed import quantities
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
 
 PACKAGE = Path(tendonrepro.__file__).parent
-ROOT = PACKAGE.parent
-DOCS = ROOT / "docs"
-# The package may be tested from an installation, which has no documentation.
-pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
+pytestmark = NEEDS_DOCS
 
 PAGES = sorted(DOCS.glob("*.md"))
 TEXTS = {path: path.read_text(encoding="utf-8") for path in [*PAGES, ROOT / "README.md"] if path.exists()}
@@ -312,20 +311,10 @@ def settings() -> list[tuple[str, list[str]]]:
 @pytest.mark.slow
 @pytest.mark.parametrize(("setting", "cells"), settings(), ids=[name for name, _ in settings()])
 def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
-    overrides = [] if setting == "as shipped" else [setting]
-    loaded = load_config(None, "compare", overrides=overrides)
-    limits = loaded.config.status
+    data = tables_of("compare", *[setting] * (setting != "as shipped"))
     found = []
-    for loop in (all_loops(loaded)[f"controller_{k}"] for k in (1, 2, 3)):
-        run = simulate(loop)
-        status, _ = status_of(
-            run["time"],
-            run["e"],
-            limits.divergence_limit.si,
-            limits.ringing_frequency.si,
-            limits.ringing_share.si,
-        )
-        sizes = np.rad2deg(mae(run["e"]))
+    for name in CONTROLLERS:
+        status, sizes = data["status"][name], data["table2"][name]["mae_deg"]
         found.append(f"{sizes[0]:.3f} / {sizes[1]:.3f}" if status == "ok" else status)
     # A run near its bound of stability magnifies rounding, so the last digit is left free.
     for text, number in zip(cells, found, strict=True):

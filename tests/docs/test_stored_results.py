@@ -5,26 +5,17 @@ A reading, a claim or a change of physics needs them made again: docs/results.md
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
-import pytest
-from support import ROOT
+from support.pages import NEEDS_DOCS, stored
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.verdicts.judge import Sources, judge_all
 
-RESULTS = ROOT / "docs" / "results"
-pytestmark = pytest.mark.skipif(not RESULTS.is_dir(), reason="no docs folder beside the package")
+pytestmark = NEEDS_DOCS
 
 PHYSICS = "physics_sha256"
 """Key of the digest of the physics that made a result; older searches lack it."""
-
-
-def stored(name: str) -> Any:
-    return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def test_every_reading_was_drawn_and_searched() -> None:

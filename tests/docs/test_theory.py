@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from support import ROOT
+from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stated
 
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -15,26 +15,9 @@ from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.simulation.batch import simulate_batch
 
-DOCS = ROOT / "docs"
-pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="no docs folder beside the package")
-CONTROLLERS = ("controller_1", "controller_2", "controller_3")
+pytestmark = NEEDS_DOCS
 EXTRAPOLATING = "control.readings.weights=extrapolating"
 APPLIED = "control.readings.stored_torque=applied"
-
-
-def stated(pattern: str, page: str) -> list[float]:
-    """Numbers in the groups of a pattern; a space in it stands for any white space of the text."""
-    text = " ".join((DOCS / page).read_text(encoding="utf-8").split())
-    match = re.search(pattern, text)
-    assert match, pattern
-    return [float(group.replace("−", "-")) for group in match.groups()]
-
-
-def cells_starting(first: str) -> list[str]:
-    """Cells behind the first of the one table row of the theory that begins so."""
-    lines = (DOCS / "theory.md").read_text(encoding="utf-8").splitlines()
-    (line,) = (line for line in lines if line.startswith(f"| {first}"))
-    return [cell.strip() for cell in line.strip("|").split("|")][1:]
 
 
 def test_white_noise_factors_quoted() -> None:
@@ -42,14 +25,14 @@ def test_white_noise_factors_quoted() -> None:
     factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
     said = stated(
         r"from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration",
-        "theory.md",
+        "docs/theory.md",
     )
     assert said == pytest.approx(list(factors), abs=6e-4)
     # Second differences of what is white have the correlation -2/3 from one to the next.
     steps = np.array([1.0, -2.0, 1.0])
     lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
     angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
-    said = stated(r"white in the angle it falls to ([\d.]+) and ([\d.]+)\.", "theory.md")
+    said = stated(r"white in the angle it falls to ([\d.]+) and ([\d.]+)\.", "docs/theory.md")
     assert said == pytest.approx(list(angle), abs=6e-3)
 
 
@@ -57,14 +40,14 @@ def test_white_noise_factors_quoted() -> None:
     ("row", "settings", "delay"),
     [
         ("extrapolating weights", ["weights=extrapolating"], 0),
-        ("weights swapped", ["weights=swapped"], 0),
-        ("delay time of two", ["delay_time=four_periods"], 0),
-        ("applied torque stored", ["stored_torque=applied"], 1),
-        ("estimate through a low-pass", ["estimate_filter=estimate"], 0),
+        ("weights swapped, (α, 1 − α)", ["weights=swapped"], 0),
+        ("delay time of two or four periods", ["delay_time=four_periods"], 0),
+        ("applied torque stored, one sample of output delay", ["stored_torque=applied"], 1),
+        ("estimate through a low-pass of f periods, 1.6 at 77 Hz", ["estimate_filter=estimate"], 0),
     ],
 )
 def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
-    cells = cells_starting(f"Controller 1 / Controller 2, {row}")
+    cells = cells_of("docs/theory.md", f"Controller 1 / Controller 2, {row}")
     config = load_config(None, "compare", overrides=[f"control.readings.{one}" for one in settings]).config
     assert isinstance(config, CompareConfig)
     first, second = (build_law(config, name) for name in CONTROLLERS[:2])
@@ -94,9 +77,9 @@ def test_joint_1_held_by_its_motor_changes_little() -> None:
     held, rigid = (
         [batch_errors(metric, *overrides) for metric in ("mae", "rmse")] for overrides in (set_in(line), [])
     )
-    (given,) = stated(r"it gives by ([\d.]+)° on average", "slips.md")
+    (given,) = stated(r"it gives by ([\d.]+)° on average", "docs/slips.md")
     pattern = r"2 and 3 changes by about ([\d.]+) % at most, the RMSE by about ([\d.]+) %, and the order"
-    most = stated(pattern, "slips.md")
+    most = stated(pattern, "docs/slips.md")
     assert held[0][0, 0] == pytest.approx(given, abs=6e-3)
     changes = [100.0 * np.abs(one[:, 1:] / other - 1.0).max() for one, other in zip(held, rigid, strict=True)]
     assert changes == pytest.approx(most, abs=0.2)

@@ -9,16 +9,10 @@ from support.overrides import quantity
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.shipped import init_config
 from tendonrepro.errors import ConfigError
-from tendonrepro.experiments.loops import (
-    all_loops,
-    build_law,
-    build_loops,
-    build_reference,
-    reference_period,
-    torque_map,
-)
+from tendonrepro.experiments import loops
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
+from tendonrepro.physics.linear_loop import decay_rate, stroke
 from tendonrepro.physics.trajectory import minimum_jerk
 from tendonrepro.simulation.controllers import PositionController
 from tendonrepro.simulation.stepper import simulate
@@ -47,14 +41,14 @@ def loaded(*overrides, experiment="compare"):
     return load_config(None, experiment, overrides=overrides)
 
 
-def loops(*overrides, experiment="compare"):
+def loops_of(*overrides, experiment="compare"):
     found = loaded(*overrides, experiment=experiment)
-    return dict(build_loops(found.config, found.folder))
+    return dict(loops.build_loops(found.config, found.folder))
 
 
 def reference(*overrides):
     found = loaded(*overrides)
-    return build_reference(found.config.reference, found.config, found.folder)
+    return loops.build_reference(found.config.reference, found.config, found.folder)
 
 
 def keep(*names):
@@ -66,21 +60,19 @@ def keep(*names):
     return f"runs={{{', '.join(parts)}}}"
 
 
-class TestIndependence:
-    def test_other_runs_change_no_bit(self):
-        """Also with noise in play, which all runs share."""
-        noise = "manipulator.encoders.joint.noise=0.01"
-        alone = simulate(loops(SHORT, noise, keep("controller_2"))["controller_2"])
-        found = loaded(SHORT, noise, keep(*RUNS[::-1]))
-        traces = {name: simulate(loop) for name, loop in build_loops(found.config, found.folder)}
-        assert len(alone["time"]) == 401
-        for name, values in alone.items():
-            np.testing.assert_array_equal(traces["controller_2"][name], values, err_msg=name)
+def test_other_runs_change_no_bit():
+    """Also with noise in play, which all runs share."""
+    noise = "manipulator.encoders.joint.noise=0.01"
+    alone = simulate(loops_of(SHORT, noise, keep("controller_2"))["controller_2"])
+    traces = {name: simulate(loop) for name, loop in loops_of(SHORT, noise, keep(*RUNS[::-1])).items()}
+    assert len(alone["time"]) == 401
+    for name, values in alone.items():
+        np.testing.assert_array_equal(traces["controller_2"][name], values, err_msg=name)
 
 
 class TestLaw:
     def law(self, name, *overrides):
-        return build_law(loaded(*overrides).config, name)
+        return loops.build_law(loaded(*overrides).config, name)
 
     @pytest.mark.parametrize(
         ("name", "surface", "weights"),
@@ -143,7 +135,7 @@ class TestLaw:
     )
     def test_torque_coordinates(self, coordinates, ratio):
         config = loaded(f"control.readings.torque_coordinates={coordinates}").config
-        law, T = build_law(config, "controller_1"), torque_map(config)
+        law, T = loops.build_law(config, "controller_1"), loops.torque_map(config)
         S_inv = np.array([[77.0, 0.0], [-35.0, 37.0]]) / 37.0
         # Virtual work: a shaft that turns ratio S_inv q does tau · ratio S_inv dq.
         np.testing.assert_allclose(T, np.eye(2) if ratio is None else ratio * S_inv.T, rtol=1e-14)
@@ -151,9 +143,23 @@ class TestLaw:
         np.testing.assert_allclose(law.from_joint @ T, np.eye(2), atol=1e-14)
 
 
+def test_loops_that_grow_are_those_without_decay():
+    """Such a run may end well, and the comparison says so."""
+    assert loops.growing(loaded(experiment="decouple")) == {}
+    # With this mass of the law and a delay the loop with payload alone grows.
+    heavy = "control.gains.M_bar=[0.025, 0.025]"
+    assert loops.growing(loaded(heavy)) == {}
+    delayed, postures = loaded(heavy, "manipulator.actuator.output_delay=1"), list(stroke(reference().q_d))
+    views = loops.run_views(delayed.config).items()
+    decay = {run: decay_rate(postures, view.plant, view.law, view.delay) for run, view in views}
+    found = loops.growing(delayed)
+    assert found.keys() == {run for run, rate in decay.items() if rate < 0.0} == {"controller_1_payload"}
+    assert 10.7 < found["controller_1_payload"] < 10.8
+
+
 class TestPlants:
     def test_start_of_each_run(self):
-        built, cold = loops(SHORT), loops(SHORT, "control.readings.start=cold")
+        built, cold = loops_of(SHORT), loops_of(SHORT, "control.readings.start=cold")
         assert [{loop.cold for loop in found.values()} for found in (built, cold)] == [{False}, {True}]
 
     def test_instruments_and_solver_are_those_of_the_configuration(self):
@@ -165,7 +171,7 @@ class TestPlants:
             "status": {"divergence_limit": 7},
         }
         keys = [f"{part}.{key}={value}" for part, held in parts.items() for key, value in held.items()]
-        loop = loops(SHORT, *keys, "seed=5")["controller_1"]
+        loop = loops_of(SHORT, *keys, "seed=5")["controller_1"]
         assert np.rad2deg(loop.joint_encoder) == pytest.approx([0.5, 0.25])
         assert np.rad2deg(loop.motor_encoder) == pytest.approx([0.125, 0.0625])
         assert (loop.actuator.resolution, loop.actuator.noise, loop.seed) == (0.02, 0.03, 5)
@@ -173,7 +179,7 @@ class TestPlants:
         assert np.rad2deg(loop.divergence_limit) == pytest.approx(7.0)
 
     def test_decoupling_runs(self):
-        built = loops(experiment="decouple")
+        built = loops_of(experiment="decouple")
         assert list(built) == ["decouple", "pull_tendon_1"]
         config = loaded(experiment="decouple").config
         S, S_inv = coupling(config)
@@ -201,7 +207,7 @@ class TestReference:
     def test_kinds(self, text, duration, period):
         found = reference(f"reference={text}")
         assert found.time[-1] == pytest.approx(duration, abs=1e-9)
-        assert reference_period(loaded(f"reference={text}").config.reference) == pytest.approx(period)
+        assert loops.reference_period(loaded(f"reference={text}").config.reference) == pytest.approx(period)
         np.testing.assert_allclose([found.q_d[0], found.dq_d[0]], 0.0, atol=1e-15)
         largest = np.rad2deg(found.q_d.max(axis=0))
         np.testing.assert_allclose(largest, [10.0, 20.0], rtol=1e-5)
@@ -244,7 +250,7 @@ class TestReference:
         changed = f"{option}={[200] * (2 if experiment == 'compare' else 3)}"
         for overrides, where in (((), f"{path}:{line}"), ((changed,), f"--set {option}")):
             with pytest.raises(ConfigError, match=rf": {key}: link \d would reach") as caught:
-                all_loops(load_config(path, experiment, overrides=overrides), None)
+                loops.all_loops(load_config(path, experiment, overrides=overrides), None)
             assert caught.value.where == where
 
     @pytest.mark.parametrize(
@@ -278,7 +284,7 @@ class TestSampledReference:
         for ours, exact in zip((found.q_d, found.dq_d, found.ddq_d), stroke(found.time), strict=True):
             # Columns are found by name: joint 2's comes second and is twice as large.
             np.testing.assert_allclose(ours, exact[:, np.newaxis] * [2.0, 1.0], atol=1e-10)
-        assert reference_period(loaded(override).config.reference) == 0.0
+        assert loops.reference_period(loaded(override).config.reference) == 0.0
 
     def test_file_that_cannot_be_followed(self, tmp_path):
         with pytest.raises(ConfigError, match=r"motion.csv: has no column for joint 3"):

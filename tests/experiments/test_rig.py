@@ -1,21 +1,11 @@
 """From the shipped configurations to plants; most laws of the plant itself are tested on random ones."""
 
-import json
-
 import numpy as np
 import pytest
+from support.overrides import quantity
 
 from tendonrepro.configuration.load import load_config
-from tendonrepro.experiments.rig import (
-    build_actuator,
-    build_arm,
-    build_disturbance,
-    build_drive,
-    build_plant,
-    build_preload,
-    coupling,
-    start_angles,
-)
+from tendonrepro.experiments import rig
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.disturbance import disturbance_torque
 from tendonrepro.physics.kinematics import to_joint_matrix
@@ -25,33 +15,35 @@ def config_of(experiment, *overrides):
     return load_config(None, experiment, overrides=overrides).config
 
 
+def arm_with(*keys):
+    """Configuration of the comparison with other values of the arm."""
+    return config_of("compare", *(f"manipulator.{key}" for key in keys))
+
+
 COMPARE, DECOUPLE = config_of("compare"), config_of("decouple")
 
 
-class TestCoupling:
-    def test_joint_1_held_leaves_the_trailing_block(self):
-        S, S_inv = coupling(COMPARE)
-        assert 37.0 * S_inv == pytest.approx(np.array([[77.0, 0.0], [-35.0, 37.0]]), rel=1e-14)
-        assert np.abs(S).round(4).tolist() == [[0.4805, 0], [0.4545, 1]]
-        assert S_inv.flags.c_contiguous
+def test_coupling_with_joint_1_held_is_the_trailing_block():
+    S, S_inv = rig.coupling(COMPARE)
+    assert 37.0 * S_inv == pytest.approx(np.array([[77.0, 0.0], [-35.0, 37.0]]), rel=1e-14)
+    assert np.abs(S).round(4).tolist() == [[0.4805, 0], [0.4545, 1]]
+    assert S_inv.flags.c_contiguous
 
 
 class TestArm:
     def test_posture_gives_absolute_angles_from_hanging(self):
-        bent = config_of("decouple", "posture=[40, 20, -10]")
-        assert np.rad2deg(start_angles(bent)) == pytest.approx([40.0, 60.0, 50.0])
-        assert np.rad2deg(start_angles(config_of("compare", "posture=[40, 20, -10]"))) == pytest.approx(
-            [60.0, 50.0]
-        )
+        for experiment, angles in (("decouple", [40.0, 60.0, 50.0]), ("compare", [60.0, 50.0])):
+            bent = config_of(experiment, "posture=[40, 20, -10]")
+            assert np.rad2deg(rig.start_angles(bent)) == pytest.approx(angles)
 
     def test_joint_1_held_leaves_the_trailing_block(self):
-        whole, held = build_arm(DECOUPLE, 0.2), build_arm(COMPARE, 0.2)
+        whole, held = rig.build_arm(DECOUPLE, 0.2), rig.build_arm(COMPARE, 0.2)
         q, dq = np.array([0.0, 0.3, -0.2]), np.array([0.0, 1.0, 2.0])
         assert mass_matrix(q[1:], held) == pytest.approx(mass_matrix(q, whole)[1:, 1:], rel=1e-14)
         assert bias_torque(q[1:], dq[1:], held) == pytest.approx(bias_torque(q, dq, whole)[1:], rel=1e-14)
 
     def test_payload_adds_its_weight_at_the_tip(self):
-        added = build_arm(COMPARE, 0.2).b - build_arm(COMPARE, 0.0).b
+        added = rig.build_arm(COMPARE, 0.2).b - rig.build_arm(COMPARE, 0.0).b
         # Moment of weight of a link: the payload on its whole length.
         assert added == pytest.approx([0.2 * 9.81 * 0.28, 0.2 * 9.81 * 0.20], rel=1e-13)
 
@@ -59,7 +51,7 @@ class TestArm:
 class TestDrive:
     def test_joint_matrices_of_two_joints(self):
         """By hand: own tendon on the diagonal, tendon 3 over the guide pulley of joint 2 beside it."""
-        drive = build_drive(COMPARE)
+        drive = rig.build_drive(COMPARE)
         guide = 35.0 / 37.0
         K_s = [[280.0 + guide**2 * 100.0, -guide * 100.0], [-guide * 100.0, 100.0]]
         assert to_joint_matrix(drive.stiffness, drive.S_inv) == pytest.approx(np.array(K_s), rel=1e-5)
@@ -79,19 +71,19 @@ class TestDrive:
         ],
     )
     def test_losses_and_play(self, experiment, override, field, value):
-        drive = build_drive(config_of(experiment, f"manipulator.{override}"))
+        drive = rig.build_drive(config_of(experiment, f"manipulator.{override}"))
         assert getattr(drive, field) == pytest.approx(value, rel=1e-12)
 
     def test_the_common_factor_is_on_every_damping(self):
-        keys = ("axial_damping=[1, 2, 3]", "damping_factor=5")
-        drive = build_drive(config_of("compare", *(f"manipulator.tendons.{key}" for key in keys)))
+        drive = rig.build_drive(arm_with("tendons.axial_damping=[1, 2, 3]", "tendons.damping_factor=5"))
         assert drive.damping == pytest.approx([5.0 * 2.0 * 0.0185**2, 5.0 * 3.0 * 0.0185**2], rel=1e-12)
 
 
 def test_tensioner_torque_at_each_joint():
-    assert (build_preload(COMPARE) == 0.0).all()
-    config = config_of("compare", "manipulator.tensioner.force=20")
-    assert build_preload(config) == pytest.approx([-20.0 * 0.0175, -20.0 * 0.0185], rel=1e-14)
+    assert (rig.build_preload(COMPARE) == 0.0).all()
+    assert rig.build_preload(arm_with("tensioner.force=20")) == pytest.approx(
+        [-20.0 * 0.0175, -20.0 * 0.0185], rel=1e-14
+    )
 
 
 class TestDisturbance:
@@ -99,7 +91,7 @@ class TestDisturbance:
         step = self.of_kind("step", torque=("N m", [0.1, 0.2]), start=("s", 1.5))
         sine = self.of_kind("sine", torque=("N m", [0.1, 0.2]), frequency=("Hz", 5))
         on, off = [0.1, 0.2], [0.0, 0.0]
-        none = build_disturbance(COMPARE)
+        none = rig.build_disturbance(COMPARE)
         for made, time, torque in ((none, 1.0, off), (step, 1.4999, off), (step, 1.5, on), (sine, 0.05, on)):
             assert [disturbance_torque(time, i, made) for i in range(2)] == pytest.approx(torque)
 
@@ -114,21 +106,17 @@ class TestDisturbance:
 
     @staticmethod
     def of_kind(kind, *overrides, **fields):
-        quantities = {
-            name: {"value": value, "unit": unit, "source": "assumed: a test"}
-            for name, (unit, value) in fields.items()
-        }
-        choice = f"disturbance={json.dumps({'kind': kind} | quantities)}"
-        return build_disturbance(config_of("compare", choice, *overrides))
+        body = ", ".join(f"{name}: {quantity(value, unit)}" for name, (unit, value) in fields.items())
+        return rig.build_disturbance(
+            config_of("compare", f"disturbance={{kind: {kind}, {body}}}", *overrides)
+        )
 
 
-class TestInstruments:
-    def test_actuator_takes_the_limits_of_the_moving_joints(self):
-        keys = ("torque_limit=[30, 31, 32]", "torque_resolution=0.016", "output_delay=1")
-        config = config_of("compare", *(f"manipulator.actuator.{key}" for key in keys))
-        actuator = build_actuator(config)
-        assert actuator.limit.tolist() == [31.0, 32.0]
-        assert actuator[1:] == (0.016, 0.0, 1)
+def test_actuator_takes_the_limits_of_the_moving_joints():
+    keys = ("torque_limit=[30, 31, 32]", "torque_resolution=0.016", "output_delay=1")
+    actuator = rig.build_actuator(arm_with(*(f"actuator.{key}" for key in keys)))
+    assert actuator.limit.tolist() == [31.0, 32.0]
+    assert actuator[1:] == (0.016, 0.0, 1)
 
 
 def test_values_of_held_joints_drop_out():
@@ -144,31 +132,16 @@ def test_values_of_held_joints_drop_out():
         "friction.link.coulomb": "[9, 0.045, 0.045]",
         "friction.winch.coulomb": "[9, 0, 0]",
     }
-    changed = config_of("compare", *(f"manipulator.{key}={values}" for key, values in first.items()))
-    same, expected = _flat(build_plant(changed, 0.0)), _flat(build_plant(COMPARE, 0.0))
-    assert same.tolist() == expected.tolist()
+    changed = arm_with(*(f"{key}={values}" for key, values in first.items()))
+    np.testing.assert_equal(rig.build_plant(changed, 0.0), rig.build_plant(COMPARE, 0.0))
 
 
 def test_friction_of_joints_and_winches_are_not_mixed_up():
-    config = config_of(
-        "compare",
-        *(
-            f"manipulator.friction.{part}.{field}=[1, {number}, {number + 1}]"
-            for part, first in (("link", 2), ("winch", 20))
-            for number, field in enumerate(
-                ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity"), first
-            )
-        ),
-        "manipulator.friction.link.viscous=[1, 7, 8]",
-        "manipulator.winches.viscous=[1, 9, 10]",
-    )
-    plant = build_plant(config, 0.0)
-    expected_link = [[7, 8], [2, 3], [3, 4], [4, 5], [5, 6]]
-    expected_winch = [[9, 10], [20, 21], [21, 22], [22, 23], [23, 24]]
-    assert [field.tolist() for field in plant.link_friction] == expected_link
-    assert [field.tolist() for field in plant.drive.friction] == expected_winch
-
-
-def _flat(record):
-    parts = [_flat(field) if isinstance(field, tuple) else np.ravel(field) for field in record]
-    return np.concatenate(parts)
+    fields = ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity")
+    keys = ["friction.link.viscous=[1, 7, 8]", "winches.viscous=[1, 9, 10]"]
+    for part, first in (("link", 2), ("winch", 20)):
+        keys += [f"friction.{part}.{field}=[1, {k}, {k + 1}]" for k, field in enumerate(fields, first)]
+    plant = rig.build_plant(arm_with(*keys), 0.0)
+    links, winches = ([field.tolist() for field in f] for f in (plant.link_friction, plant.drive.friction))
+    assert links == [[7, 8], [2, 3], [3, 4], [4, 5], [5, 6]]
+    assert winches == [[9, 10], [20, 21], [21, 22], [22, 23], [23, 24]]

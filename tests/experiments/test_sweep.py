@@ -15,17 +15,7 @@ from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.experiments.sweep.command import (
-    IN_DEGREES,
-    IN_SI,
-    load_sweep,
-    numbers_per_joint,
-    parse_over,
-    point_rows,
-    run_rows,
-    run_sweep,
-    simulate_sweep,
-)
+from tendonrepro.experiments.sweep import command as sweep
 from tendonrepro.experiments.sweep.figures import draw_sweep
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import read_manifest
@@ -43,7 +33,9 @@ QUIET = Talk(quiet=True)
 
 @cache
 def swept(*over, overrides=(ONE,), controllers=(1, 2)):
-    return simulate_sweep(load_sweep(Request(overrides=overrides, controllers=controllers), over), QUIET)
+    return sweep.simulate_sweep(
+        sweep.load_sweep(Request(overrides=overrides, controllers=controllers), over), QUIET
+    )
 
 
 def ratios(data, pair="c1_c2"):
@@ -90,9 +82,9 @@ class TestRun:
             found = point["runs"][run]
             assert found["status"] == STATUSES[alone.status[k]]
             assert found["status_time_s"] == alone.status_time[k]
-            for name, statistic in IN_DEGREES.items():
+            for name, statistic in sweep.IN_DEGREES.items():
                 np.testing.assert_array_equal(found[name], np.rad2deg(alone.statistics[statistic][k]))
-            for name in IN_SI:
+            for name in sweep.IN_SI:
                 np.testing.assert_array_equal(found[name], alone.statistics[name][k])
 
     def test_diverged_run_is_kept_and_marked(self):
@@ -102,11 +94,21 @@ class TestRun:
         ended = data["points"][0]["runs"]["controller_1_payload"]
         assert 0.0 < ended["status_time_s"] < 7.6
         assert np.isfinite(ended["mae_deg"]).all()
-        assert next(point_rows(data))["status"] == ["controller_1_payload diverged"]
-        assert {row["status"] for row in run_rows(data)} == {"ok", "diverged"}
+        assert next(sweep.point_rows(data))["status"] == ["controller_1_payload diverged"]
+        assert {row["status"] for row in sweep.run_rows(data)} == {"ok", "diverged"}
         panel = draw_sweep(data).axes["a"]
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
         assert cross.get_xdata().tolist() == [3.0]
+
+    def test_what_did_not_last_has_no_ratio(self):
+        config = load_config(None, "compare", controllers=(1, 2)).config
+        runs = {
+            "controller_1": {"mae_deg": [2.0, 3.0]},
+            "controller_2": {"mae_deg": [1.0, 0.0], "status": "ok"},
+        }
+        for status, ratio in (("ringing", 2.0), ("diverged", np.nan)):
+            runs["controller_1"]["status"] = status
+            np.testing.assert_equal(sweep._ratios(runs, config)["ratio"], {"c1_c2": [ratio, np.nan]})
 
     def test_two_keys_make_every_pair(self):
         data = swept(ALPHA, PERIOD)
@@ -120,7 +122,7 @@ class TestRun:
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
+        found = sweep.run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
@@ -134,11 +136,11 @@ class TestFiles:
 
     def test_dry_run_checks_every_point_and_writes_nothing(self, tmp_path):
         out = tmp_path / "none"
-        assert run_sweep(Request(None, out, [ONE], dry_run=True), [PERIOD], QUIET)["dry_run"]
+        assert sweep.run_sweep(Request(None, out, [ONE], dry_run=True), [PERIOD], QUIET)["dry_run"]
         assert not out.exists()
         steep = Request(out=out, dry_run=True)
         with pytest.raises(ConfigError, match=r"--over reference.*would reach"):
-            run_sweep(steep, ["reference.amplitude=[33,33],[150,33]"], QUIET)
+            sweep.run_sweep(steep, ["reference.amplitude=[33,33],[150,33]"], QUIET)
 
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
         text = load_config(None, "compare").yaml_text
@@ -146,50 +148,50 @@ class TestFiles:
         path.write_text(text)
         with path.open() as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            assert len(load_sweep(Request("-"), [ALPHA]).points) == 3
+            assert len(sweep.load_sweep(Request("-"), [ALPHA]).points) == 3
 
 
 class TestValues:
     def test_commas_inside_brackets_and_quotes_do_not_split(self):
         listed = "[0,0], {value: [1, 2], unit: s}, 'a,b'"
-        assert parse_over([f"a={listed}"]) == {"a": [[0, 0], {"value": [1, 2], "unit": "s"}, "a,b"]}
+        assert sweep.parse_over([f"a={listed}"]) == {"a": [[0, 0], {"value": [1, 2], "unit": "s"}, "a,b"]}
 
     @pytest.mark.parametrize("over", ["", "a=1,2 b=1,2 c=1,2", "a=1,2 a=3,4", "sampling_period", "a=1"])
     def test_form_is_checked(self, over):
         with pytest.raises(UsageError, match=r"one or two keys|not of the form"):
-            parse_over(over.split())
+            sweep.parse_over(over.split())
 
     def test_a_wrong_value_is_named_with_all_its_mistakes(self):
         over = ["control.gains.alpha=[0.1,0.2],[0,2]", "sampling_period=1,0.7"]
         with pytest.raises(ConfigError, match=r"0\.7 ms") as caught:
-            load_sweep(Request(), over)
+            sweep.load_sweep(Request(), over)
         assert caught.value.where == "--over control.gains.alpha=[0.1,0.2] sampling_period=0.7"
         with pytest.raises(ConfigError, match=r"control\.gains\.alpha\.value\.1"):
-            load_sweep(Request(), over[:1])
+            sweep.load_sweep(Request(), over[:1])
 
     def test_step_of_the_other_solver_follows_the_period(self):
         unit = "solver.max_step={value: 1e-3, unit: s, source: 'assumed: test'}"
-        for point in load_sweep(Request(overrides=[unit, ONE]), [PERIOD]).points:
+        for point in sweep.load_sweep(Request(overrides=[unit, ONE]), [PERIOD]).points:
             assert point.loaded.config.solver.max_step.si == point.loaded.config.sampling_period.si
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
-            load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
+            sweep.load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
 
     def test_a_swept_seed_leaves_no_place_for_another(self):
-        assert len(load_sweep(Request(), ["seed=1,2"]).points) == 2
+        assert len(sweep.load_sweep(Request(), ["seed=1,2"]).points) == 2
         with pytest.raises(UsageError):
-            load_sweep(Request(seed=3), ["seed=1,2"])
+            sweep.load_sweep(Request(seed=3), ["seed=1,2"])
 
     def test_files_of_all_points_are_inputs(self, tmp_path):
         arms = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
         for arm in arms:
             arm.write_text(read_text(shipped_folder() / "lumidouce_ii.yaml"), encoding="utf-8")
-        assert set(arms) <= {*load_sweep(Request(), [f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
+        assert set(arms) <= {*sweep.load_sweep(Request(), [f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         other = run.replace("{a:", "{b:")
         with pytest.raises(UsageError, match="the same runs"):
-            load_sweep(Request(), [f"runs={run},{other}"])
+            sweep.load_sweep(Request(), [f"runs={run},{other}"])
 
     def test_numbers_are_those_of_each_joint(self):
         for over, numbers in (
@@ -199,7 +201,7 @@ class TestValues:
             ("control.gains.alpha=[0,0],[0.1,0]", None),
             ("control.readings.weights=interpolating,extrapolating", None),
         ):
-            assert numbers_per_joint(next(iter(parse_over([over]).values())), 2, 3) == numbers
+            assert sweep.numbers_per_joint(next(iter(sweep.parse_over([over]).values())), 2, 3) == numbers
 
 
 class TestFigures:

@@ -1,5 +1,6 @@
 """A law of the user's own: what it is told, what it leaves, and where its mistakes are."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +9,8 @@ import pytest
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.report import outcome_of
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.experiments.run import simulate_run, trace_file
+from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
 from tendonrepro.experiments.user_law import checked, laws_of, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
@@ -27,6 +27,12 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
 """
 
 
+def called(path, text, *given):
+    """What a law answers that stands as `mine` in a file of this text."""
+    path.write_text(text)
+    return checked(laws_of([f"{path}:mine"])[0], None)(AT_REST, *given or np.zeros((4, 2)), SimpleNamespace())
+
+
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
@@ -41,37 +47,30 @@ def mine(memory, q, q_d, dq_d, ddq_d, law):
     ],
 )
 def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
-    (tmp_path / "own.py").write_text(text)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(TendonreproError) as caught:
-        checked(laws_of(["own.py:mine"])[0], None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+        called(Path("own.py"), text)
     assert words in caught.value.message
     assert caught.value.where == f"own.py:{line or 'mine'}"
 
 
 def test_what_a_law_prints_is_no_result(tmp_path, capsys):
-    (tmp_path / "own.py").write_text(
-        "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q")
-    )
-    checked(laws_of([f"{tmp_path / 'own.py'}:mine"])[0], None)(AT_REST, *np.zeros((4, 2)), SimpleNamespace())
+    called(tmp_path / "own.py", "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q"))
     assert capsys.readouterr() == ("", "loaded\ncalled\n")
 
 
 def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
     body = "memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
-    (tmp_path / "own.py").write_text(LAW.format(body=body))
     given = np.zeros((4, 2))
-    parts = checked(laws_of([f"{tmp_path / 'own.py'}:mine"])[0], None)(AT_REST, *given, SimpleNamespace())
+    parts = called(tmp_path / "own.py", LAW.format(body=body), *given)
     assert np.all(np.stack(parts) == 7.0)
     assert not given.any()
     assert not AT_REST.q.any()
 
 
-def test_no_law_takes_the_name_of_a_run_that_was_left_out(tmp_path):
-    (tmp_path / "own.py").write_text(LAW.format(body="return q, q, q, q").replace("mine", "controller_1"))
-    law = laws_of([f"{tmp_path / 'own.py'}:controller_1"])[0]
+def test_no_law_takes_the_name_of_a_run_that_was_left_out():
     with pytest.raises(UsageError, match="something else of the name 'controller_1'"):
-        all_loops(load_config(None, "compare", controllers=[2, 3]), [law])
+        all_loops(load_config(None, "compare", controllers=[2, 3]), laws_of((), {"controller_1": abs}))
 
 
 class Pd:

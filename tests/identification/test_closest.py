@@ -5,13 +5,10 @@ import re
 from statistics import fmean
 
 import pytest
+from support.pages import tables_of
 
 from tendonrepro.configuration.fields.strict_yaml import read_text
-from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.shipped import shipped_file
-from tendonrepro.console import Talk
-from tendonrepro.experiments.run import simulate_all, trace_file
-from tendonrepro.results.paper_tables import table_data
 
 # Tables 2 and 3, typed from the paper: MAE of joints 2 and 3, RMSE of joints 2 and 3, deg.
 TABLE_2 = {
@@ -26,11 +23,7 @@ WITH_LOAD = ([0.264, 0.227], [0.325, 0.265])
 def test_misfit_is_the_one_that_its_heading_states():
     """By the other stepper, and by arithmetic of its own."""
     heading = read_text(shipped_file("closest"))
-    loaded = load_config("closest", "compare")
-    file = trace_file(
-        loaded, simulate_all([(loaded, ())], Talk(quiet=True))[0], {"created": "2026-01-01T00:00:00+00:00"}
-    )
-    data = table_data(file)
+    data = tables_of("closest")
     assert set(data["status"].values()) == {"ok"}
     pairs = [(data["table2"][run], printed) for run, printed in TABLE_2.items()]
     pairs.append((data["table3"]["with_load"], WITH_LOAD))

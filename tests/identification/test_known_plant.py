@@ -1,15 +1,12 @@
 """A made-up paper from a known plant of the box: identified back."""
 
-from itertools import product
-
 import numpy as np
 import pytest
-from support.other_print import with_numbers
+from support.made_plants import paper_with
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.identification import command
@@ -44,16 +41,8 @@ def truth():
     return found.sizes[np.flatnonzero(well)[0]]
 
 
-def paper(values):
-    """The paper with these errors in Tables 2 and 3, to six digits."""
-    tables = ["table3.with_load" if run == "controller_1_payload" else f"table2.{run}" for run in RUNS]
-    places = product(tables, ("mae", "rmse"), (2, 3))
-    names = [f"{table}.{metric}.joint_{joint}" for table, metric, joint in places]
-    return with_numbers(published(), dict(zip(names, values.ravel(), strict=True)), decimals=6)
-
-
 def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "published", lambda: paper(truth))
+    monkeypatch.setattr(command, "published", lambda: paper_with(truth, decimals=6))
     request, effort = Request(out=tmp_path / "out", overrides=OVERRIDES), (40, 24, 2)
     asked = dict(zip(("generations", "population", "seeds"), effort, strict=True))
     found = command.run_identify(request, Talk(quiet=True), readings=READING, **asked)["readings"][0]

@@ -22,7 +22,6 @@ from tendonrepro.physics.control import (
     phi_slope,
     polynomial,
     remember,
-    sig,
     start_memory,
     surface_and_feedback,
     time_delay_estimate,
@@ -35,7 +34,6 @@ ALPHA = np.array([0.1, 0.2])
 
 errors = st.floats(-1.0, 1.0)
 rates = st.floats(-5.0, 5.0)
-WEIGHTS = ["interpolating", "extrapolating", "swapped"]
 exponents = st.floats(0.05, 0.95)
 boundaries = st.floats(0.01, 0.5)
 scales = st.sampled_from([1.0, DEGREES_PER_RADIAN])
@@ -158,11 +156,6 @@ class TestPhi:
         assert ETA * phi_slope(0.0, make_law(), 0) == pytest.approx(1.94, abs=5e-3)
         assert ETA * phi_slope(0.0, make_law(), 0) < BETA
 
-    @given(st.floats(-10.0, 10.0), exponents)
-    def test_sig(self, x, b):
-        assert sig(-x, b) == -sig(x, b)
-        assert sig(x, b) == pytest.approx(np.sign(x) * np.abs(x) ** b, rel=1e-15)
-
 
 class TestBoundsOnTheSlidingSet:
     """Eqs. (24) to (31): where an error ends while |s| stays within Omega."""
@@ -283,27 +276,18 @@ class TestEstimate:
     def test_low_pass_keeps_what_is_constant_and_forgets_at_its_pace(self, which):
         """The step response of a first-order filter, from the torque or from the acceleration."""
         law = make_law(np.zeros(N), **{which: 0.25})
-        memory, t = start_memory(np.zeros(N), np.zeros(N)), -L
+        memory = start_memory(np.zeros(N), np.zeros(N))
         for k in range(1, 12):
             # From rest on, an acceleration of 3 rad/s^2 and a torque of 5 N m, both seen at once.
-            t += L
             memory = memory._replace(
                 q=np.tile(np.array([[1.0], [0.0], [0.0]]) * 3.0 * L * L, (1, N)), tau=np.full((2, N), 5.0)
             )
-            seen = {"newest": 0} if which == "ddq_filter" else {}
             H_hat = time_delay_estimate(memory, np.full(N, 9.0 * L * L), law._replace(newest=0))
             ddq, share = 3.0, 1.0 - 0.75**k
-            wanted = 5.0 - M_BAR * ddq * share if seen else (5.0 - M_BAR * ddq) * share
+            wanted = 5.0 - M_BAR * ddq * share if which == "ddq_filter" else (5.0 - M_BAR * ddq) * share
             np.testing.assert_allclose(H_hat, wanted, rtol=1e-9)
             ddq_now = delayed_acceleration(memory, np.full(N, 9.0 * L * L), law._replace(newest=0))
             memory = memory._replace(ddq=ddq_now[np.newaxis], H_hat=H_hat)
-
-    @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4).map(np.array), st.sampled_from(WEIGHTS))
-    def test_weights_sum_to_one(self, alpha, reading):
-        weights = estimator_weights(alpha, reading)
-        np.testing.assert_allclose(weights.sum(axis=0), 1.0, rtol=1e-15)
-        older = {"interpolating": alpha, "extrapolating": -alpha, "swapped": 1.0 - alpha}[reading]
-        np.testing.assert_array_equal(weights[1], older)
 
 
 class TestCommand:

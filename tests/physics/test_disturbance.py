@@ -72,10 +72,3 @@ class TestNoise:
         again, other = both(TIME[:100], noise()), both(TIME[:100], noise(seed=2))
         assert (both(TIME[:100], noise()) == again).all()
         assert (again != other).all()
-
-
-@pytest.mark.parametrize("kind", [step_disturbance(TORQUE, 1.0), sine_disturbance(TORQUE, 2.0), noise()])
-def test_many_times_at_once_equal_each_alone_bit_for_bit(kind: Disturbance) -> None:
-    times = TIME[::1000]
-    alone = [[disturbance_torque(t, i, kind) for t in times] for i in range(2)]
-    assert both(times, kind).tolist() == alone

@@ -205,19 +205,6 @@ class TestFile:
             ((*ROWS, "9,one,0"), ""),
             (tuple(row + ",0" for row in ROWS), ""),
         ],
-        ids=[
-            "still 1",
-            "still 4",
-            "still 7",
-            "after a pause",
-            "few",
-            "none",
-            "nan",
-            "inf",
-            "ragged",
-            "word",
-            "wide",
-        ],
     )
     def test_rows(self, tmp_path, rows, line):
         path = self.write(tmp_path, "time_s,q2_deg,q3_deg", *rows)

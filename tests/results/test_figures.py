@@ -17,7 +17,7 @@ from matplotlib.transforms import Bbox
 from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.experiments.report import outcome_of
+from tendonrepro.experiments.run import outcome_of
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
 from tendonrepro.results.figures.panels import FigureArtists, thin
 from tendonrepro.results.figures.style import SERIES, journal_style, save_drawing

@@ -13,7 +13,7 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.experiments.report import outcome_of
+from tendonrepro.experiments.run import outcome_of
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.results.paper_tables import (

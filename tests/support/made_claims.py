@@ -1,7 +1,6 @@
 """An ensemble made from formulas on which every claim holds, and the paper of one of its plants."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from support.other_print import with_numbers
 from tendonrepro.configuration.models.readings import PRINTED
@@ -10,8 +9,6 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.sensitivity import ranked
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
-
-Array = NDArray[np.float64]
 
 RUNS = (*CONTROLLERS, "controller_1_payload")
 KNOWN = 3

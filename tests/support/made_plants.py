@@ -9,7 +9,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
-from tendonrepro.identification.misfit import Simulated, printed_numbers
+from tendonrepro.identification.misfit import METRICS, Simulated, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -63,12 +63,14 @@ def _size(loop):
     return np.array([base, 1.25 * base]) * factor
 
 
+def paper_with(errors, decimals=None):
+    """The paper with these errors, (4, 2, 2) in degrees, in Tables 2 and 3."""
+    tables = ["table3.with_load" if run == "controller_1_payload" else f"table2.{run}" for run in RUNS]
+    names = [f"{table}.{metric}.joint_{joint}" for table in tables for metric in METRICS for joint in (2, 3)]
+    return with_numbers(published(), dict(zip(names, np.ravel(errors), strict=True)), decimals)
+
+
 def made_up_paper(**changed):
     """Printed numbers that the made-up stepper gives for a plant in the middle of the box."""
-    values = {}
-    for run, factor in zip(RUNS, (0.9, 1.0, 1.0, 0.9), strict=True):
-        table = "table3.with_load" if run == "controller_1_payload" else f"table2.{run}"
-        for metric, more in (("mae", 1.0), ("rmse", 1.25)):
-            for joint in (2, 3):
-                values[f"{table}.{metric}.joint_{joint}"] = 0.2 * factor * more
-    return with_numbers(published(), values | changed)
+    errors = np.einsum("r,m,j->rmj", [0.9, 1.0, 1.0, 0.9], [1.0, 1.25], [0.2, 0.2])
+    return with_numbers(paper_with(errors), changed)

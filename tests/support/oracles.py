@@ -95,15 +95,7 @@ class Links(NamedTuple):
     gravity: float
 
     def arm(self) -> Arm:
-        return make_arm(
-            self.length,
-            self.mass,
-            self.com,
-            self.inertia,
-            phi_0=self.phi_0,
-            payload_mass=self.payload_mass,
-            gravity=self.gravity,
-        )
+        return make_arm(*self[:4], phi_0=self.phi_0, payload_mass=self.payload_mass, gravity=self.gravity)
 
 
 class Lagrangian(NamedTuple):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.physics.control import error_rate
 from tendonrepro.physics.dynamics import frictionless
@@ -17,7 +20,7 @@ from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
-from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step
+from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step, user_law
 
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
@@ -58,6 +61,20 @@ def changed(step: Step) -> Gains:
     return law.values(law.unit(step.change(GOOD[step.source], nominal().alpha), 2), 2)
 
 
+@pytest.mark.parametrize(
+    "brought",
+    [{"bounds": {"K_p": held}} for held in (10.0, (10.0, 1.0), (1.0, 1.0), (0.0, 1.0))]
+    + [{}, {"bounds": {"unknown": (1.0, 2.0)}}, {"bounds": {"K_p": (1.0, 10.0)}, "setup": print}],
+)
+def test_a_users_law_without_bounds_or_with_a_setup_is_refused(brought: dict[str, Any]) -> None:
+    def law(*_: Any) -> None:
+        """Would be called."""
+
+    vars(law).update(brought)
+    with pytest.raises(UsageError):
+        user_law(UserLaw("mine", given=law))
+
+
 EXACT = [step for step in STEPS if step.exact]
 NEAR = [step for step in STEPS if not step.exact and step.target != "super_twisting"]
 
@@ -66,9 +83,8 @@ NEAR = [step for step in STEPS if not step.exact and step.target != "super_twist
 @pytest.mark.parametrize("filtered", [False, True])
 def test_a_special_case_gives_the_same_run(step: Step, filtered: bool) -> None:
     general = errors(step.target, changed(step), "gravity", filtered=filtered)
-    assert np.allclose(
-        general, errors(step.source, GOOD[step.source], "gravity", filtered=filtered), rtol=1e-6
-    )
+    special = errors(step.source, GOOD[step.source], "gravity", filtered=filtered)
+    assert np.allclose(general, special, rtol=1e-6)
 
 
 @pytest.mark.parametrize("step", NEAR, ids=lambda step: f"{step.source}-{step.target}")

@@ -16,7 +16,7 @@ Mistakes: TypeAlias = Iterable[tuple[Key, str]]
 
 
 class Model(BaseModel):
-    """Base of every configuration model: immutable, and an unknown key is an error.
+    """Base of every configuration model: immutable, and unknown keys are errors.
 
     The text below a field is its description in the JSON schema.
     """
@@ -39,7 +39,7 @@ def refuse(message: str) -> NoReturn:
 
 
 def refuse_all(mistakes: Mistakes) -> None:
-    """Raise mistakes together, each at its path relative to the value being validated; or none."""
+    """Raise mistakes together, if any, each at its path below the value being validated."""
     details = [
         InitErrorDetails(type=PydanticCustomError("problem", "{text}", {"text": message}), loc=at, input=None)
         for at, message in mistakes
@@ -54,6 +54,6 @@ SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of t
 
 
 def describe(value: object) -> str:
-    """Show a value that is not what was expected, as YAML of at most one line."""
+    """Show an unexpected value as YAML of at most one line."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else f"{text[:60]}..."

@@ -1,4 +1,4 @@
-"""Numbers that carry their unit and where they come from, and what a field asks of them."""
+"""Numbers that carry unit and source, and what a field asks of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tendonrepro.configuration.fields.strict_yaml import Key
 
 
 class _Unit(NamedTuple):
-    """A unit as ``value * factor / divisor`` of its SI unit; dividing keeps 77 mm the float nearest .077."""
+    """``value * factor / divisor`` in the SI unit; dividing keeps 77 mm the float nearest .077."""
 
     si: str
     factor: float = 1.0
@@ -45,7 +45,7 @@ Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
 
 
 def to_si(value: Any, unit: str) -> Any:
-    """A number or an array of them in its SI unit and radians."""
+    """A number or an array in its SI unit and radians."""
     known = UNITS[unit]
     return value * known.factor / known.divisor
 
@@ -54,7 +54,7 @@ Size: TypeAlias = Literal["any", "joints", "moving"]
 
 
 class Quantity(Model):
-    """A value as written, with unit (UDUNITS spelling) and source; use `Scalar`, `Vector` or `Matrix`."""
+    """A value as written, with unit (UDUNITS spelling) and source."""
 
     rank: ClassVar[int]
     size: ClassVar[Size] = "any"
@@ -64,7 +64,6 @@ class Quantity(Model):
 
 
 def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
-    """Every number of a model with its place."""
     if isinstance(held, float):
         yield path, held
     elif isinstance(held, tuple | Model):
@@ -79,19 +78,18 @@ class Scalar(Quantity):
     value: Number
 
     def __str__(self) -> str:
-        """Value and unit, as written."""
         return f"{self.value:.12g} {self.unit}"
 
     @property
     def si(self) -> float:
-        """The value in SI units and radians."""
+        """In SI units and radians."""
         return float(to_si(self.value, self.unit))
 
 
 class _Several(Quantity):
     @property
     def si(self) -> Array:
-        """The values in SI units and radians, read-only, shape (n,) or (rows, columns)."""
+        """In SI units and radians, read-only, (n,) or (rows, columns)."""
         array = np.asarray(to_si(np.array(self.value, dtype=np.float64), self.unit))
         array.setflags(write=False)
         return array
@@ -124,7 +122,7 @@ class Pair(Vector):
 
 
 class Matrix(_Several):
-    """A list of rows of numbers, one per joint of the manipulator both ways."""
+    """Rows of numbers, one per joint of the manipulator both ways."""
 
     rank = 2
     size = "joints"
@@ -150,8 +148,7 @@ _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
 class Physical:
     """What a field with a unit means and allows, as metadata in ``Annotated``.
 
-    ``unit`` is the SI unit, of the limits too. The limits are ``at_least`` and ``at_most``, or ``above`` and
-    ``below``, which exclude the limit itself.
+    ``unit`` is SI, as are the limits; ``above`` and ``below`` exclude the limit itself.
     """
 
     def __init__(self, unit: str, about: str, *, whole: bool = False, **limits: float) -> None:
@@ -173,7 +170,7 @@ class Physical:
         return held
 
     def _out_of_range(self, held: Any) -> Mistakes:
-        """Mistakes of anything with a unit and numbers: a quantity, or a row of the box."""
+        """Mistakes of a quantity or a row of the box."""
         unit = held.unit
         if unit not in self.units:
             yield ("unit",), f"must be {' or '.join(self.units)}, found {describe(unit)}"

@@ -9,7 +9,7 @@ from tendonrepro.configuration.fields.quantity import PER_ENTRY, Matrix, Quantit
 
 
 def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
-    """Mistakes of all vectors and matrices in a model or dict of models; `sizes` holds what is known."""
+    """Mistakes of all vectors and matrices in a model or dict; `sizes` holds what is known."""
     if isinstance(part, Quantity) and part.size in sizes:
         lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
         if lengths != {sizes[part.size]}:

@@ -1,4 +1,4 @@
-"""YAML 1.2 without surprises: ``on`` and ``1:30`` are text, keys are unique, every entry knows its line."""
+"""YAML 1.2 without surprises: ``on`` and ``1:30`` are text, keys are unique, entries know their line."""
 
 from __future__ import annotations
 
@@ -33,7 +33,6 @@ class Place(NamedTuple):
     line: int = 0
 
     def __str__(self) -> str:
-        """As messages say it."""
         return f"{self.name}:{self.line}" if self.line else self.name
 
 
@@ -45,14 +44,14 @@ class Document:
     places: dict[Key, Place]
 
     def place(self, path: Key) -> Place:
-        """Place of an entry, or of its nearest ancestor that is written in the text."""
+        """Place of an entry, or of its nearest ancestor in the text."""
         while path not in self.places:
             path = path[:-1]
         return self.places[path]
 
 
 def read_text(path: Path | None, hint: str | None = None) -> str:
-    """Read a file as UTF-8 text, None is standard input; the hint is for a file that cannot be read."""
+    """Read a file as UTF-8 text, None is standard input."""
     name = STDIN if path is None else str(path)
     try:
         raw = path.read_bytes() if path else sys.stdin.buffer.read()
@@ -66,7 +65,7 @@ def read_text(path: Path | None, hint: str | None = None) -> str:
 
 
 def load(text: str, name: str) -> Document:
-    """Read one YAML document, which messages call `name`; a key that is given twice is refused."""
+    """Read one YAML document, which messages call `name`."""
     try:
         root = yaml.compose(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair
@@ -80,7 +79,7 @@ def load(text: str, name: str) -> Document:
 
 
 def dump(tree: Node) -> str:
-    """Write a tree as YAML that `load` reads back to equal values; keys stay in order."""
+    """Write a tree as YAML that `load` reads back; keys stay in order."""
     text: str = yaml.dump(
         tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
     )
@@ -94,7 +93,7 @@ def holds(node: object, key: str | int) -> bool:
 
 
 def _value(node: yaml.Node, path: Key, places: dict[Key, Place], name: str) -> Node:
-    """Plain value of a node; the place of everything below it is added to `places`."""
+    """Plain value of a node; places below it go into `places`."""
     if isinstance(node, yaml.ScalarNode):
         return node.value if node.style else _plain(node.value)
     if isinstance(node, yaml.SequenceNode):
@@ -115,7 +114,6 @@ def _value(node: yaml.Node, path: Key, places: dict[Key, Place], name: str) -> N
 
 
 def _plain(text: str) -> Node:
-    """Read an unquoted scalar."""
     if text.lower() in _CONSTANTS:
         return _CONSTANTS[text.lower()]
     if _INTEGER.fullmatch(text):

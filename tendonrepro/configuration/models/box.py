@@ -1,4 +1,4 @@
-"""The rows of the box: what is unknown about plant and motion, each between bounds with a source."""
+"""The rows of the box: what is unknown about plant and motion."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class BoxRange(_Known):
 
     @property
     def lowest(self) -> float:
-        """The lower bound, SI."""
+        """SI."""
         return float(to_si(self.low, self.unit))
 
     @property
     def highest(self) -> float:
-        """The upper bound, SI."""
+        """SI."""
         return float(to_si(self.high, self.unit))
 
     def _mistakes(self) -> Mistakes:
@@ -74,7 +74,7 @@ class _OneOf(_Known):
 
 
 class Choice(_OneOf):
-    """An unknown number that is one of a few."""
+    """An unknown number, one of a few."""
 
     choices: Annotated[tuple[Number, ...], Field(min_length=1)]
     nominal: Number
@@ -82,7 +82,7 @@ class Choice(_OneOf):
 
 
 class Words(_OneOf):
-    """An unknown that is one of a few named kinds."""
+    """An unknown that has a few named kinds."""
 
     choices: Annotated[tuple[str, ...], Field(min_length=1)]
     nominal: str

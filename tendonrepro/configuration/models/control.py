@@ -1,4 +1,4 @@
-"""The control laws of a configuration: gains, laws and readings of the paper's text."""
+"""Gains, control laws and readings of a configuration."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PRINTED_LAWS = {
 
 
 class LawChoice(Model):
-    """A control law: a sliding surface (or plain PD) and an estimator."""
+    """A control law: a sliding surface, or plain PD, and an estimator."""
 
     surface: Literal["ntsm", "tsm", "pd"]
     estimator: Literal["alpha_tde", "tde"]
@@ -56,7 +56,7 @@ class At(NamedTuple):
 
 
 class Readings(Model):
-    """How the paper's text is read where it can be read in more than one way; the first value is printed.
+    """How the paper's text is read where there is more than one way; the first value is printed.
 
     The order is that of settings in a reading's name. A new reading has the printed value as its default.
     """

@@ -1,4 +1,4 @@
-"""The two experiments of a configuration, and the checks that span their sections."""
+"""The two experiments, and the checks that span their sections."""
 
 from __future__ import annotations
 
@@ -74,13 +74,13 @@ class StatusLimits(Model):
 
 
 def _or_file(schema: dict[str, Any]) -> None:
-    """State in the JSON schema that a file may name the manipulator instead of holding it."""
+    """In the JSON schema a file may name the manipulator."""
     file = {"type": "string", "description": "file beside this one, or a shipped one"}
     schema["anyOf"] = [file, {"$ref": schema.pop("$ref")}]
 
 
 def _or_base(schema: dict[str, Any]) -> None:
-    """State in the JSON schema that a file may name a base, of which it then says only what differs."""
+    """In the JSON schema a file with a base need not have the other keys."""
     schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
     with_base = {"required": ["schema_version", "experiment", "base"]}
     schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
@@ -125,7 +125,7 @@ class CompareConfig(Experiment):
 
 
 class PositionLoop(Model):
-    """The stiff loop that makes motors follow their commands; the paper does not describe it."""
+    """The stiff loop that makes motors follow commands; the paper does not describe it."""
 
     stiffness: Annotated[Moving, positive("N m rad-1", "stiffness at the winch")]
     damping: Annotated[Moving, nonneg("N m s rad-1", "damping at the winch")]
@@ -159,7 +159,7 @@ def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
 
 
 def _misfits(config: Config) -> Mistakes:
-    """Mistakes that only show when sections are compared."""
+    """Mistakes across sections."""
     last, moving = config.manipulator.joints, config.joints
     yield from wrong_sizes(config, {"joints": last, "moving": len(moving)})
     if moving != tuple(range(last - len(moving) + 1, last + 1)):
@@ -189,7 +189,7 @@ def _misfits(config: Config) -> Mistakes:
 
 
 def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:
-    """Mistakes of a reference for these moving joints and this sampling period."""
+    """Mistakes of a reference for moving joints and sampling period."""
     if isinstance(reference, PerJoint) and len(reference.references) != len(joints):
         message = f"must have one motion per moving joint, {len(joints)}, found {len(reference.references)}"
         yield ("references",), message
@@ -204,6 +204,6 @@ def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) 
 
 
 def _is_multiple(duration: float, step: float) -> bool:
-    """Whether a duration is a whole number, from one, of steps, within rounding (1e-9 relative)."""
+    """Whether a duration is a whole number, from one, of steps, within 1e-9 relative."""
     count = duration / step
     return round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

@@ -1,4 +1,4 @@
-"""The manipulator of a configuration: what the paper's Eqs. (1) to (5) need, most of it unpublished."""
+"""The manipulator: what the paper's Eqs. (1) to (5) need, most of it unpublished."""
 
 from __future__ import annotations
 
@@ -146,5 +146,5 @@ class Manipulator(Model):
 
     @property
     def joints(self) -> int:
-        """Number of joints, which is also that of the motors."""
+        """Number of joints, and of motors."""
         return len(self.routing.winch_diameter.value)

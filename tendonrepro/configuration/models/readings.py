@@ -1,4 +1,4 @@
-"""Readings of the paper's ambiguous places, one named axis each, and what-ifs addressed like them."""
+"""Readings of the paper's ambiguous places, one named axis each, and what-ifs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ReadingAxis(NamedTuple):
 class Reading(NamedTuple):
     """A choice on every axis: axis and value in the order of `AXES`, printed values left out.
 
-    The name is ``printed``, or the settings as ``axis=value`` joined by ``+``.
+    Its name is ``printed``, or ``axis=value`` joined by ``+``.
     """
 
     name: str
@@ -55,7 +55,6 @@ class Reading(NamedTuple):
 
 
 def _held() -> dict[str, ReadingAxis]:
-    """Axes of the readings that a configuration holds."""
     axes = {}
     for name, held in Readings.model_fields.items():
         printed, *others = get_args(held.annotation)
@@ -93,7 +92,7 @@ _EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **{axis.name: axis for axis in
 
 
 def reading(settings: Mapping[str, str]) -> Reading:
-    """Make a reading of values by axis; a UsageError for an unknown axis or value."""
+    """Make a reading of values by axis; a UsageError for unknown ones."""
     for name, value in settings.items():
         axis = _EVERY_AXIS.get(name)
         if axis is None:
@@ -107,7 +106,7 @@ def reading(settings: Mapping[str, str]) -> Reading:
 
 
 def parse_reading(text: str) -> Reading:
-    """Read the name of a reading; a UsageError when it is none."""
+    """Read the name of a reading, or a UsageError."""
     if text == PRINTED:
         return reading({})
     settings = [[part.strip() for part in setting.split("=")] for setting in text.split("+")]
@@ -121,7 +120,7 @@ def parse_reading(text: str) -> Reading:
 
 
 def named_readings(text: str) -> tuple[Reading, ...]:
-    """Read names with commas between; a UsageError when one is no reading of the paper."""
+    """Read names with commas between; a UsageError when one is a variation."""
     found = tuple(dict.fromkeys(parse_reading(name.strip()) for name in text.split(",")))
     for held in found:
         if any(axis not in AXES for axis, _ in held.settings):
@@ -130,7 +129,7 @@ def named_readings(text: str) -> tuple[Reading, ...]:
 
 
 def default_readings(pairs: Sequence[Sequence[str]]) -> tuple[Reading, ...]:
-    """As printed, each alternative alone, and settings ``axis=value`` that are run together."""
+    """As printed, each alternative alone, and pairs."""
     single = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]
     together = [parse_reading("+".join(pair)) for pair in pairs]
     return tuple(dict.fromkeys([reading({}), *single, *together]))
@@ -144,14 +143,14 @@ VARIATIONS: tuple[Reading, ...] = (
 
 
 def case_of(reading_: Reading, run: str) -> Reading:
-    """Reduce a reading to what changes one run; runs whose cases are equal are one simulation."""
+    """What of a reading changes one run; runs of equal cases are one simulation."""
     return reading(
         {name: value for name, value in reading_.settings if run in _EVERY_AXIS[name].affects[value]}
     )
 
 
 def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -> CompareConfig:
-    """Apply a reading or a variation to a configuration that stands as printed, without validating it.
+    """Apply a reading or a variation, without validation, to a configuration as printed.
 
     `draw` holds the value of every row of the box, SI, for ``hardware=drawn``.
     """
@@ -162,7 +161,7 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
 
 
 def as_printed(config: CompareConfig) -> CompareConfig:
-    """Set the axes that the configuration's readings and instruments hold to their printed values."""
+    """Set the axes that the configuration itself holds to their printed values."""
     names = (*type(config.control.readings).model_fields, "output_delay", "encoder")
     return under(Reading(PRINTED, tuple((name, AXES[name].printed) for name in names)), config, {})
 
@@ -178,7 +177,7 @@ def _scalar(value: float, unit: str) -> Scalar:
 
 
 def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
-    """New values by dotted key that a setting makes."""
+    """New values by dotted key."""
     if name in _QUANTITIES:
         unit, *paths = _QUANTITIES[name]
         number = 0.0 if value in ("ideal", "none") else float(value.removesuffix("ms"))
@@ -189,13 +188,10 @@ def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, fl
             _OUTPUT_DELAY: _scalar(float(int(draw["output_delay"])), "1"),
             _ENCODER: _scalar(draw["encoder_count"], "rad"),
         }
+    if name == "tensioner" and value == "absent":
+        return {"manipulator.tensioner.force": _scalar(0.0, "N")}
     if name == "tensioner":
-        absent = value == "absent"
-        return (
-            {"manipulator.tensioner.force": _scalar(0.0, "N")}
-            if absent
-            else {"manipulator.tensioner.side": value}
-        )
+        return {"manipulator.tensioner.side": value}
     if name == "M_bar":
         M_bar = config.control.gains.M_bar
         half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}

@@ -1,4 +1,4 @@
-"""Reference motions of a configuration, told apart by their ``kind``."""
+"""Reference motions, told apart by their ``kind``."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Periodic(Model):
     @property
     @abstractmethod
     def cycle(self) -> float:
-        """Duration of one turn of one period, s."""
+        """Of one turn, s."""
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s."""
+        """Of the whole motion, s."""
         return self.cycle * self.periods.si
 
 
@@ -111,7 +111,7 @@ class Sine(Periodic):
 
 
 class Sampled(Model):
-    """A trajectory from a CSV file with the columns ``time_s`` and ``q<joint>_deg``."""
+    """A trajectory from a CSV file, columns ``time_s`` and ``q<joint>_deg``."""
 
     kind: Literal["sampled"]
     file: Annotated[str, Field(min_length=1, description="path, relative to the configuration's folder")]
@@ -121,7 +121,7 @@ Single: TypeAlias = Annotated[RaisedCosine | MinimumJerk | Trapezoidal | Sine, F
 
 
 class PerJoint(Model):
-    """A motion of its own for each moving joint, all of the same duration."""
+    """A motion of its own for each moving joint, all equally long."""
 
     kind: Literal["per_joint"]
     references: Annotated[tuple[Single, ...], Field(min_length=1)]
@@ -139,7 +139,7 @@ class PerJoint(Model):
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s."""
+        """Of the whole motion, s."""
         return self.references[0].duration
 
 

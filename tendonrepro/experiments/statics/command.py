@@ -1,4 +1,4 @@
-"""Tensions at rest over the postures of the working half-plane, for every course of tendon 4."""
+"""Tensions at rest over the working half-plane, for every course of tendon 4."""
 
 from __future__ import annotations
 
@@ -23,8 +23,6 @@ from tendonrepro.physics.statics import SLACK, Spring
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
-
-SCHEMA_VERSION = 1
 
 COURSES = tuple(statics.TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
@@ -54,7 +52,7 @@ class Mechanism(NamedTuple):
 
     @property
     def tendon_4(self) -> tuple[Array, Array]:
-        """Its side and its diameter at every joint, (n,) each, m."""
+        """Its side and diameter at every joint, (n,) each, m."""
         return self.side[:, -1], self.diameter[:, -1]
 
     def stretch(self, phi: Array) -> Array:
@@ -89,9 +87,9 @@ WEIGHT_ALONE = Spring(0.0, 0.0)
 class Maps(NamedTuple):
     """What a course of tendon 4 gives over the angles of the last two links, N, (A, A).
 
-    `least` is the smallest tension of any tendon, by case; `band` (2, A, A) its range for ``motor`` with
-    friction of the guide pulleys. `needed` is the least force of tendon 4 that leaves the reserve to every
-    tendon it can reach; no force does so for all where `room` is below zero.
+    `least` is the smallest tension by case, `band` (2, A, A) its range for ``motor`` with friction of the
+    guide pulleys. `needed` is the least force of tendon 4 that leaves the reserve to every tendon it can
+    reach; where `room` is below zero, no force does for all.
     """
 
     least: Mapping[str, Array]
@@ -101,7 +99,7 @@ class Maps(NamedTuple):
 
 
 class Survey(NamedTuple):
-    """Tensions of an arm: numbers with the keys of ``--json``, and maps by course of tendon 4."""
+    """Numbers by the keys of ``--json``, and maps by course of tendon 4."""
 
     data: dict[str, Any]
     maps: Mapping[str, Maps]
@@ -109,7 +107,7 @@ class Survey(NamedTuple):
 
 
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
-    """Survey the tensions of a configuration and write numbers, tables, figures and manifest."""
+    """Survey the tensions, and write the results."""
     loaded = request.load("decouple")
     return run_study("statics", loaded, request, lambda: study_statics(loaded), talk)
 
@@ -120,7 +118,7 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
 
     found = survey(loaded)
     figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
-    return Outcome(found.data, [_weight(found.data), *_tables(found)], figures, {"solver": None})
+    return Outcome(found.data, _parts(found), figures, {"solver": None})
 
 
 def survey(loaded: LoadedConfig) -> Survey:
@@ -146,7 +144,7 @@ def survey(loaded: LoadedConfig) -> Survey:
     # Without its pull the course of tendon 4 does not matter.
     weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
     data = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "command": "statics",
         "of_paper": is_arm_of_paper(config.manipulator),
         "joints": joints,
@@ -172,7 +170,7 @@ def survey(loaded: LoadedConfig) -> Survey:
 
 
 def _value_or_box(configured: float, row: str) -> tuple[float, str]:
-    """A value of the configuration, or the nominal of the box where that is off."""
+    """A value and its source; where the configuration has it off, the nominal of the box."""
     if configured > 0.0:
         return configured, "as configured"
     held = dict(load_ensemble(None).config.box)[row]
@@ -241,7 +239,6 @@ def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Ar
 def _course(
     everywhere: Array, cases: Mapping[str, Case], route: Mechanism, maps: Maps, joints: list[int]
 ) -> dict[str, Any]:
-    """Numbers of one course of tendon 4."""
     return {
         "tension_per_newton": route.per_newton().tolist(),
         "change_of_length_mm": 1e3 * route.travel(),
@@ -270,16 +267,10 @@ def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> di
     }
 
 
-def _weight(data: dict[str, Any]) -> str:
-    """What tendon 4 is needed for."""
-    numbers = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
-    tendons = ", ".join(map(str, data["joints"]))
-    return f"The weight alone leaves tendons {tendons} at least {numbers} N at rest."
-
-
-def _tables(found: Survey) -> list[Table]:
-    """Tensions over the half-plane by course and case, and what a course does on the maps."""
+def _parts(found: Survey) -> list[str | Table]:
     data = found.data
+    alone = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
+    tendons = ", ".join(map(str, data["joints"]))
     named = [{"course": name} | course for name, course in data["courses"].items()]
     courses = [{key: x for key, x in course.items() if not isinstance(x, dict)} for course in named]
     tensions = [
@@ -296,6 +287,7 @@ def _tables(found: Survey) -> list[Table]:
         f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
     )
     return [
+        f"The weight alone leaves tendons {tendons} at least {alone} N at rest.",
         Table("statics", everywhere, tensions, suffixes=("csv", "md")),
         Table("courses", on_maps, courses, suffixes=("csv", "md")),
     ]

@@ -27,7 +27,7 @@ _SHADES = [*(style.paler(_BLUE, white) for white in np.linspace(0.92, 0.12, len(
 
 @style.journal_style()
 def draw_margin(data: Mapping[str, Any], courses: Mapping[str, Any], origin: str) -> style.Drawing:
-    """Smallest tension of any tendon over the half-plane: a column per course, a row per case."""
+    """Smallest tension of any tendon: a column per course, a row per case."""
     reserve, ticks = data["reserve_N"], np.arange(0.0, 181.0, 45.0)
     cases = {"motor": "motor", "payload": f"{data['payload_kg']:g} kg", "spring": "spring"}
     figure = style.open_figure(style.PAGE_MM, 172.0)

@@ -1,4 +1,4 @@
-"""The comparison over values of one or two keys, as tables and picture."""
+"""The comparison over values of one or two keys."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.simulation.stepper import Loop
 
-SCHEMA_VERSION = 1
 OPTION = "--over"
 
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
@@ -47,7 +46,7 @@ IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "
 
 
 class Point(NamedTuple):
-    """One configuration of a sweep with its closed loops; `places` is the index of each key's value."""
+    """One configuration of a sweep; `places` has the index of each key's value."""
 
     label: str
     values: Mapping[str, Node]
@@ -57,7 +56,7 @@ class Point(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """A sweep that is ready to run; `base` is unchanged but for the digest and inputs of the whole."""
+    """A sweep ready to run; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
     axes: Axes
@@ -65,7 +64,7 @@ class Sweep(NamedTuple):
 
 
 def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Run the comparison over one or two of ``dotted.key=a,b,c``, and write tables, figure and manifest."""
+    """Run the comparison over one or two of ``dotted.key=a,b,c``, and write the results."""
     sweep = load_sweep(request, over)
     return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
 
@@ -80,7 +79,7 @@ def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
 
 
 def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
-    """Read a configuration and make those of all points; the last key's values change fastest."""
+    """Configurations of all points; the last key's values change fastest."""
     axes = parse_over(over)
     if request.seed is not None and not {"seed", "seed.value"}.isdisjoint(axes):
         raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
@@ -135,7 +134,7 @@ def text_of(value: Node) -> str:
 
 
 def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
-    """Let the other solver's longest step, which has to divide the sampling period, follow it."""
+    """Let the other solver's longest step, which must divide the sampling period, follow it."""
     period = chosen.get(_PERIOD, chosen.get(f"{_PERIOD}.value"))
     if period is None or any(key.startswith(_STEP) for key in chosen):
         return {}
@@ -144,7 +143,7 @@ def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
 
 
 def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
-    """Unit of the quantity that a key names or stands in; None where there is none."""
+    """Unit of the quantity that a key names or stands in."""
     node: Node = dict(tree)
     unit: Node = None
     for part in key.split("."):
@@ -156,7 +155,7 @@ def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
 def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
     """Values as numbers for each of the n moving joints, the last of `total`.
 
-    None where a value is no number and no list with an entry for each joint, or two are the same for a joint.
+    None where they are no numbers, or two are the same for a joint.
     """
     rows = [value if isinstance(value, list) else [value] * n for value in values]
     numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
@@ -174,7 +173,7 @@ def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     config = sweep.points[0].loaded.config
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "experiment": "sweep",
         "config": sweep.base.origin,
         "config_sha256": sweep.base.sha256,
@@ -215,7 +214,7 @@ def _simulate_point(point: Point, progress: Callable[[int], None]) -> dict[str, 
 
 
 def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dict[str, Any]:
-    """Ratios of MAE where both runs lasted, and of errors under a slow load."""
+    """Ratios of MAE where both runs lasted, and under a slow load."""
     e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
     ratio, predicted = {}, {}
     for pair, names in PAIRS.items():
@@ -231,7 +230,7 @@ def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dic
 
 
 def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
-    """A short table for the terminal, and one with every number."""
+    """A short table for the terminal, and one of everything."""
     swept = f"{data['config']} over {' and '.join(axis['key'] for axis in data['keys'])}"
     points = f"{swept}: MAE of each run, deg, and ratios of MAE."
     every = f"{swept}, sweep {data['config_sha256'][:12]}. A diverged run has its numbers up to its end."

@@ -1,4 +1,4 @@
-"""The figure of a sweep: errors of all runs and ratios of the controllers over the values."""
+"""The figure of a sweep."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SPREAD = 7.5
 
 @style.journal_style()
 def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
-    """MAE of every run above, ratios of the controllers below where they ran, a column per joint."""
+    """MAE of every run above, ratios of the controllers below, a column per joint."""
     keys, joints = [axis["key"] for axis in data["keys"]], data["joints"]
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(data["points"][0]["ratio"])]
     figure = style.open_figure(style.PAGE_MM, 48.0 * len(rows) + 16.0)
@@ -52,12 +52,12 @@ def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
 
 
 def _is_numeric(data: Mapping[str, Any]) -> bool:
-    """Whether the points have places on one axis of numbers; no line joins words or pairs."""
+    """Whether points lie on one axis of numbers; no line joins words or pairs."""
     return len(data["keys"]) == 1 and data["keys"][0]["numbers"] is not None
 
 
 def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, Array]:
-    """Points in the order of their places below a column: of numbers, or side by side where words are."""
+    """Points as they lie along the axis: numbers in order, or words side by side."""
     keys, points = data["keys"], data["points"]
     labels = (axis["key"] + ("" if axis["unit"] in (None, "1") else f" ({axis['unit']})") for axis in keys)
     panel.set_xlabel(", ".join(labels))
@@ -77,7 +77,7 @@ def _set_values(panel: Axes, data: Mapping[str, Any], k: int) -> tuple[Points, A
 
 
 def _draw_errors(panel: Axes, points: Points, x: Array, k: int) -> None:
-    """Lines of the runs: open markers where they ring, crosses above where they did not last."""
+    """Lines of the runs: open markers where they ring, crosses where they did not last."""
     errors = np.array([[run["mae_deg"][k] for run in point["runs"].values()] for point in points])
     status = np.array([[run["status"] for run in point["runs"].values()] for point in points])
     gone = np.isin(status, GONE)
@@ -95,7 +95,7 @@ def _draw_errors(panel: Axes, points: Points, x: Array, k: int) -> None:
 
 
 def _draw_ratios(panel: Axes, points: Points, x: Array, k: int) -> None:
-    """Lines of the ratios, and paler those of a slowly changing load."""
+    """Lines of the ratios, paler under a slow load."""
     for i, pair in enumerate(points[0]["ratio"]):
         ratio, slow = ([point[name][pair][k] for point in points] for name in ("ratio", "predicted_ratio"))
         colour, label = style.stroke_of(5 + i).colour, pair.upper().replace("_", "/")
@@ -105,7 +105,6 @@ def _draw_ratios(panel: Axes, points: Points, x: Array, k: int) -> None:
 
 
 def _set_scale(panel: Axes, which: str, values: Array) -> None:
-    """Logarithmic where the values ask for it."""
     seen = values[np.isfinite(values)]
     if not seen.size or seen.min() <= 0.0 or seen.max() <= _SPREAD * seen.min():
         return

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.made_plants import PRINTED, RINGING, loaded, plants
 
-from tendonrepro.identification.judge import number_rows, parameter_rows, shape_rows
 from tendonrepro.identification.misfit import Simulated
+from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
 from tendonrepro.monte_carlo.box import make_box
 
 
