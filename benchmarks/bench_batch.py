@@ -233,9 +233,9 @@ def mix_case(draws=MIX_DRAWS, turns=TURNS):
     box = study.boxes[block.population]
     rows = box.values(scrambled_sobol(box, study.seed, 0, 0, draws))
     loops = [loop for row in rows for loop in loops_of(study, block, row)]
-    simulate_batch(loops, study.config.status)  # compiles what is not there yet
+    simulate_batch(loops, study.loaded.compare.status)  # compiles what is not there yet
     seconds = statistics.median(
-        seconds_of(lambda: simulate_batch(loops, study.config.status)) for _ in range(turns)
+        seconds_of(lambda: simulate_batch(loops, study.loaded.compare.status)) for _ in range(turns)
     )
     what = f"{len(loops)} runs of {draws} draws of the shipped ensemble, one core"
     return case(what, len(loops) / seconds, None, None, {}) | {"seconds": seconds}

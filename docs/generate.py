@@ -19,8 +19,8 @@ import pandas as pd
 from pages import fresh, table
 
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.reporting import claims, orders
-from tendonrepro.reporting.answer import filled, numbers, percent
+from tendonrepro.reporting import answer, claims
+from tendonrepro.reporting.answer import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
@@ -123,7 +123,7 @@ def write_pages() -> None:
 
 
 def words(name: str) -> str:
-    return filled(name, numbers(stored("ensemble"), stored("claims")))
+    return answer.filled(name, answer.numbers(stored("ensemble"), stored("claims")))
 
 
 def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
@@ -217,7 +217,7 @@ QUESTIONS: Mapping[str, Column] = {
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the answer": lambda: words("answer"),
     "why": lambda: words("why"),
-    "robustness": lambda: table(orders.HEADS, orders.robustness(stored("ensemble"))),
+    "robustness": lambda: table(answer.HEADS, answer.robustness(stored("ensemble"))),
     "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),
     "claims": lambda: records(entries(number=False), CLAIMS),
     "numbers": lambda: records(entries(number=True), NUMBERS),

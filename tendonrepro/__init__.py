@@ -50,11 +50,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Load the interface when it is used: it imports much."""
     if name not in __all__:
-        message = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(message)
-    from tendonrepro.api import commands, files, result
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from tendonrepro.api import commands, files
 
-    return next(getattr(module, name) for module in (commands, files, result) if hasattr(module, name))
+    return getattr(commands if hasattr(commands, name) else files, name)
 
 
 def __dir__() -> list[str]:

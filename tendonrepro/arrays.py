@@ -12,15 +12,5 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def choose(condition: Any, then: Any, otherwise: Any) -> Any:
-    """``then`` where the condition holds, else ``otherwise``; both have been computed.
-
-    Parameters
-    ----------
-    condition : bool or array of bool (...)
-    then, otherwise : float or array (...)
-
-    Returns
-    -------
-    float or array (...)
-    """
+    """``then`` where the condition holds, else ``otherwise``; numbers or arrays, both computed already."""
     return np.where(condition, then, otherwise)[()]

@@ -10,15 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Talk:
-    """How much to say.
-
-    Attributes
-    ----------
-    quiet : bool
-        Say nothing but errors.
-    verbose : bool
-        Say the details too.
-    """
+    """How much to say: nothing but errors where `quiet`, the details too where `verbose`."""
 
     quiet: bool = False
     verbose: bool = False
@@ -30,8 +22,8 @@ class Talk:
 
     def detail(self, text: str) -> None:
         """Say something only a curious user wants to know."""
-        if self.verbose and not self.quiet:
-            sys.stderr.write(f"{text}\n")
+        if self.verbose:
+            self.note(text)
 
     @contextmanager
     def resumable(self) -> Iterator[None]:
@@ -46,16 +38,10 @@ class Talk:
     def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
         """Show a progress bar while the block runs, if standard error is a terminal.
 
-        Parameters
-        ----------
-        label : str
-        total : int
-            Steps of the whole work.
-
         Yields
         ------
         callable
-            To be called with the number of steps just done.
+            To be called with the number of steps just done, `total` of them in all.
         """
         if self.quiet or not sys.stderr.isatty():
             yield lambda _: None
@@ -68,15 +54,9 @@ class Talk:
             yield lambda steps: progress.advance(task, steps)
 
 
-def columns(rows: Iterable[Sequence[str]], *, left: bool = False) -> str:
-    """Rows as columns, the first flush left and the others flush right, or all of them `left`."""
-    cells = [list(row) for row in rows]
-    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
-    lines = (
-        "  ".join(
-            cell.ljust(w) if left or k == 0 else cell.rjust(w)
-            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in cells
-    )
-    return "\n".join(line.rstrip() if left else line for line in lines)
+def columns(rows: Iterable[Sequence[str]]) -> str:
+    """Rows as columns, all flush left."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ("  ".join(map(str.ljust, row, widths)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)

@@ -11,7 +11,6 @@ class TendonreproError(Exception):
     Parameters
     ----------
     message : str
-        What went wrong.
     where : str, optional
         Place of the mistake, ``file:line`` where there is one.
     hint : str, optional

@@ -25,19 +25,13 @@ def shipped(folder: str) -> Path:
 def atomic_path(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, and rename it to `path` when the block ends well.
 
-    The temporary file stands in the same folder, which is made when missing, and keeps the suffix, since
-    some writers choose their format by it. When the block raises, the temporary file is removed and whatever
-    was at `path` before is untouched.
-
-    Parameters
-    ----------
-    path : Path
-        Where the finished file shall be.
+    The folder is made when missing. The suffix is the same, since some writers choose their format by it.
+    When the block raises, what was at `path` before is untouched.
 
     Yields
     ------
     Path
-        Where to write it.
+        Where to write.
 
     Raises
     ------
@@ -59,20 +53,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
-    """Write a whole file at once; text becomes UTF-8 with line ends as they are.
-
-    Parameters
-    ----------
-    path : Path
-        Where to; its folder is made when missing.
-    content : bytes or str
-        What to write.
-
-    Raises
-    ------
-    TendonreproError
-        When it cannot be written; an earlier file at `path` is then untouched.
-    """
+    """Write a whole file by `atomic_path`; text becomes UTF-8 with line ends as they are."""
     data = content.encode() if isinstance(content, str) else content
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
@@ -85,16 +66,6 @@ def digest_of(content: Mapping[str, Any]) -> str:
 
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file.
-
-    Returns
-    -------
-    str
-        64 lower-case hexadecimal digits.
 
     Raises
     ------
@@ -119,21 +90,6 @@ def _digest(path: Path, new: Callable[[], Any]) -> str:
 
 
 def to_json(content: Any) -> str:
-    """JSON text with a final newline; numbers that are not finite become null.
-
-    Parameters
-    ----------
-    content : object
-        Of dicts, lists, strings, numbers, booleans and None.
-    """
-    return json.dumps(_finite(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    if isinstance(content, float) and not abs(content) < float("inf"):
-        return None
-    return content
+    """JSON text with a final newline; numbers that are not finite become null."""
+    finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
+    return json.dumps(finite, indent=2, ensure_ascii=False) + "\n"

@@ -33,7 +33,7 @@ def each(
     Parameters
     ----------
     function : callable
-        One that can be pickled; the pieces share nothing.
+        One that can be pickled.
     items : sequence
     progress : callable, optional
         Called with 1 whenever an item is done.

@@ -63,7 +63,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 237,
+    "ground": 223,
     "physics": 893,
     "simulation": 1_708,
     "configuration": 1_594,
@@ -71,13 +71,13 @@ BUDGETS = {
     "experiments": 1_349,
     "analysis": 628,
     "evidence": 1_002,
-    "monte_carlo": 1_208,
+    "monte_carlo": 1_150,
     "identification": 638,
     "dataset": 1_689,
     "tuning": 700,
-    "verdicts": 1_651,
-    "validation": 402,
-    "reporting": 509,
+    "verdicts": 1_640,
+    "validation": 397,
+    "reporting": 503,
     "api": 338,
     "cli": 499,
 }

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -42,22 +43,15 @@ def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None
     zipfile.ZipFile(wheel).extractall(site)
     environment = os.environ | {"PYTHONPATH": str(site)}
 
-    def run(*words: str) -> str:
-        command = [sys.executable, "-m", "tendonrepro", *words]
+    def python(*words: str) -> str:
+        command = [sys.executable, *words]
         done = subprocess.run(
             command, cwd=empty, env=environment, capture_output=True, text=True, check=True, timeout=120
         )
         return done.stdout
 
-    where = subprocess.run(
-        [sys.executable, "-c", "import tendonrepro; print(tendonrepro.__file__)"],
-        cwd=empty,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert where.stdout.startswith(str(site))
+    run = partial(python, "-m", "tendonrepro")
+    assert python("-c", "import tendonrepro; print(tendonrepro.__file__)").startswith(str(site))
     assert json.loads(run("doctor", "--json"))["environment"]["git"] is None
     assert json.loads(run("claims", "C2", "--json"))["ensemble"]["source"] == "shipped"
     data = json.loads(

@@ -1,4 +1,4 @@
-"""Why the loops of a configuration behave as they do: margins, modes, predicted ratios of errors, maps."""
+"""Why the loops of a configuration behave as they do."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RunMargins:
     """Stability of one run, the worst of several postures for every number.
 
     ``decay``, s⁻¹, is of the slowest mode, negative where the loop grows; ``ringing_decay`` of the slowest
-    fast one, or NaN. ``disk_margin`` is of all joints at once.
+    fast one, or NaN.
     """
 
     of_run: Mapping[str, Any]
@@ -55,9 +55,9 @@ class RunMargins:
 class Explanation:
     """Everything that :func:`explain` finds.
 
-    A curve is Hz (F,) and the response of every joint's channel (joints, F) at the middle posture. `postures`
-    (P, n), rad, are start, middle and far end of the reference. `ratios` are by pair such as ``c1_c2``, size
-    of the error, deg, and joint; `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair for each change.
+    `postures` (P, n), rad, are start, middle and far end of the reference. A curve is Hz (F,) and every
+    joint's channel (n, F) at the middle posture. `ratios` are by pair, size of the error, deg, and joint.
+    `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair.
     """
 
     joints: tuple[int, ...]
@@ -119,7 +119,7 @@ def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
 
 
 def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
-    """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are the fast ones."""
+    """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are fast."""
     L = view.law.L
     found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
     (growth, growth_hz), (fast, fast_hz) = slowest(found, 0.0), slowest(found, ringing)
@@ -147,7 +147,7 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
 
 
 def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
-    """Smallest margin of several postures, number by number; none where the loop grows at one of them."""
+    """Smallest margin of several postures, number by number; none where one loop grows."""
     gain = min(each.loop_gain for each in found)
     if not all(each.stable for each in found):
         return ChannelMargins(loop_gain=gain)
@@ -178,7 +178,7 @@ def _curve(view: View, q: Array) -> tuple[Array, Complex]:
 def _what_ifs(
     config: CompareConfig, views: Mapping[str, View], postures: Array
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """One more sample of delay, and every other reading of the paper's text, one at a time."""
+    """One more sample of delay, and every other reading, one at a time."""
     later = {name: view._replace(delay=view.delay + 1) for name, view in views.items()}
     yield f"output_delay={next(iter(later.values())).delay}", _changed(later, postures)
     for axis, field in Readings.model_fields.items():

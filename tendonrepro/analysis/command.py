@@ -1,4 +1,4 @@
-"""What was found about the loops of a configuration as plain numbers, tables and files."""
+"""What was found about loops, as plain numbers, tables and files."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
     Raises
     ------
     TendonreproError
-        If the configuration has no controllers or no linear loop, or results cannot be written.
+        If there are no controllers or no linear loop, or results cannot be written.
     """
     loaded = request.load("compare")
     return run_study("explain", loaded, request, lambda: study_explain(loaded), talk)
@@ -66,7 +66,7 @@ def study_explain(loaded: LoadedConfig) -> Outcome:
 
 
 def explanation_data(found: Explanation) -> dict[str, Any]:
-    """Plain numbers with the keys of ``--json``; NaN where there is none."""
+    """Plain numbers with the keys of ``--json``, some NaN."""
     runs = {run: _run_data(held, found.views[run]) for run, held in found.margins.items()}
 
     def of_torque(name: str) -> dict[str, Any]:
@@ -109,12 +109,11 @@ def _run_data(held: RunMargins, view: View) -> dict[str, Any]:
 
 
 def _typical(found: Explanation) -> dict[str, list[float]]:
-    """Ratios of every pair at the typical error."""
     return {pair: sizes[TYPICAL_ERROR_DEG] for pair, sizes in found.ratios.items()}
 
 
 def explanation_parts(found: Explanation) -> list[Table | str]:
-    """Margins of every run, its slow errors against its neighbour's, and what changes would do."""
+    """Margins of every run, ratios of slow errors, and what changes would do."""
     caption = (
         f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}); "
         "margins with the other joints' loops closed, gain as a factor."
@@ -137,7 +136,7 @@ def explanation_parts(found: Explanation) -> list[Table | str]:
 
 
 def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
-    """Yield the ratio of neighbouring laws' errors on each joint, and its factors: ages and slopes."""
+    """Yield neighbouring laws' ratio of errors on each joint, and its factors."""
     e = float(np.deg2rad(TYPICAL_ERROR_DEG))
     for pair, a, b in view_pairs(found.views):
         ages = [estimate_age(view.law, view.delay) for view in (a, b)]

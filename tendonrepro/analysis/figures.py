@@ -1,4 +1,4 @@
-"""Pictures of what was found about the loops: margins, borders of stability, and the effect of loads."""
+"""Pictures of what was found about the loops."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _drawing(stem: str, draw: Callable[[Explanation], Figure], caption: str, fou
 
 
 def draw_margins(found: Explanation) -> Figure:
-    """Gain and phase of every joint's open loop over the frequency, with the gain margins as circles."""
+    """Gain and phase of every joint's open loop, gain margins as circles."""
     figure, grid = _sheet(2, len(found.joints), 100.0, sharex=True, sharey="row")
     titles = [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in found.joints]
     letter_panels(grid.flat, titles)
@@ -88,7 +88,7 @@ def draw_margins(found: Explanation) -> Figure:
 
 
 def draw_map(found: Explanation) -> Figure:
-    """Borders of stability of every run over the tendons; where all are stable is pale."""
+    """Borders of stability of every run; where all are stable is pale."""
     figure, grid = _sheet(1, 1, 82.0, width_mm=COLUMN_MM)
     axes, factors, borders = grid[0, 0], found.borders.factors, found.borders.distance
     least = np.min(list(borders.values()), axis=0)
@@ -114,7 +114,7 @@ def draw_map(found: Explanation) -> Figure:
 
 
 def draw_loads(found: Explanation) -> Figure:
-    """Error per load of one law over that of the next, by frequency, a panel for each joint."""
+    """Error per load of one law over that of the next, by frequency."""
     held = found.loads
     figure, grid = _sheet(1, len(found.joints), 70.0, sharey=True)
     for k, axes in enumerate(grid[0]):

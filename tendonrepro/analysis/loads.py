@@ -1,4 +1,4 @@
-"""How a load on the links becomes an error, by frequency: one controller's beside the next one's."""
+"""How a load on the links becomes an error, by frequency."""
 
 from __future__ import annotations
 
@@ -20,17 +20,10 @@ _MOTION_SHARE = 0.99
 
 @dataclass(frozen=True)
 class Loads:
-    """Size of the error per load, by frequency.
+    """Size of each joint's error per load on it, rad N⁻¹ m⁻¹, (n, F), of laws whose loops decay.
 
-    Attributes
-    ----------
-    hertz : array (F,)
-    error : mapping
-        By law: error of each joint per load on the same joint, rad N⁻¹ m⁻¹, (n, F). Of loops that decay.
-    mode_hz : float
-        The arm on its tendons: least damped mode without a controller; NaN if none oscillates.
-    motion_hz : float
-        Up to here the desired velocity has 99 % of its power.
+    `mode_hz` is the least damped mode of the arm without a controller, or NaN. Up to `motion_hz` the desired
+    velocity has 99 % of its power.
     """
 
     hertz: Array
@@ -40,7 +33,7 @@ class Loads:
 
 
 def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
-    """Error per load of every law at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
+    """Error per load at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
     first = next(iter(views.values()))
     L = first.law.L
     hertz = np.geomspace(_LOWEST_HZ, 0.5 / L, POINTS)
@@ -54,9 +47,9 @@ def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
 
 
 def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
-    """Error of each joint per load on the same joint, (n, F), at angles ``2 pi f L``; None if the loop grows.
+    """Error of each joint per load on it, (n, F), at angles ``2 pi f L``; None if the loop grows.
 
-    The load is held over a period, as everything else that acts in the sampled loop. ``e = -q``.
+    The load is held over a period. ``e = -q``.
     """
     n, law = q.size, view.law
     closed = loop_matrix(q, view.plant, law, view.delay)
@@ -73,7 +66,7 @@ def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
 
 
 def _least_damped(A: Array) -> float:
-    """Frequency of the mode of dx/dt = A x that oscillates with the least damping ratio, Hz."""
+    """Frequency of the least damped oscillation of dx/dt = A x, Hz."""
     rates = np.linalg.eigvals(A)
     rates = rates[rates.imag > 0.0]
     if not rates.size:

@@ -1,4 +1,4 @@
-"""Where the sampled loop is stable while stiffness and damping of the tendons are multiplied."""
+"""Where the loop is stable while stiffness and damping of the tendons are multiplied."""
 
 from __future__ import annotations
 
@@ -24,17 +24,14 @@ _HALVINGS = 10
 
 @dataclass(frozen=True)
 class TendonMap:
-    """Borders of stability over factors (F,) on the stiffness, across, and the damping of all tendons.
-
-    By run the signed distance (F, F) from its border, zero on it and positive where it is stable.
-    """
+    """Distance (F, F) of every run from its border, over factors (F,) on stiffness, across, and damping."""
 
     factors: Array
     distance: Mapping[str, Array]
 
 
 def tendon_map(views: Mapping[str, View], postures: Sequence[Array]) -> TendonMap:
-    """Borders of every run over a hundredfold range of both, stable where it is at all postures."""
+    """Borders of every run, stable where it is at all postures."""
     factors = np.geomspace(0.1, 10.0, MAP_POINTS)
 
     def distance(view: View) -> Array:
@@ -52,7 +49,7 @@ def with_tendons(plant: Plant, stiffness: float, damping: float) -> Plant:
 
 
 def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Array) -> Array:
-    """Slowest decay over several postures, s⁻¹, (N,), for factors (N,) on stiffness and damping."""
+    """Slowest decay over several postures, s⁻¹, for factors on stiffness and damping, all (N,)."""
     law = view.law
     plants = [with_tendons(view.plant, K_s, D_s) for K_s, D_s in zip(stiffness, damping, strict=True)]
     output, memory = law_matrices(law, view.delay)
@@ -67,8 +64,8 @@ def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Arr
 def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:
     """Signed distance (Y, X) from the border of stability, positive inside, in the logarithm of `along`.
 
-    The decay itself draws no border: it is flat where a slow mode sets it and steep where the ringing does.
-    The border is found by halving on every line; the distance is at most the length of the range.
+    The decay itself draws no border: slow modes make it flat and ringing steep. The border is found by
+    halving on every line. The distance is at most the length of the range.
     """
     height = np.log(along)
     grid = np.meshgrid(across, along)

@@ -1,8 +1,8 @@
 """How far the sampled loop is from its limit of stability.
 
 The loop is cut between controller and plant: the plant feels another torque than the law believes to have
-applied. With the other joints' loops closed, one channel ``G`` is left. The loop is on its limit where
-``factor · G(z) = 1`` on the unit circle, the factor real for a gain and ``exp(-j phase)`` for a lag.
+applied. With the other joints' loops closed, one channel ``G`` is left. It is on its limit where
+``factor · G(z) = 1`` on the unit circle, for a real gain or a lag ``exp(-j phase)``.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _BEYOND = 1e-4
 class ChannelMargins(NamedTuple):
     """Margins of one joint's torque with the other loops closed; NaN where there is none or the loop grows.
 
-    The gain margins are the smallest factor above 1 and the largest below 1 that make the loop grow, at
-    `_hz`; the phase margin is the smallest lag or lead that does, at `crossover_hz`, the delay margin the
-    shortest extra delay unknown to the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
+    The gain margins are the smallest factor above 1 and the largest below 1 that make the loop grow. The
+    phase margin is the smallest lag or lead that does, the delay margin the shortest extra delay unknown to
+    the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
     """
 
     stable: bool = False
@@ -56,10 +56,7 @@ def channel(cut: Cut, joint: int) -> Cut:
 
 
 def response(cut: Cut, angles: Array) -> Complex:
-    """Transfer matrix (N, p, p) from the torque the plant feels to the torque the law asks for.
-
-    Angles ``2 pi f L`` in rad; π is Nyquist's frequency.
-    """
+    """Transfer matrix (N, p, p), from torque felt to torque asked for, at angles ``2 pi f L``, rad."""
     A, B, C = cut
     z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
     return np.asarray(C @ np.linalg.solve(z * np.eye(A.shape[0]) - A, B.astype(np.complex128)))
@@ -68,7 +65,7 @@ def response(cut: Cut, angles: Array) -> Complex:
 def angle_grid(*matrices: Array) -> Array:
     """Angles, rising up to π, that leave no resonance of the matrices between two points.
 
-    Logarithmic towards zero, towards Nyquist's frequency, where a delayed loop rings, and around every mode.
+    They are dense near zero, near π, where a delayed loop rings, and around every mode.
     """
     towards_zero = np.geomspace(_LOWEST_ANGLE, np.pi, 400)
     parts = [towards_zero, np.pi - np.geomspace(1e-7, 1.0, 120)]
@@ -82,7 +79,7 @@ def angle_grid(*matrices: Array) -> Array:
 
 
 def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
-    """Gain, phase and delay margin of one joint, counted from 0, and its loop gain; L in s."""
+    """Margins of one joint, counted from 0; L in s."""
     A, b, c = single = channel(cut, joint)
     gain = float(np.abs(response(single, np.array([2.0 * np.pi * LOW_FREQUENCY * L])))[0, 0, 0])
     if spectral_radius(A + b @ c) >= 1.0:
@@ -114,7 +111,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
 
 
 def _crossings(value: Callable[[Array], Array], angles: Array) -> Array:
-    """Zeros of a real function by halving every interval at whose ends its sign differs."""
+    """Zeros of a real function, by halving."""
     sign = np.sign(value(angles))
     left = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
     low, high, below = angles[left], angles[left + 1], sign[left]
@@ -128,7 +125,7 @@ def _crossings(value: Callable[[Array], Array], angles: Array) -> Array:
 def _gain_crossings(at: Callable[[Array], Complex], angles: Array) -> tuple[Array, Array]:
     """Real factors that put a mode on the unit circle, and where.
 
-    At Nyquist's frequency ``G`` is real, and at rest too unless it has a pole there.
+    At π ``G`` is real, and at rest too unless it has a pole there.
     """
     places = np.append(_crossings(lambda x: at(x).imag, angles), np.pi)
     rest = at(np.array([_REST]))
@@ -156,8 +153,7 @@ def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
     """Symmetric disk margin of all joints at once, 0 to 2 or NaN of a loop that grows, and where, Hz.
 
     Every torque may be multiplied by a complex factor ``(2 + d) / (2 - d)`` of its own while every ``|d|`` is
-    below the margin, ``2 / max mu(S - T)`` over the frequencies. ``mu`` is by scaling: exact for one and two
-    joints, cautious for more.
+    below the margin, ``2 / max mu(S - T)`` over the frequencies; see `scaled_norm`.
     """
     A, B, C = cut
     if spectral_radius(A + B @ C) >= 1.0:
@@ -182,7 +178,7 @@ def scaled_norm(M: Complex) -> Array:
     """Upper bound of the structured singular value of M (N, n, n) for diagonal complex perturbations.
 
     The largest singular value of ``D M D⁻¹`` with the diagonal ``D`` that makes its Frobenius norm smallest.
-    For two rows the product of the singular values does not depend on ``D``, so the bound is the value.
+    For one and two rows the bound is the value.
     """
     M = M.copy()
     n = M.shape[-1]

@@ -20,14 +20,14 @@ FEWEST = 8
 
 
 class Unreadable(Exception):
-    """A file that holds no signals, or cannot be read."""
+    """A file without signals, or that cannot be read."""
 
 
 class Columns(dict[str, NDArray[Any]]):
     """Columns of N rows by name, numbers or words."""
 
     def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
-        """Add a column; a second one of a name is numbered."""
+        """Add a column; a second of its name is numbered."""
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
         number, free = 1, full
         while free in self:
@@ -44,7 +44,7 @@ class Series(Columns):
 class Source:
     """One table.
 
-    `name` is that of the mapping: the file, and after a colon the sheet or struct; `file` has ``name``,
+    `name` is that of the mapping: the file, and after a colon the sheet or struct. `file` has ``name``,
     ``size`` in bytes and ``md5``.
     """
 
@@ -54,13 +54,13 @@ class Source:
 
     @property
     def last(self) -> str:
-        """Last part of its name: file, sheet or innermost struct."""
+        """Its file, sheet or innermost struct."""
         file, _, inner = self.name.partition(":")
         return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
 
 def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
-    """Yield tables with their paths: what lies together and has as many rows, or one clock."""
+    """Yield tables with their paths: what lies together with as many rows, or one clock."""
     groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Tree]] = []
     for name, value in tree.items():
@@ -87,7 +87,7 @@ def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
 
 
 def _rows(value: Any) -> NDArray[np.float64] | None:
-    """Samples in rows of an array of numbers, (N, m); None of what is none."""
+    """Numbers with samples in rows, (N, m); None of anything else."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
         return None
     array = np.squeeze(value)
@@ -98,7 +98,7 @@ def _rows(value: Any) -> NDArray[np.float64] | None:
 
 
 def read_hdf5(path: Path) -> Tree:
-    """Read the datasets of an HDF5 or netCDF-4 file, with their ``units``."""
+    """Read the datasets of an HDF5 file, with their ``units``."""
     import h5py
 
     tree: Tree = {}

@@ -1,4 +1,4 @@
-"""The command that brings the paper's data set onto this machine."""
+"""What ``tendonrepro fetch`` does: bring the paper's data set here."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def run_fetch(
 ) -> dict[str, Any]:
     """Bring the files of a record into a folder, or show that they are there; the lock is beside it.
 
-    `record` is a number, DOI or address; `base_url` another site, which the environment may name, too.
+    `record` is a number, DOI or address; `base_url`, or the environment, names another site.
 
     Raises
     ------
     UsageError
-        If the record is not one, the folder holds other or altered files, or another process writes there.
+        If the record is none, the folder holds other or altered files, or another process writes there.
     DataMissingError
         If the record or its files cannot be had.
     """
@@ -75,14 +75,14 @@ def run_fetch(
 
 
 def fetch_text(found: dict[str, Any]) -> str:
-    """What a terminal shows of a record."""
+    """What a terminal shows."""
     head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
     shown = ("key", "size", "action")
     return Table("files", f"{head}; in {found['out']}", found["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:
-    """Number of a record that is named by number, DOI or address.
+    """Number of a record named by number, DOI or address.
 
     >>> record_number("https://doi.org/10.5281/zenodo.19467931")
     '19467931'
@@ -99,7 +99,6 @@ def _is_same(path: Path, file: Entry) -> bool:
 
 
 def _described(site: str, number: str) -> dict[str, Any]:
-    """Ask what a record is, and for its files."""
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
     with _asked(_session(), url) as response:
@@ -130,7 +129,7 @@ def _described(site: str, number: str) -> dict[str, Any]:
 
 
 def _session() -> Session:
-    """Ask again where the site is busy, no sooner than it says."""
+    """It asks a busy site again, no sooner than that says."""
     session = Session()
     session.headers.update({"User-Agent": AGENT, "Accept-Encoding": "identity"})
     busy = (429, 500, 502, 503, 504)
@@ -141,7 +140,7 @@ def _session() -> Session:
 
 
 def _asked(session: Session, url: str, start: int = 0) -> Response:
-    """Get an answer, or raise a DataMissingError that says what to do."""
+    """Get an answer, or raise a DataMissingError."""
     headers = {"Range": f"bytes={start}-"} if start else {}
     try:
         response = session.get(url, headers=headers, timeout=_TIMEOUT, stream=True)
@@ -158,7 +157,6 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
 
 
 def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
-    """Put files in place, each whole."""
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
     session, size = _session(), sum(file["size"] for file in files)
@@ -183,7 +181,7 @@ def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> 
 
 
 def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:
-    """Get one file of so many bytes, from where an earlier try ended."""
+    """From where an earlier try ended."""
     part.touch()
     for _ in range(_TRIES):
         start = part.stat().st_size

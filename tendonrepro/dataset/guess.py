@@ -1,4 +1,4 @@
-"""A mapping guessed from the names of tables and columns, with what a person is to check."""
+"""A mapping guessed from the names of tables and columns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PAPERS_PAYLOAD = 0.2
 
 @dataclass(frozen=True)
 class Guess:
-    """What one column is taken for, in which run, and what to check."""
+    """What a column is taken for, in which run, and what to check."""
 
     source: Source
     column: str
@@ -45,8 +45,8 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``suggestion``, the text of a mapping file; ``runs``, their numbers of columns; and ``left``, the line
-        that would use a column that could not be told, and why.
+        ``suggestion``, the text of a mapping; ``runs``, their numbers of columns; and ``left``, lines for the
+        other columns, and why.
     """
     runs: dict[str, list[Guess]] = {}
     left: list[str] = []
@@ -69,7 +69,7 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
 
 
 def _of_table(source: Source) -> Iterator[Guess | str]:
-    """Guess what each column is, or give the line to write and why it is not told."""
+    """Guess every column, or give the line to write, and why."""
     around = [meaning_of(part) for part in _around(source.name)]
     said = {column: meaning_of(re.sub(r"\[\d+\]| #\d+$", "", column)) for column in source.columns}
     variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
@@ -99,14 +99,14 @@ def _of_table(source: Source) -> Iterator[Guess | str]:
 
 
 def _number_of(column: str, telling: Sequence[Meaning]) -> int:
-    """Number of a column's joint, of the nearest name that has one; else its place in an array."""
+    """Joint by the nearest name that has one, else the place in an array."""
     place = re.search(r"\[(\d+)\]", column)
     said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
     return said if said is not None else int(place[1]) if place else 0
 
 
 def _around(name: str) -> list[str]:
-    """Names around a column, the nearest first: sheet or struct, file, folders."""
+    """Names around a column, nearest first: sheet or struct, file, folders."""
     file, _, inner = name.partition(":")
     *folders, last = file.split("/")
     stem = re.sub(r"(\.[A-Za-z][A-Za-z0-9]{0,4})+$", "", last)
@@ -115,7 +115,7 @@ def _around(name: str) -> list[str]:
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
-    """What a name says, with role and quantity of the names around where it has none."""
+    """What a name says; role and quantity else of the names around."""
     if said.says & (KINDS | ROLES):
         return said.says
     wanted = ROLES | {"torque", "motor"}
@@ -124,7 +124,6 @@ def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
 
 
 def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
-    """What keeps a column from being guessed."""
     if kind != "f":
         return "words, by which `where` of a run can choose rows"
     if said.unknown:
@@ -142,9 +141,9 @@ def _largest(values: Array) -> float:
 
 
 def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[str, str]:
-    """Unit of a column, as its name says, else by the size of its numbers, which is told.
+    """Unit that its name says, else by the size of its numbers, which is told.
 
-    ``most`` is the largest angle of a joint in the table.
+    ``most`` is the table's largest angle.
     """
     kind = kind_of(variable)
     if kind is None or said in FACTORS[kind]:
@@ -161,7 +160,7 @@ def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[
 
 
 def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
-    """What was assumed about a column, and the line to write if that is wrong."""
+    """What was assumed, and the line to write if that is wrong."""
     if sized:
         yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
     if use.variable == "q_motor_encoder":
@@ -175,7 +174,7 @@ def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
 
 
 def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None]:
-    """Run of a column and its payload, from the nearest name that says it; else after its table."""
+    """Run and payload by the nearest name that says it, else by the table."""
     telling = [said, *around]
     controller = next((m.controller for m in telling if m.controller is not None), None)
     payload = next((m.payload for m in telling if m.payload is not None), None)
@@ -187,7 +186,6 @@ def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, f
 
 
 def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str) -> Iterator[str]:
-    """Lines of the mapping file."""
     shared: Lines = {}
     apart: dict[str, Lines] = {}
     seen: set[str] = set()
@@ -214,7 +212,7 @@ def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str)
 
 
 def _columns_of(guesses: Sequence[Guess]) -> Lines:
-    """Lines of a run, with the table where two have a column of one name."""
+    """With the table where two share the name of a column."""
     found: Lines = {}
     for guess in guesses:
         others = [one for one in guesses if one.column == guess.column and one.use != guess.use]
@@ -256,5 +254,4 @@ def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
 
 
 def _scalar(text: str) -> str:
-    """A text as YAML takes it whatever it holds."""
     return json.dumps(text, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""What ``tendonrepro ingest`` does: from files and a mapping to a trace file of measured runs."""
+"""What ``tendonrepro ingest`` does: from files to measured runs."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _described(trace: Trace) -> dict[str, Any]:
 
 
 def ingest_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows of an ingestion."""
+    """What a terminal shows."""
     rows = [{"run": name} | run for name, run in found["runs"].items()]
     names = ("run", "joints", "samples", "step_s", "status", "mae_deg", "rmse_deg")
     lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]

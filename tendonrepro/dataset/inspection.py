@@ -1,4 +1,4 @@
-"""What ``tendonrepro inspect`` does: a table of all columns, and a mapping to edit."""
+"""What ``tendonrepro inspect`` does: show columns, and write a mapping to edit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tendonrepro.results.tables import Table
 
 
 def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> dict[str, Any]:
-    """List what is in files, folders and archives, and write a mapping file where one is named.
+    """List what files, folders and archives hold, and write a mapping if one is named.
 
     Raises
     ------
@@ -42,7 +42,6 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
 
 
 def _columns(source: Source) -> list[dict[str, Any]]:
-    """Name, number of samples, range and step of every column."""
     rows: list[dict[str, Any]] = []
     for name, values in source.columns.items():
         row: dict[str, Any] = {"column": name, "samples": len(values)}
@@ -54,7 +53,7 @@ def _columns(source: Source) -> list[dict[str, Any]]:
 
 
 def inspect_text(found: Mapping[str, Any]) -> str:
-    """What a terminal shows: a table for each table, what was not read, and the mapping."""
+    """What a terminal shows."""
     parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
     wrote = f"wrote {found['mapping']}: check every line that says CHECK"

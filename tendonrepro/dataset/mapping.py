@@ -44,7 +44,7 @@ _USE = re.compile(
 
 @dataclass(frozen=True)
 class Use:
-    """What a column is: variable of a trace or ``time``, joint, unit, factor and offset."""
+    """What a column is: variable of a trace or ``time``, joint, unit, factor, offset."""
 
     variable: str
     joint: int
@@ -69,14 +69,13 @@ class Use:
 
 
 def kind_of(variable: str) -> str | None:
-    """Key of `FACTORS`, or None where numbers are taken as they are."""
+    """Key of `FACTORS`, or None where numbers are kept as they are."""
     if variable == "time":
         return "time"
     return {"rad": "angle", "rad s-1": "rate", "N m": "torque"}.get(VARIABLES[variable][0])
 
 
 def _use(text: Any) -> Use:
-    """Read what a column is."""
     found = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if found is None:
         refuse(f"{text!r} is not of the form 'variable joint unit', as in 'q_d 2 deg'")
@@ -97,18 +96,11 @@ Number: TypeAlias = Annotated[float, Field(strict=True)]
 
 
 class Run(Model):
-    """Tables of a run and what to do with them; a variable is taken from the first that has it.
+    """Tables of a run; a variable is taken from the first that has it.
 
-    Attributes
-    ----------
-    columns
-        Instead of those that all runs share; ``source:column`` names one of several.
-    where
-        Column -> value that the rows to take have there.
-    from_s, to_s
-        Part to keep, in the file's own time.
-    step_s
-        Where there are no times.
+    `columns`, if any, replace the shared ones; ``source:column`` names one of several. Rows to take have the
+    values of `where`. The part from `from_s` to `to_s` is kept, in the file's time. `step_s` is for tables
+    without times.
     """
 
     sources: Annotated[list[str], Field(min_length=1)]
@@ -138,7 +130,7 @@ class _Tree(Model):
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A checked mapping, with its guesses and the place of each run."""
+    """A checked mapping, with its guesses and where each run stands."""
 
     title: str
     runs: Mapping[str, Run]
@@ -147,7 +139,7 @@ class MappingFile:
 
 
 def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check a mapping; `payload`, kg, is that of a run called ``..._payload`` that names none.
+    """Check a mapping; `payload`, kg, is that of a run ``..._payload`` that names none.
 
     Raises
     ------

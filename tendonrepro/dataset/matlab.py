@@ -30,7 +30,7 @@ _DAMAGED = 0xDD000000
 
 
 def read_matlab(path: Path) -> Tree:
-    """Read the variables of a MATLAB file that can be read.
+    """Read the variables that can be read.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def _names(path: Path) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers as arrays, tables as `Columns`, all else that has members as a dict."""
+    """Numbers as arrays, tables as `Columns`, all else with members as a dict."""
     if isinstance(value, pd.DataFrame | Mapping):
         return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
     if hasattr(value, "properties") and hasattr(value, "classname"):
@@ -80,12 +80,12 @@ def _plain(value: Any) -> Any:
 
 
 def _items(items: list[Any]) -> Any:
-    """Elements of a struct or cell array by number; an only one as itself."""
+    """Elements of a struct or cell array by number; an only one itself."""
     return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
 
 
 def _members(members: Any) -> Tree:
-    """Members of a struct, object or map; of Simulink's structure with time, its signals."""
+    """Members of a struct, object or map; of Simulink's structure with time its signals."""
     if not isinstance(members, Mapping):
         return {}
     tree = {str(name): _plain(value) for name, value in members.items()}
@@ -98,7 +98,7 @@ def _members(members: Any) -> Tree:
 
 
 def _object(kind: str, tree: Tree) -> Any:
-    """Timeseries, elements and data sets of Simulink's logs; other objects by their members."""
+    """Timeseries, elements and data sets of Simulink's logs; else members."""
     if kind == "timeseries":
         return _timeseries(tree)
     series = tree.get("Values")
@@ -129,13 +129,12 @@ def _table(frame: pd.DataFrame) -> Columns:
 
 
 def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
-    """Durations in s, or dates in s since the first."""
+    """Durations, or dates since the first, s."""
     since = times - times[0] if times.dtype.kind == "M" else times
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
 
 
 def _timeseries(tree: Tree) -> Series | None:
-    """Time and samples of a ``timeseries``."""
     held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
     info, about, storage = (part if isinstance(part, dict) else {} for part in held)
     # Streamed logs lie elsewhere.

@@ -41,19 +41,10 @@ _LAGS = 600
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Joint angles of a run on an even time grid.
+    """Joint angles of a run on an even grid of `time` (T,), s, from 0.
 
-    Attributes
-    ----------
-    time : array (T,)
-        s, from 0.
-    q : array (T, n)
-        Displacement from `start_angle`, rad; gaps are bridged.
-    joint : tuple of int
-    start_angle : array (n,)
-        rad.
-    rounding : float
-        Step to which the record is rounded, rad; 0 if it is not.
+    `q` (T, n) is from `start_angle` (n,), rad; gaps are bridged. `rounding` is the step to which the record
+    is rounded, rad; 0 if it is not.
     """
 
     time: Array
@@ -68,11 +59,11 @@ class Recorded:
         return float(self.time[1] - self.time[0])
 
     def at(self, time: Array) -> Array:
-        """Displacement at times (T,), s: (T, n) rad; beyond the record that of its end."""
+        """Displacement at times (T,), s: (T, n) rad, held beyond the end."""
         return np.column_stack([np.interp(time, self.time, column) for column in self.q.T])
 
     def moving(self) -> tuple[int, int]:
-        """First and last sample of the motion."""
+        """First and last sample in motion."""
         tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
         left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
         ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
@@ -85,14 +76,8 @@ class Recorded:
 class Knots:
     """Samples for a trajectory file: `time` (N,), s, and `angle` (N, n), rad, from 0.
 
-    Attributes
-    ----------
-    spacing : float
-        s.
-    tolerance, deviation : float
-        Largest deviation of their spline from the record, allowed and found, rad.
-    braked : bool
-        A stroke to rest was added.
+    `spacing` is in s. Their spline deviates from the record by `deviation`, where `tolerance` is allowed,
+    rad. `braked`: a stroke to rest was added.
     """
 
     time: Array
@@ -107,7 +92,7 @@ class Knots:
 class Reference:
     """A reference recovered from a run.
 
-    `period`, s, is 0 where it does not repeat; `begin` and `end` of the motion are s after the first sample.
+    `period`, s, is 0 if it does not repeat; `begin` and `end` are s after the first sample.
     """
 
     run: str
@@ -118,7 +103,7 @@ class Reference:
     end: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, angles in degrees."""
+        """Plain data, in degrees."""
         return {
             "run": self.run,
             "joints": list(self.record.joint),
@@ -141,7 +126,7 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
     Raises
     ------
     DataMissingError
-        If there are too few samples of it, it pauses for most of its time, or it does not move.
+        If it has few samples, pauses most of the time, or does not move.
     """
     values = trace[name]
     there = np.isfinite(values).all(axis=1)
@@ -182,17 +167,17 @@ def noise(record: Recorded) -> float:
 
 
 def noise_peak(record: Recorded) -> float:
-    """Largest deviation that noise causes among all samples, rad."""
+    """Largest deviation by noise among all samples, rad."""
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
 
 def recover(file: TraceFile) -> Reference:
-    """Recover the reference from the first run that recorded it for both joints.
+    """Recover the reference from the first run with both joints' desired angles.
 
     Raises
     ------
     DataMissingError
-        If no run holds the desired angles, or they do not move.
+        If there is none, or they do not move.
     """
     holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
     if not holding:
@@ -211,9 +196,9 @@ def _complete(trace: Trace) -> bool:
 
 
 def onset(record: Recorded) -> float:
-    """When a motion begins, s: earlier than it is first seen.
+    """When a motion begins, s: before it is first seen.
 
-    It leaves its start by the second or third power of time. When it passes three levels tells which.
+    It begins as the second or third power of time; when it passes three levels tells which.
     """
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
@@ -228,7 +213,6 @@ def onset(record: Recorded) -> float:
 
 
 def _passes(time: Array, q: Array, level: float) -> float:
-    """When an angle first passes a level, s."""
     after = int(np.argmax(q > level))
     before = max(after - 1, 0)
     share = (level - q[before]) / (q[after] - q[before]) if q[after] > q[before] else 0.0
@@ -236,7 +220,7 @@ def _passes(time: Array, q: Array, level: float) -> float:
 
 
 def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
-    """Start and period of the motion of every run; a period that a run states goes first."""
+    """Start and period of every run; a stated period goes first."""
     found = {}
     for name, trace in file.part("compare").runs.items():
         start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
@@ -247,7 +231,7 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
 
 
 def zero_of(trace: Trace, reference: Reference) -> float:
-    """Time of a run at which a rerun of the reference begins, s."""
+    """When in a run a rerun of the reference begins, s."""
     from scipy.optimize import minimize_scalar
 
     other, first = reference.record, float(trace.time[0])
@@ -284,8 +268,8 @@ def derivatives(trace: Trace) -> tuple[Array, Array]:
 def repeat_after(record: Recorded) -> float:
     """Time after which the motion repeats, s; 0 if it does not.
 
-    The first lag, once the motion was unlike itself, at which all of it or its last half period is like
-    itself a lag earlier.
+    It is the first lag, once the motion was unlike itself, at which all or its last half period is like
+    itself.
     """
     first, last = record.moving()
     q = record.q[first : last + 1]
@@ -308,7 +292,7 @@ def repeat_after(record: Recorded) -> float:
 
 
 def _misfit(x: Array, lag: int, every: int) -> float:
-    """Difference of a motion from itself a lag earlier, over its size; infinite where that tells nothing."""
+    """Difference from itself a lag earlier, over its size; infinite if that tells nothing."""
     late = x[lag::every]
     difference = late - x[: len(x) - lag : every]
     size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
@@ -322,10 +306,9 @@ def _misfit(x: Array, lag: int, every: int) -> float:
 
 
 def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
-    """Quintic least-squares spline through a recorded motion, and the spacing of its knots, s.
+    """Quintic least-squares spline through a motion, and the spacing of its knots, s.
 
-    The spacing has the smallest Bayesian information criterion, where a residual below rounding or noise
-    counts as these.
+    That has the smallest Bayesian information criterion; residuals below rounding or noise count as these.
     """
     from scipy.interpolate import make_lsq_spline
 
@@ -344,14 +327,13 @@ def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
 
 
 def _tried(record: Recorded) -> list[float]:
-    """Spacings that leave enough knots."""
     end = float(record.time[-1])
     tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
     return tried or [2.0 * record.step]
 
 
 def _places(record: Recorded, spacing: float) -> Array:
-    """Multiples of a spacing, s, the last at the end of the record."""
+    """Multiples of a spacing, s, and the end."""
     end = float(record.time[-1])
     places = spacing * np.arange(max(round(end / spacing), FEWEST - 1) + 1.0)
     places[-1] = end
@@ -359,7 +341,7 @@ def _places(record: Recorded, spacing: float) -> Array:
 
 
 def thinned(record: Recorded) -> Knots:
-    """Choose samples of the smoothed motion: as few as keep it to half an encoder step, or to the noise.
+    """Few samples of the smoothed motion, that keep it to half an encoder step or the noise.
 
     Raises
     ------

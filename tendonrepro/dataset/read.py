@@ -1,6 +1,6 @@
-"""Files, folders and archives as tables of named columns.
+"""Files, folders and archives as tables.
 
-One process of its own reads, since a damaged file can crash the HDF5 library.
+A process of its own reads: a damaged file can crash the HDF5 library.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}
 
 
 def read_files(paths: Sequence[Path]) -> tuple[list[Source], dict[str, str]]:
-    """Read every table of files, folders and archives; the second is file -> why it was not read.
+    """Read every table of files, folders and archives; files that were not read have a reason.
 
     Raises
     ------
@@ -59,7 +59,6 @@ def read_files(paths: Sequence[Path]) -> tuple[list[Source], dict[str, str]]:
 
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
-    """Files to read with their names; hidden ones are left out."""
     if path.is_dir():
         for member in sorted(path.glob("[!.]*")):
             yield from _files(member, f"{name}/{member.name}".lstrip("/"), scratch, unread)
@@ -110,7 +109,7 @@ def read_file(path: Path, name: str) -> list[Source]:
 
 
 def _tables(path: Path) -> dict[str, Columns]:
-    """Tables of a file by their place in it; its first bytes go before its name."""
+    """By their place in it; its first bytes go before its name."""
     from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook

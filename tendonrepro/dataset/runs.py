@@ -30,7 +30,7 @@ _SEVERITY = ("ok", "ringing", "diverged")
 
 @dataclass
 class Assembly:
-    """Runs in the making; `notes` say what was done to the numbers, `doubts` what looks wrong.
+    """Runs in the making, with `notes` of what was done to numbers, and `doubts`.
 
     `unread` is file -> why; `S` is the coupling matrix, (3, 3).
     """
@@ -48,7 +48,7 @@ class Assembly:
         Raises
         ------
         ConfigError
-            Where the mapping does not fit the tables.
+            Where it does not fit the tables.
         DataMissingError
             If a file of it was not read.
         """
@@ -84,7 +84,7 @@ class Assembly:
         return trace
 
     def _signals(self, name: str, run: Run) -> tuple[Array, dict[Use, Array]]:
-        """Common times, s, and values, SI, of all columns of a run."""
+        """Common times, s, and values of all columns of a run, SI."""
         series: dict[Use, tuple[Array, Array]] = {}
         for table in run.sources:
             source = self._source(table)
@@ -103,7 +103,7 @@ class Assembly:
         return self._common(name, series)
 
     def _source(self, name: str) -> Source:
-        """Find a table by its name, or by the only one that ends with it."""
+        """Find a table by its name, or the only one that ends with it."""
         exact = [source for source in self.sources if source.name == name]
         found = exact or [source for source in self.sources if source.name.endswith(f"/{name}")]
         if len(found) != 1:
@@ -115,7 +115,7 @@ class Assembly:
         return found[0]
 
     def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
-        """All on the times of the first table, as far as the others go."""
+        """All on the first table's times, as far as others go."""
         times = [time for time, _ in series.values()]
         first = times[0]
         time = first[(first >= max(one[0] for one in times)) & (first <= min(one[-1] for one in times))]
@@ -138,7 +138,7 @@ def _complete(variables: dict[str, Array]) -> None:
 
 
 def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
-    """Worst status of a joint, by the limits of the shipped comparison."""
+    """Worst of the joints, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si
     found: dict[int, tuple[str, float]] = {}
@@ -156,7 +156,6 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
 
 
 def _uses(source: Source, run: Run) -> dict[str, Use]:
-    """Columns of a table that a run takes."""
     found = {}
     for name, use in (run.columns or {}).items():
         table, _, column = name.rpartition(":") if name not in source.columns else ("", "", name)
@@ -166,7 +165,6 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
 
 
 def _rows(source: Source, run: Run) -> pd.DataFrame:
-    """Rows of a table that meet the conditions of a run."""
     table = pd.DataFrame(source.columns)
     if absent := run.where.keys() - set(table):
         raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
@@ -174,7 +172,7 @@ def _rows(source: Source, run: Run) -> pd.DataFrame:
 
 
 def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
-    """Times of some rows, s, NaN beyond the part to keep."""
+    """In s, NaN beyond the part to keep."""
     column = next((column for column, use in uses.items() if use.variable == "time"), None)
     if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"

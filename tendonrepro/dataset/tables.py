@@ -22,12 +22,12 @@ _MOST_HEAD = 60
 
 
 def read_text_table(path: Path) -> dict[str, Columns]:
-    """Read a table from a text file, by whatever separator, decimal mark and encoding.
+    """Read a table, by whatever separator, decimal mark and encoding.
 
     Raises
     ------
     Unreadable
-        If it holds no table of numbers.
+        If there is no table of numbers.
     """
     lines = [line for line in decoded(path.read_bytes()).splitlines() if line.strip()]
     lines = [line for line in lines if not line.casefold().startswith("sep=")]
@@ -43,7 +43,7 @@ def read_text_table(path: Path) -> dict[str, Columns]:
 
 
 def decoded(content: bytes) -> str:
-    """Text of bytes: Unicode, or Chinese where that makes common words, else Western.
+    """Text of bytes: Unicode, Chinese where that makes common words, else Western.
 
     >>> decoded("Winkel [°]".encode("cp1252"))
     'Winkel [°]'
@@ -65,7 +65,7 @@ def _is_chinese(content: bytes) -> bool:
 
 
 def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
-    """Separator, None for blanks, and whether decimals have a comma: what makes most numbers."""
+    """Separator, None for blanks, and decimal comma: what makes most numbers."""
 
     def numbers(spelling: tuple[str | None, bool]) -> int:
         cells = [_cells(line, spelling[0], comma=spelling[1]) for line in lines]
@@ -104,7 +104,7 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int | None:
 
 
 def read_workbook(path: Path) -> dict[str, Columns]:
-    """Read the sheets that hold a table of numbers."""
+    """Read the sheets that hold numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
     found = {str(name): columns for name, sheet in sheets.items() if (columns := _sheet(sheet))}
     # A single sheet under the name that a program gave it has none.
@@ -122,7 +122,6 @@ def _sheet(sheet: pd.DataFrame) -> Columns:
 
 
 def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
-    """Columns under the names that the rows above give them."""
     names = _names([list(row) for row in head], table.shape[1])
     found = Columns()
     for place, name in enumerate(names):
@@ -133,7 +132,7 @@ def _columns(head: Sequence[Sequence[str]], table: pd.DataFrame) -> Columns:
 
 
 def _names(head: list[list[str]], width: int) -> list[str]:
-    """Names of columns: the last row of words, a group above, and a unit below."""
+    """Last row of words, with a group above and a unit below."""
     head = [*head]
     units = head.pop() if head and _are_units(head[-1]) else []
     names = head.pop() if head else []
@@ -151,7 +150,7 @@ def _are_units(row: Sequence[str]) -> bool:
 
 
 def _groups(row: Sequence[str]) -> list[str]:
-    """Group of every column, from a row that names some: an empty cell belongs to the name before it.
+    """An empty cell belongs to the name before it.
 
     A title stands alone at the left, and numbers are settings; these name no groups.
     """
@@ -162,7 +161,7 @@ def _groups(row: Sequence[str]) -> list[str]:
 
 
 def _values(column: pd.Series) -> NDArray[Any] | None:
-    """Numbers of a column, else its words; None of an empty one."""
+    """Numbers, else words; None of an empty column."""
     text = column.astype(str).str.strip()
     held = text[column.notna() & (text != "")]
     numbers = np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)

@@ -24,7 +24,7 @@ _TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]:
 
 
 class Timing(NamedTuple):
-    """Start of the motion on the run's own time axis and its period, s; 0 when unknown."""
+    """Start of the motion in a run's time, and period, s; 0 if unknown."""
 
     start: float
     period: float
@@ -32,10 +32,10 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True)
 class Tried:
-    """One way of averaging, applied to all runs alike.
+    """One way of averaging, the same for all runs.
 
-    `window` is one of `spans`; `offset_removed`: its mean error was taken off; `sizes` are errors, deg, by
-    the id of the printed number, and `agree` the ids of those it gives.
+    `sizes` are errors, deg, by id, over one of `spans`, less their mean if `offset_removed`. `agree` are the
+    ids of printed numbers that they give.
     """
 
     window: str
@@ -51,14 +51,9 @@ class Tried:
 
 @dataclass(frozen=True)
 class PrintedTables:
-    """All ways of averaging that were tried, the whole motion as it is first.
+    """All ways of averaging, the whole motion as it is first.
 
-    Attributes
-    ----------
-    left_out : Mapping
-        Run -> samples that are missing.
-    chance : float
-        Of as many agreements as the best way has, by accident, among as many tries.
+    `left_out` counts missing samples by run; `chance` is that of as many agreements by accident.
     """
 
     tried: tuple[Tried, ...]
@@ -67,17 +62,17 @@ class PrintedTables:
 
     @property
     def compared(self) -> int:
-        """Printed numbers that the file can speak about."""
+        """Printed numbers that the file has."""
         return len(self.tried[0].sizes)
 
     @property
     def best(self) -> Tried:
-        """The first way with most agreements."""
+        """The first with most agreements."""
         return max(self.tried, key=lambda one: len(one.agree))
 
     @property
     def winner(self) -> Tried | None:
-        """The first way that gives all these numbers."""
+        """The first that gives all these numbers."""
         return self.best if 0 < self.compared == len(self.best.agree) else None
 
     @property
@@ -87,7 +82,7 @@ class PrintedTables:
 
     @property
     def window(self) -> str | None:
-        """Name of what decides; None where no run of the tables is there."""
+        """What decides; None without a run of the tables."""
         return self.deciding.name if self.compared else None
 
     def as_dict(self) -> dict[str, Any]:
@@ -110,7 +105,7 @@ class PrintedTables:
         }
 
     def remark(self) -> str:
-        """What was found, and what that is worth."""
+        """What was found, and what it is worth."""
         if not self.compared:
             return "The file holds no run of Tables 2 and 3."
         return (
@@ -132,9 +127,9 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
 
 
 def spans(time: Array, timing: Timing) -> dict[str, slice]:
-    """Stretches of a run that a table can be averaged over, by name.
+    """Stretches of a run to average over, by name.
 
-    All begin with the motion or later, except ``with_standstill``, which is every sample.
+    Except ``with_standstill``, every sample, they begin with the motion or later.
     """
     count = len(time)
     step = float(time[-1] - time[0]) / max(count - 1, 1)
@@ -154,7 +149,7 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
 def _ways(
     runs: Mapping[str, Trace], timing: Mapping[str, Timing]
 ) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
-    """Windows that every run reaches, each set of samples once, as they are and centred."""
+    """Windows that every run reaches, each once, as it is and centred."""
     parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
     distinct: dict[tuple[tuple[int, int], ...], str] = {}
     for window in next(iter(parts.values()), {}):
@@ -190,6 +185,6 @@ def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> flo
     counts = np.ones(1)
     for identifier in identifiers:
         low, high = rounding(paper.quantity(identifier))
-        share = min(1.0, float(high - low) / (2.0 * SPREAD * paper.number(identifier)))
+        share = float(high - low) / (2.0 * SPREAD * paper.number(identifier))
         counts = np.convolve(counts, [1.0 - share, share])
     return float(counts[least:].sum())

@@ -1,7 +1,4 @@
-"""What the name of a column, sheet or file says, word by word from ``words.yaml``.
-
-Words that are not in that table, or that change their meaning together, are asked about.
-"""
+"""What names of columns, sheets and files say, by ``words.yaml``; what is unknown or ambiguous is asked."""
 
 from __future__ import annotations
 
@@ -41,8 +38,8 @@ _MARKS = frozenset("-–—_/()[]（）【】.,:;#&'\"|")
 class Meaning:
     """What a name says.
 
-    `says` are groups of ``words.yaml``; `unit` is a key of `FACTORS`; `payload` is in kg, NaN where its mass
-    is unknown; `unknown` are words that nobody knows or that do not go together.
+    `says` are groups of ``words.yaml``; `unit` is a key of `FACTORS`. `payload` is in kg, NaN if of unknown
+    mass. `unknown` are words that are not there or do not go together.
     """
 
     says: frozenset[str]
@@ -61,12 +58,11 @@ def _table() -> dict[str, Any]:
 
 @cache
 def _groups() -> dict[str, str]:
-    """Group of every word."""
     return {word: group for group, words in _table().items() if group not in _NO_GROUPS for word in words}
 
 
 def plain_unit(text: str) -> str | None:
-    """Key of `FACTORS` for a unit as people write it; None for others.
+    """Key of `FACTORS` for a unit as people write it, or None.
 
     >>> plain_unit("Degrees")
     'deg'
@@ -115,7 +111,7 @@ def meaning_of(name: str) -> Meaning:
 
 
 def _plain(text: str) -> str:
-    """One form of letters that look alike; an ordinal stands for a degree."""
+    """Letters that look alike in one form; an ordinal stands for a degree."""
     return unicodedata.normalize("NFKC", text.replace("º", "°"))
 
 
@@ -141,7 +137,7 @@ def _without_mass(text: str) -> tuple[str, float | None]:
 
 
 def _words(text: str) -> Iterator[str]:
-    """Words and numbers of a name; unknown words are cut into known ones."""
+    """Words and numbers; unknown words are cut into known ones."""
     for token in _WORD.findall(text):
         if token in _groups() or token.isdigit():
             yield token
@@ -150,7 +146,7 @@ def _words(text: str) -> Iterator[str]:
 
 
 def _cut(token: str) -> list[str]:
-    """Longest known words from the left; of Latin letters only if nothing is left between them."""
+    """Longest known words from the left; of Latin letters only if nothing else is left."""
     longest_first = sorted(_groups(), key=len, reverse=True)
     pieces = [piece for piece in re.split(f"({'|'.join(longest_first)})", token) if piece]
     is_cut = all(piece in _groups() and (len(piece) > 1 or piece in "qedm") for piece in pieces)
@@ -159,7 +155,6 @@ def _cut(token: str) -> list[str]:
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
-    """Numbers of joints and of controllers, and others."""
     joints, controllers, others = set(), set(), []
     groups = [None if word.isdigit() else _groups().get(word, "unknown") for word in words]
     for place, word in enumerate(words):
@@ -177,14 +172,13 @@ def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
 
 
 def _controller_of(says: set[str]) -> int | None:
-    """Number of the controller whose name a name has."""
     if "ntsm" in says or says >= {"alpha", "tde"}:
         return 1 if "alpha" in says else 2
     return 3 if "tsm" in says else 1 if "alpha" in says else None
 
 
 def variable_of(says: frozenset[str]) -> str | None:
-    """Variable of a trace that a name means; None where its words do not say, or do not go together.
+    """Variable of a trace that a name means; None where its words do not say or go together.
 
     >>> variable_of(frozenset({"angle", "desired"}))
     'q_d'

@@ -19,8 +19,8 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
+from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
 from tendonrepro.monte_carlo.plan import Study
-from tendonrepro.monte_carlo.shards import Arrays, Block, shard_image
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.simulation.batch import Batch, simulate_batch
@@ -40,16 +40,16 @@ IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
 def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
-    """Compute a block in the form in which it is stored."""
+    """Compute a block as it is stored."""
     return block, shard_image(compute_block(study, block, simulate))
 
 
 def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
-    """Simulate every case of every draw of a block; a box whose draws cannot be run is to be mended."""
+    """Simulate every case of every draw of a block."""
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
     batches = [
-        simulate([loop for row in group for loop in loops_of(study, block, row)], study.config.status)
+        simulate([loop for row in group for loop in loops_of(study, block, row)], study.loaded.compare.status)
         for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
     ]
 
@@ -71,11 +71,11 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
 
 
 def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
-    """Yield the loops of one draw (P,), in the order of the cases; what readings leave alone is shared."""
-    box, folder = study.boxes[block.population], study.base.folder
+    """Yield the loops of one draw (P,) by case; what readings leave alone is shared."""
+    box, folder = study.boxes[block.population], study.loaded.base.folder
     draw = box.named(row)
     try:
-        config = configured(study.base, box, row)
+        config = configured(study.loaded.base, box, row)
         printed = dict(build_loops(config, folder))
         others: dict[tuple[tuple[str, str], ...], Mapping[str, Loop]] = {}
         for run, case in study.cases:
@@ -95,7 +95,7 @@ def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
 
 
 def _differing(changed: Model, before: Model) -> set[str]:
-    """Sections of a model that are not the very same objects."""
+    """Sections of a model that are not the same objects."""
     return {name for name in type(before).model_fields if getattr(changed, name) is not getattr(before, name)}
 
 
@@ -117,9 +117,8 @@ def spot_check(
 ) -> dict[str, float | int | str | None]:
     """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
 
-    A hash chooses, so the order of work does not matter; other blocks give an empty answer. ``difference`` is
-    the largest relative one of MAE and RMSE: 0 if both runs diverged or were not resolved, None where the
-    steppers disagree on the status.
+    A hash chooses; other blocks give an empty answer. ``difference`` is the largest relative one of MAE and
+    RMSE: 0 if both runs diverged or were not resolved, None where the steppers disagree on the status.
     """
     digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
     chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
@@ -128,13 +127,13 @@ def spot_check(
     place, at = place % len(study.cases), at % len(values)
     run, case = study.cases[place]
     loop = replace([*loops_of(study, block, values[at])][place], joint_encoder=IDEAL)
-    difference = _difference(loop, simulate_together([loop], study.config.status), study)
+    difference = _difference(loop, simulate_together([loop], study.loaded.compare.status), study)
     return {"run": run, "reading": case.name, "draw": at, "difference": difference}
 
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
-    """Largest relative difference of the errors' sizes, or None, see :func:`spot_check`."""
-    status, limits = STATUSES[int(batch.status[0])], study.config.status
+    """The ``difference`` of :func:`spot_check`."""
+    status, limits = STATUSES[int(batch.status[0])], study.loaded.compare.status
     if status == "unresolved":
         return 0.0
     try:

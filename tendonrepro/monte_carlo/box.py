@@ -17,16 +17,13 @@ from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import as_printed
 from tendonrepro.monte_carlo.draw import drawn_tree
 
-_CHOICE = "choice"
-
 
 @dataclass(frozen=True)
 class Box:
     """The unknowns, (P,); SI units and radians.
 
-    A choice among `words` counts as the word's place, from 0; `scale` is ``linear``, ``log`` or ``choice``.
-    Rows that are not `free` keep `nominal`. Periods are repeated, at least twice, until a run lasts
-    `shortest_run`, s.
+    A word counts as its place in `words`, from 0; `scale` is ``linear``, ``log`` or ``choice``. Rows that
+    are not `free` keep `nominal`. `shortest_run` is in s, see `drawn_tree`.
     """
 
     names: tuple[str, ...]
@@ -43,13 +40,12 @@ class Box:
 
     def values(self, unit: Array) -> Array:
         """Map points of the unit cube to values, both (N, P); choices take equal slices."""
-        columns = [self._column(i, unit[:, i]) for i in range(len(self.names))]
-        return np.stack(columns, axis=1)
+        return np.stack([self._column(i, unit[:, i]) for i in range(len(self.names))], axis=1)
 
     def _column(self, i: int, unit: Array) -> Array:
         if not self.free[i]:
             return np.full_like(unit, self.nominal[i])
-        if self.scale[i] == _CHOICE:
+        if self.choices[i].size:
             place = np.minimum(unit * self.choices[i].size, self.choices[i].size - 1.0).astype(int)
             return np.asarray(self.choices[i][place])
         low, high = self.low[i], self.high[i]
@@ -58,8 +54,7 @@ class Box:
 
     def only(self, confidences: Collection[str]) -> Box:
         """Box in which only rows of these confidences vary."""
-        kept = np.array([confidence in confidences for confidence in self.confidence])
-        return replace(self, free=self.free & kept)
+        return replace(self, free=self.free & [one in confidences for one in self.confidence])
 
     def named(self, values: Array) -> dict[str, float]:
         """One draw (P,) by row name."""
@@ -77,7 +72,7 @@ def make_box(config: EnsembleConfig) -> Box:
         low=np.array(low),
         nominal=np.array(nominal),
         high=np.array(high),
-        scale=tuple(row.scale if isinstance(row, BoxRange) else _CHOICE for row in items.values()),
+        scale=tuple(row.scale if isinstance(row, BoxRange) else "choice" for row in items.values()),
         confidence=tuple(row.confidence for row in items.values()),
         choices=choices,
         words=tuple(WORDS.get(name, ()) for name in items),
@@ -99,9 +94,9 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 
 
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
-    """Points (count, P) in the unit cube, of a scrambled Sobol sequence, from number `first`, counted from 0.
+    """Points (count, P) of a scrambled Sobol sequence in the unit cube, from number `first` on, from 0.
 
-    Each depends on its number alone. Each seed and replicate have their own scrambling.
+    Seed and replicate make the scrambling.
     """
     from scipy.stats import qmc
 
@@ -116,6 +111,6 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
 
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
-    """Validated configuration of one draw (P,), every axis of readings as printed; `base` gives the rest."""
+    """Validated configuration of one draw (P,), every axis of readings as printed."""
     tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
     return as_printed(CompareConfig.model_validate(tree))

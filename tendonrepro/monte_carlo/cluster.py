@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from typing import TypeVar
 
 from tendonrepro.errors import TendonreproError, UsageError
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
+from tendonrepro.parallel import Item, Result
 
 
 def on_cluster(
@@ -19,8 +16,8 @@ def on_cluster(
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
     except ImportError as error:
-        message = "dask.distributed is not installed"
-        raise UsageError(message, where="--dask", hint="pip install 'tendonrepro[dask]'") from error
+        hint = "pip install 'tendonrepro[dask]'"
+        raise UsageError("dask.distributed is not installed", where="--dask", hint=hint) from error
     try:
         client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed by itself."""
+"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import (
-    PRINTED,
-    default_readings,
-    named_readings,
-    parse_reading,
-)
+from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -24,11 +19,10 @@ from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.cluster import on_cluster
-from tendonrepro.monte_carlo.data import PLAN, read_ensemble
-from tendonrepro.monte_carlo.figures import draw_ensemble_figures
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
-from tendonrepro.monte_carlo.shards import FOLDER, shard_files
 from tendonrepro.parallel import as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
@@ -47,34 +41,28 @@ def run_ensemble(
     dask: str | None = None,
     readings: str = "default",
 ) -> dict[str, Any]:
-    """Simulate many plausible plants under many readings, and write tables and figures.
+    """Simulate many plausible plants under many readings; what ``--json`` prints.
 
     Parameters
     ----------
     request : Request
         `force` gives up the blocks of another configuration or version.
-    talk : Talk
     draws : int
-        Of each population; a power of two.
+        A power of two.
     jobs : int
-        Processes; results do not depend on it.
+        Processes; -1 is one for each processor.
     dask : str or None
         Address of a dask.distributed scheduler.
     readings : str
-        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between,
-        beside which the printed reading is run.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between;
+        the printed reading is added.
 
     Raises
     ------
     UsageError
         For impossible draws, jobs or readings, or results of another configuration.
     TendonreproError
-        When results cannot be written; whole blocks stay and are not computed again.
+        When results cannot be written; whole blocks stay.
     """
     if not jobs:
         message = "must be a number of processes, or -1 for one for each processor, found 0"
@@ -88,15 +76,16 @@ def run_ensemble(
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
     refuse_others(folder, study.identity, command="ensemble", force=force)
-    cost = study.cost(draws)
+    blocks = study.blocks(draws)
+    cost = study.cost(blocks)
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
         "dry_run": True,
-        "config_sha256": study.sha256,
+        "config_sha256": study.loaded.sha256,
         "draws": draws,
         "cost": cost,
-        "blocks": len(study.blocks(draws)),
+        "blocks": len(blocks),
         "out": str(folder),
         "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}",
     }
@@ -109,12 +98,11 @@ def load_study(source: str | None, overrides: Sequence[str], seed: int | None, r
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
     return Study(
-        base=loaded.base,
+        loaded,
         boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
         shares={name: held.share.si for name, held in config.populations.items()},
         readings=chosen,
         variations=tuple(parse_reading(name) for name in config.variations) if default else (),
-        sha256=loaded.sha256,
         seed=int(config.seed.si),
         replicates=int(config.scramblings.si),
         block_draws=int(config.block.si),
@@ -134,44 +122,41 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with replaced(folder, study.identity, command="ensemble", force=force, keep=FOLDER) as result:
-        shards = result.path / FOLDER
-        _take_over(folder / FOLDER, shards, study, force=force)
-        there = {path.name for path in shard_files(shards, study.identity)}
-        missing = [block for block in blocks if block.file_name(study.identity) not in there]
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS) as result:
+        shards = result.path / SHARDS
+        _take_over(folder / SHARDS, shards, study, force=force)
+        paths = {block: shards / block.file_name(study.identity) for block in blocks}
+        missing = [block for block, path in paths.items() if not path.exists()]
         resumed = len(blocks) - len(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
         make = partial(make_block, study, simulate=simulate)
         stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
-        experiments = sum(block.count for block in missing) * len(study.cases)
+        ahead = study.cost(missing)
         if missing:
-            share = len(missing) / len(blocks)
-            ahead = {key: share * value for key, value in study.cost(draws).items()}
-            talk.note(f"{cost_text(ahead)}, counted in blocks of {missing[0].count * len(study.cases):,}")
+            talk.note(cost_text(ahead))
         started = time.perf_counter()
-        with talk.resumable(), talk.bar("simulating", experiments) as progress, closing(stream):
+        with talk.resumable(), talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
-                write_atomically(shards / block.file_name(study.identity), image)
-                progress(block.count * len(study.cases))
+                write_atomically(paths[block], image)
+                progress(1)
         seconds = time.perf_counter() - started
         result.write(PLAN, to_json(study.plan(draws)))
         speed = {
-            "experiments_per_second": experiments / seconds if experiments else None,
+            "experiments_per_second": ahead["experiments"] / seconds if missing else None,
             "resumed_from": resumed,
             "blocks": len(blocks),
         }
         outcome = _outcome(study, draws, result.path, speed)
         outcome.save(result, "summary")
-        draw_ensemble_figures(outcome.data, result.path / "figures")
         result.manifest = _manifest(study, seconds)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder)}
 
 
 def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
-    """Begin with the blocks of an interrupted run and of the earlier result; others give way."""
+    """Begin with the blocks of an interrupted run and of the earlier result."""
     shards.mkdir(exist_ok=True)
     ours = shard_files(shards, study.identity)
     others = [path for path in shards.iterdir() if path not in ours]
@@ -186,13 +171,14 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 
 def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
+    blocks = study.blocks(draws)
     populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
-    of_paper = base_of_paper(study.config)
+    of_paper = base_of_paper(study.loaded.compare)
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,
-        "config_sha256": study.sha256,
+        "config_sha256": study.loaded.sha256,
         "identity": study.identity,
         "physics_sha256": code_digest("physics"),
         "of_paper": of_paper,
@@ -200,16 +186,17 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         "draws": draws,
         "scramblings": study.replicates,
         **next(iter(populations.values())),
-        "spot_check": spot_checks(folder / FOLDER, study.identity, study.blocks(draws)),
-        "cost": study.cost(draws),
+        "spot_check": spot_checks(folder / SHARDS, study.identity, blocks),
+        "cost": study.cost(blocks),
         **speed,
         "populations": populations,
     }
-    return Outcome(summary, [*ensemble_tables(summary), *([] if of_paper else [OTHER_BASE])])
+    notes = [] if of_paper else [OTHER_BASE]
+    return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 
 
 def _manifest(study: Study, seconds: float) -> dict[str, Any]:
-    manifest = make_manifest(study.base, seconds, "ensemble")
-    config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.sha256}
+    manifest = make_manifest(study.loaded.base, seconds, "ensemble")
+    config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
     stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
     return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": stepper, "config": config}

@@ -1,11 +1,11 @@
-"""What an ensemble left on disk.
-
-Opening shards takes longer than reading them. So of a small ensemble an array of all cases is kept.
-"""
+"""What an ensemble leaves on disk: a shard for each block, and the plan of all."""
 
 from __future__ import annotations
 
+import io
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,30 +17,77 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.shards import FOLDER, Block, Case, read_array
-from tendonrepro.simulation.streaming import STATISTICS
+
+SHARDS = "shards"
+"""Name of the folder of shards in a folder of results."""
+
+Case = tuple[str, str]
+"""Run and what it was run under, such as ``("controller_1", "weights=extrapolating")``."""
+
+Arrays = Mapping[str, NDArray[Any]]
+"""Everything kept of one block; B draws of P numbers, C cases, n joints.
+
+``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
+found.
+"""
 
 KEPT_DRAWS = 2**15
-"""Draws of the largest ensemble of which arrays are kept: some 40 arrays of 45 MB."""
+"""Draws of the largest ensemble of which arrays are kept, some 40 of 45 MB: opening shards takes longest."""
 
 PLAN = "plan.json"
 """File that says which blocks make up the ensemble in a folder."""
+
+
+@dataclass(frozen=True, order=True)
+class Block:
+    """Consecutive draws of a population in one scrambling, `replicate`: the unit of work and of storage."""
+
+    population: str
+    replicate: int
+    first: int
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.population}-r{self.replicate:03d}-d{self.first:08d}-n{self.count}"
+
+    def file_name(self, identity: str) -> str:
+        """Name of its shard."""
+        return f"{self}-{identity[:12]}.npz"
+
+
+def shard_files(folder: Path, identity: str = "*") -> list[Path]:
+    """Shards of an ensemble, or of any, in canonical order."""
+    return sorted(folder.glob(f"[!.]*-{identity[:12]}.npz"))
+
+
+def shard_image(arrays: Arrays) -> bytes:
+    """Bytes of a shard, which a worker sends to the only writer."""
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def read_array(path: Path, name: str) -> NDArray[Any]:
+    """Read one array; a DataMissingError where it is missing or damaged."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return np.asarray(stored[name])
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        hint = "remove it, and run the same tendonrepro ensemble again with --force"
+        raise DataMissingError("is missing, damaged or no shard", where=str(path), hint=hint) from error
 
 
 @dataclass(frozen=True, eq=False)
 class EnsembleData:
     """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
-    `of_paper` tells whether draws start from the paper's arm, gains and payload. `joints` are the paper's
-    numbers; `alpha` are the configured weights of Controller 1's estimator; `names` are of the P numbers.
-    `readings` include variations. `lookup` gives the place of a case from ``(run, reading or variation)``.
-    `planned` is how many draws there were to be.
+    `of_paper` tells whether draws start from the paper's arm, gains and payload. `names` are of the P
+    numbers. `lookup` gives the place of a case. `planned` is the number of draws that was asked for.
     """
 
     of_paper: bool
     joints: tuple[int, ...]
     alpha: tuple[float, ...]
-    runs: tuple[str, ...]
     names: tuple[str, ...]
     readings: tuple[str, ...]
     lookup: Mapping[Case, int]
@@ -68,33 +115,17 @@ class EnsembleData:
         return (run, reading) in self.lookup
 
     def status(self, run: str, reading: str) -> NDArray[np.int8]:
-        """Status codes of a run, (N,); see `physics.metrics.STATUSES`.
-
-        Raises
-        ------
-        DataMissingError
-            When that was not simulated.
-        """
+        """Codes of a run, places in `physics.metrics.STATUSES`, (N,); else a DataMissingError."""
         return self._case("status", run, reading)
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One of `tendonrepro.simulation.batch.STATISTICS`, SI units, (N, n).
-
-        Raises
-        ------
-        DataMissingError
-            When that was not simulated, or there is no such statistic.
-        """
-        if name not in STATISTICS:
-            message = f"the ensemble holds no statistic {name!r}"
-            raise DataMissingError(message, hint=f"It holds {', '.join(STATISTICS)}.")
-        values: Array = self._case(name, run, reading).astype(np.float64)
-        return values
+        """One of `simulation.streaming.STATISTICS` of a run, SI units, (N, n); else a DataMissingError."""
+        return np.asarray(self._case(name, run, reading), np.float64)
 
     def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
         if not self.has(run, reading):
-            message = f"the ensemble holds no run {run!r} under {reading!r}"
-            raise DataMissingError(message, hint=f"It holds {', '.join(self.readings)}.")
+            hint = f"It holds {', '.join(self.readings)}."
+            raise DataMissingError(f"the ensemble holds no run {run!r} under {reading!r}", hint=hint)
         place = self.lookup[run, reading]
         if len(self) > KEPT_DRAWS:
             return np.concatenate([read_array(path, name)[place] for path in self.files.values()])
@@ -105,28 +136,28 @@ class EnsembleData:
 
 
 def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
-    """Open a finished ensemble; of population ``firm`` only rows of high and medium confidence vary.
+    """Open a finished ensemble.
 
     Raises
     ------
     DataMissingError
-        When there is none, it has no such population, or a shard is missing or damaged.
+        When there is none, or no such population.
     """
     path = folder / PLAN
     if not path.exists():
-        message = "holds no finished ensemble"
-        raise DataMissingError(message, where=str(folder), hint="run tendonrepro ensemble first")
+        hint = "run tendonrepro ensemble first"
+        raise DataMissingError("holds no finished ensemble", where=str(folder), hint=hint)
     plan = json.loads(path.read_text(encoding="utf-8"))
     if population not in plan["populations"]:
-        message = f"holds no population {population!r}"
-        raise DataMissingError(message, where=str(folder), hint=f"It holds {', '.join(plan['populations'])}.")
+        hint = f"It holds {', '.join(plan['populations'])}."
+        raise DataMissingError(f"holds no population {population!r}", where=str(folder), hint=hint)
     blocks = [Block(*entry) for entry in sorted(plan["blocks"]) if entry[0] == population]
-    names = ("joints", "alpha", "runs", "names", "readings")
+    names = ("joints", "alpha", "names", "readings")
     of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         of_paper=plan["of_paper"],
         lookup={(run, name): place for run, name, place in plan["lookup"]},
-        files={block: folder / FOLDER / block.file_name(plan["identity"]) for block in blocks},
+        files={block: folder / SHARDS / block.file_name(plan["identity"]) for block in blocks},
         identity=plan["identity"],
         planned=plan["draws"],
         **of_plan,

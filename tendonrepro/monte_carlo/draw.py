@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -29,12 +30,11 @@ UNEQUAL = 2.0 / 3.0
 
 
 def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Plain values of a comparison's configuration, to be validated.
+    """Plain values of a comparison's configuration, from a value of every row of the box, SI.
 
-    A draw has a value of every row of the box, SI. Periods are repeated, at least twice, until the motion
-    lasts `shortest_run`, s.
+    Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
     """
-    tree: dict[str, Any] = _copied(base)
+    tree = deepcopy(dict(base))
     arm = tree["manipulator"]
     put_links(arm["links"], draw)
     _put_drive(arm, draw)
@@ -48,11 +48,6 @@ def drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run:
     checksum = zlib.crc32(np.array([*draw.values()]).tobytes())
     tree["seed"] = _drawn(checksum, "1", "its checksum, so that each has its own noise")
     return tree
-
-
-def _copied(node: Any) -> Any:
-    """Copy mappings; share the rest, which is never changed."""
-    return {key: _copied(value) for key, value in node.items()} if isinstance(node, dict) else node
 
 
 def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
@@ -147,7 +142,7 @@ def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Motion of both joints: equal angles; in ``unequal``, joint 2 moves two thirds as far."""
+    """Motion of both joints, by equal angles except in ``unequal``."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
     share = UNEQUAL if kind == "unequal" else 1.0

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -18,26 +17,20 @@ from tendonrepro.results.figures.style import (
     Drawing,
     journal_style,
     open_figure,
-    save_drawing,
 )
 
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
 
-def draw_ensemble_figures(summary: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Save every population's ratios as pdf, svg and png."""
-    return [
-        path
-        for name, held in summary["populations"].items()
-        for path in save_drawing(
-            draw_ratios(name, held), folder, f"Simulated, {held['plants']} plants of the population {name}"
-        )
-    ]
+def ensemble_figures(summary: Mapping[str, Any]) -> dict[str, Callable[[], Drawing]]:
+    """Every population's ratios, by name of the figure."""
+    populations = summary["populations"].items()
+    return {f"ratios_{name}": partial(draw_ratios, name, held) for name, held in populations}
 
 
 def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
-    """Ratios of MAE under each reading, against those printed and of slowly changing errors."""
+    """Ratios of MAE under each reading, the printed ones, and those of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
     def draw(axes: Sequence[Axes]) -> None:
@@ -55,14 +48,16 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
     )
     titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
     names = [reading["name"] for reading in summary["readings"]]
-    return rows_figure(f"ratios_{population}", titles, names, draw, caption)
+    origin = f"Simulated, {summary['plants']} plants of the population {population}"
+    return rows_figure(f"ratios_{population}", titles, names, draw, caption, origin)
 
 
 def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
     colour, printed = SERIES[0].colour, SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
-    held = [(row, ratio) for row, ratio in enumerate(ratios) if ratio["plants"]]
-    for row, ratio in held:
+    for row, ratio in enumerate(ratios):
+        if not ratio["plants"]:
+            continue
         q05, q25, median, q75, q95 = (ratio[name]["value"] for name in QUANTILES)
         panel.plot([q05, q95], [row, row], color=colour, linewidth=0.7, label="central 90 %")
         panel.plot([q25, q75], [row, row], color=colour, linewidth=2.6, label="central 50 %")
@@ -72,16 +67,12 @@ def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, jo
             panel.plot(theory, row, "x", color="black", markersize=3.5, label="slow errors")
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
-    if np.isfinite(ratios[0]["printed"]):
-        panel.axvline(
-            ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed"
-        )
-    if held:
-        panel.set_xscale("log")
-        # Ratios are near 1, where ticks of a logarithmic axis are rare.
-        panel.xaxis.set_major_locator(MaxNLocator(3))
-        panel.xaxis.set_major_formatter("{x:g}")
-        panel.xaxis.set_minor_locator(NullLocator())
+    panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
+    panel.set_xscale("log")
+    # Ratios are near 1, where ticks of a logarithmic axis are rare.
+    panel.xaxis.set_major_locator(MaxNLocator(3))
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_locator(NullLocator())
 
 
 def rows_figure(
@@ -90,6 +81,7 @@ def rows_figure(
     rows: Sequence[str],
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
+    origin: str = "",
 ) -> Drawing:
     """Draw titled panels side by side over named rows, the first on top."""
     with journal_style():
@@ -103,4 +95,4 @@ def rows_figure(
         draw(axes)
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
-        return Drawing(stem, figure, tuple(axes), caption)
+        return Drawing(stem, figure, tuple(axes), caption, origin=origin)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.shards import Block, Case
+from tendonrepro.monte_carlo.data import Block, Case
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -43,7 +43,7 @@ _COMPRESSION = 0.9
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """SHA-256 of some rooms' code without comments, docstrings and layout."""
+    """SHA-256 of some rooms' code without comments and docstrings."""
     package = Path(__file__).parents[1]
     files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
     return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
@@ -62,32 +62,24 @@ def _bare_code(path: Path) -> str:
 class Study:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Claims are judged by the first of the populations `boxes`; `shares` are their parts of the number asked
-    for. `sha256` is of the ensemble's configuration. `replicates` are independent scramblings. A block of
+    Claims are judged by the first of the populations `boxes`. `shares` are their parts of the number asked
+    for. `replicates` are independent scramblings. A block of
     `block_draws`, a power of two, is the most work that a kill can cost a process.
     """
 
-    base: LoadedConfig
+    loaded: LoadedEnsemble
     boxes: Mapping[str, Box]
     shares: Mapping[str, float]
     readings: tuple[Reading, ...]
     variations: tuple[Reading, ...]
-    sha256: str
     seed: int
     replicates: int
     block_draws: int
     check_every: int = CHECK_EVERY
 
-    @property
-    def config(self) -> CompareConfig:
-        """The validated base."""
-        config = self.base.config
-        assert isinstance(config, CompareConfig)
-        return config
-
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
-        """What to simulate for each run and reading; a variation asks only for runs that it changes."""
+        """Case of each run and reading; a variation asks only for runs that it changes."""
         return {
             (run, reading.name): (run, case)
             for reading in (*self.readings, *self.variations)
@@ -113,8 +105,8 @@ class Study:
             "schema": SCHEMA_VERSION,
             "version": __version__,
             "code": code_digest("physics", "simulation"),
-            "config": self.sha256,
-            "base": self.base.sha256,
+            "config": self.loaded.sha256,
+            "base": self.loaded.base.sha256,
             "seed": self.seed,
             "replicates": self.replicates,
             "check_every": self.check_every,
@@ -124,10 +116,7 @@ class Study:
         return digest_of(content)
 
     def blocks(self, draws: int) -> list[Block]:
-        """Cut the draws of every population, `draws` at a share of 1, into blocks.
-
-        Too few draws, or not a power of two, are refused.
-        """
+        """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
         return [
             Block(population, replicate, first, min(each, self.block_draws))
             for population in self.boxes
@@ -137,7 +126,7 @@ class Study:
         ]
 
     def draws_of(self, population: str, draws: int) -> int:
-        """Draws of one population."""
+        """Draws of one population; a UsageError for too few or many, or for no power of two."""
         share = min(self.shares.values())
         fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
         if not fewest <= draws <= MOST_DRAWS or draws & (draws - 1) or (draws * share) % self.replicates:
@@ -155,9 +144,9 @@ class Study:
             "replicates": self.replicates,
             "seed": self.seed,
             "populations": {name: self.draws_of(name, draws) for name in self.boxes},
-            "of_paper": base_of_paper(self.config),
-            "joints": list(self.config.joints),
-            "alpha": self.config.control.gains.alpha.si.tolist(),
+            "of_paper": base_of_paper(self.loaded.compare),
+            "joints": list(self.loaded.compare.joints),
+            "alpha": self.loaded.compare.control.gains.alpha.si.tolist(),
             "runs": list(RUNS),
             "names": list(next(iter(self.boxes.values())).names),
             "readings": [reading.name for reading in self.readings],
@@ -166,10 +155,10 @@ class Study:
             "blocks": [astuple(block) for block in self.blocks(draws)],
         }
 
-    def cost(self, draws: int) -> dict[str, float]:
-        """Estimate experiments, processor hours and disk space."""
-        experiments = sum(self.draws_of(name, draws) for name in self.boxes) * len(self.cases)
-        numbers = len(STATISTICS) * len(self.config.joints) * 4 + 1
+    def cost(self, blocks: Sequence[Block]) -> dict[str, float]:
+        """Estimate what some blocks cost."""
+        experiments = sum(block.count for block in blocks) * len(self.cases)
+        numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
         return {
             "experiments": experiments,
             "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.shards import Block, read_array
+from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
@@ -20,11 +19,7 @@ from tendonrepro.results.tables import Table
 
 
 def population_summary(data: EnsembleData) -> dict[str, Any]:
-    """Everything the table says about one population.
-
-    ``laws`` counts statuses under the printed reading. A reading has what `shares.reading_summary` finds, and
-    as ``theory`` the ratio C1/C2 of slowly changing errors per joint.
-    """
+    """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
     found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
@@ -48,10 +43,7 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
-    """Largest difference from the SciPy stepper, and where it was.
-
-    ``compared`` are those that ran to their end in both steppers.
-    """
+    """Largest difference from the SciPy stepper among experiments ``compared`` to their end, and where."""
     stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
     checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
     # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
@@ -67,10 +59,12 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
 
 
 def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, object]:
-    """A reading's row: shares, and medians over plants on which all laws are ok."""
+    """A reading's row: shares, and medians."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
-    shares = {
+    return {
+        "reading": reading["name"],
+        "plants": order["plants"],
         **{f"ok_{run}": reading["status"][run]["ok"]["share"] for run in CONTROLLERS},
         "order_mae": order["share"],
         "order_mae_low": order["low"],
@@ -80,16 +74,10 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
         "reverse_mae": reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]["share"],
         "c1_best_mae": reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"],
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"]["share"],
-    }
-    medians = {
-        f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
-        for key, joint in product(RATIOS, joints)
-    }
-    return {
-        "reading": reading["name"],
-        "plants": order["plants"],
-        **shares,
-        **medians,
+        **{
+            f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
+            for key, joint in product(RATIOS, joints)
+        },
         "distance": reading["distance"]["median"]["value"],
         "printed_ratios_inside": len(agreement["inside"]),
         "verdict": agreement["verdict"],
@@ -97,7 +85,7 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
 
 
 def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield each population's table; the terminal shows the first in part."""
+    """Yield each population's table; the terminal shows the first."""
     for place, (name, held) in enumerate(summary["populations"].items()):
         caption = (
             f"Population {name}, {held['plants']} plants. Shares of the box, low and high from the 95 % "
@@ -121,8 +109,8 @@ def cost_text(cost: Mapping[str, float]) -> str:
     --------
     >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
     '130,560 experiments, about 17 minutes of one processor and 24 MB'
-    >>> cost_text({"experiments": 1.3e9, "processor_hours": 2900.0, "gigabytes": 243.2})
-    '1,300,000,000 experiments, about 2,900 hours of one processor and 243 GB'
+    >>> cost_text({"experiments": 1e9, "processor_hours": 2900.0, "gigabytes": 243.2})
+    '1,000,000,000 experiments, about 2,900 hours of one processor and 243 GB'
     """
     hours, size = cost["processor_hours"], cost["gigabytes"]
     lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
@@ -48,20 +49,16 @@ Ends: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of some plants on which a statement holds; NaN without plants.
-
-    The interval is None with fewer than `LEAST_SCRAMBLINGS` scramblings.
-    """
+    """Part of some plants on which a statement holds; NaN without plants, see `share_of`."""
 
     share: float
     interval: Ends | None
     plants: int
 
     def as_row(self) -> dict[str, Any]:
-        """Plain data, the interval's ends apart."""
+        """Plain data."""
         low, high = self.interval or (None, None)
-        share = self.share if self.plants else None
-        return {"share": share, "low": low, "high": high, "plants": self.plants}
+        return {"share": self.share if self.plants else None, "low": low, "high": high, "plants": self.plants}
 
 
 @dataclass(frozen=True)
@@ -79,10 +76,9 @@ class Spread:
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:
     """Share of the counted plants (N,) that are hits, with its interval; all count by default.
 
-    The interval is Student's, 95 %, from the scatter of the scramblings. Each counts by its number of plants
-    (the linearised ratio estimator), so one with few cannot distort it. Where every scrambling gives 0, or 1,
-    there is no scatter. The open end is then the share that would show no exception among so many plants once
-    in 20 times.
+    The interval is Student's, 95 %, from the scatter of the scramblings. It is None with fewer than
+    `LEAST_SCRAMBLINGS`. Each counts by its number of plants (the linearised ratio estimator). Where every
+    plant is a hit, or none, the open end is the share that would show no exception once in 20 times.
     """
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
@@ -108,8 +104,7 @@ def _half_width(values: Array) -> float:
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is always one plant's value (inverted distribution function), so infinite values do no harm;
-    NaN would. What is undefined is None.
+    A quantile is one plant's value, so infinite values do no harm. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}
@@ -138,16 +133,9 @@ def _all(flags: Flags, axis: int | tuple[int, ...] = 0) -> Flags:
     return np.asarray(flags.all(axis=axis))
 
 
-def _in_order(errors: Array) -> Flags:
-    return _all(errors[:-1] < errors[1:])
-
-
-def _ordered(order: tuple[int, ...], errors: Array) -> Flags:
-    return _in_order(errors[[*order]])
-
-
-def _tie(one: Array, other: Array) -> Flags:
-    return np.asarray(abs(one - other) <= TIE * np.maximum(one, other))
+def _in_order(errors: Array, order: tuple[int, ...] = (0, 1, 2)) -> Flags:
+    sizes = errors[[*order]]
+    return _all(sizes[:-1] < sizes[1:])
 
 
 ORDERS: Mapping[str, tuple[int, ...]] = {
@@ -156,20 +144,19 @@ ORDERS: Mapping[str, tuple[int, ...]] = {
 """The six orders of the controllers by their places in `CONTROLLERS`, the smallest error first."""
 
 RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
-    **{name: partial(_ordered, order) for name, order in ORDERS.items()},
+    **{name: partial(_in_order, order=order) for name, order in ORDERS.items()},
     "share_c1_best": lambda errors: _all(errors[0] < errors[1:]),
     "share_c1_worst": lambda errors: _all(errors[0] > errors[1:]),
-    "share_c2_ties_c3": lambda errors: _tie(errors[1], errors[2]),
+    "share_c2_ties_c3": lambda errors: abs(errors[1] - errors[2]) <= TIE * np.maximum(errors[1], errors[2]),
 }
 """What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
 
 
-@np.errstate(divide="ignore", invalid="ignore")
+@np.errstate(invalid="ignore")  # where two laws diverged
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims.
 
-    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. ``rmse_over_mae``
-    is by run over plants on which the three laws are ``ok``.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
@@ -189,23 +176,22 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     for key, pair in RATIOS.items():
         result[key] = {
             plants: {
-                metric: _ratio_quantiles(
-                    data, sizes[[*pair]], kept, printed_ratios(pair, metric, data.joints)
-                )
+                metric: _ratio_quantiles(data, pair, metric, sizes, kept)
                 for metric, sizes in zip(METRICS, errors, strict=True)
             }
             for plants, kept in counted.items()
         }
+    ok = counted["all_ok"]
+    stable, replicate = errors[:, :, ok], data.replicate[ok]
     result["joint_3_over_2"] = {
         run: {
-            metric: _quantiles(data, sizes[:, -1] / sizes[:, 0], counted["all_ok"] & (sizes[:, 0] > 0.0))
-            for metric, sizes in zip(METRICS, errors[:, place], strict=True)
+            metric: quantiles_of(sizes[:, -1] / sizes[:, 0], replicate)
+            for metric, sizes in zip(METRICS, stable[:, place], strict=True)
         }
         for place, run in enumerate(CONTROLLERS)
     }
     steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
-    ok = counted["all_ok"]
-    result |= _shapes(data.joints, errors[0][:, ok], errors[1][:, ok], steps[:, ok], data.replicate[ok])
+    result |= _shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate)
     return result | {"agreement": agreement(result, data.joints)}
 
 
@@ -213,16 +199,11 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
     """The two sets of plants for every ranking, from statuses of the controllers, (3, N).
 
     ``all_ok``: the three laws are ``ok``. ``diverged_last``: not all three diverged. A law that did has an
-    infinite error: it comes last, and two such are not in order. One that rings is ranked by its error.
-    Plants that the integrator could not resolve are in neither.
+    infinite error: it comes last, and two such are not in order. Unresolved plants are in neither.
     """
     resolved = (status != STATUSES.index("unresolved")).all(axis=0)
     rankable = resolved & ~(status == STATUSES.index("diverged")).all(axis=0)
     return {"all_ok": (status == STATUSES.index("ok")).all(axis=0), "diverged_last": rankable}
-
-
-def _quantiles(data: EnsembleData, values: Array, kept: Flags) -> dict[str, Any]:
-    return quantiles_of(values[kept], data.replicate[kept])
 
 
 def _shares(
@@ -234,36 +215,41 @@ def _shares(
 
 
 def _ratio_quantiles(
-    data: EnsembleData, errors: Array, kept: Flags, printed: Sequence[float]
+    data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
 ) -> dict[str, Any]:
-    """Quantiles of the ratio of two controllers' errors, (2, N, n); none where both diverged."""
-    defined = kept[:, np.newaxis] & np.isfinite(errors).any(axis=0) & (errors[1] > 0.0)
-    ratio = errors[0] / errors[1]
-    return {
-        f"joint_{joint}": _quantiles(data, ratio[:, i], defined[:, i]) | {"printed": printed[i]}
-        for i, joint in enumerate(data.joints)
-    }
+    """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
+    above, below = errors[[*pair]]
+    ratio = above / below
+    defined = kept & ~np.isnan(ratio[:, 0])
+    printed = printed_ratios(pair, metric, data.joints)
+    return _by_joint(data.joints, ratio[defined], data.replicate[defined], printed)
+
+
+def _by_joint(
+    joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
+) -> dict[str, Any]:
+    """Quantiles of values (N, n) on each joint, beside the printed ones."""
+    found = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
+    for quantiles, number in zip(found.values(), printed, strict=False):
+        quantiles["printed"] = number
+    return found
 
 
 def _shapes(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
 ) -> dict[str, Any]:
-    """RMSE over MAE of every controller, the share on which it rises as printed, and a plant's distance.
+    """RMSE over MAE of every controller, and a plant's distance from the print.
 
-    Arrays are (3, N, n), of plants on which all controllers are ``ok``. Growth is the last controller's over
-    the first's. The distance is the root mean square of log(ours/printed) over what Table 2 says without a
-    scale: C1/C2 and C2/C3 of the MAE, and each RMSE/MAE, per joint. Other shares are those on which
-    Controller 1's torque has the smallest steps, with and without the printed order and the rise. The reverse
-    order counts where every MAE is within a factor `NEAR` of the print.
+    Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
+    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale. The
+    reverse order counts where every MAE is within a factor `NEAR` of the print.
     """
-    shape = rmse / mae
-    defined = np.isfinite(shape).all(axis=(0, 2))
-    printed = [[printed_shape(run, joint) for joint in joints] for run in CONTROLLERS]
-    scaleless = np.array([*(printed_ratios(pair, "mae", joints) for pair in RATIOS.values()), *printed])
-    apart = np.log(np.concatenate([mae[:-1] / mae[1:], shape]) / scaleless[:, np.newaxis])
-    distance = np.sqrt((apart**2).mean(axis=(0, 2)))
-    sizes = np.array([published().per_joint(f"table2.{run}.mae", joints) for run in CONTROLLERS])
-    times = np.rad2deg(mae) / sizes[:, np.newaxis]
+    printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
+    shape, printed_shape = rmse / mae, printed_rmse / printed_mae
+    scaleless = np.concatenate([mae[:-1] / mae[1:], shape])
+    printed_scaleless = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_shape])
+    apart = np.log(scaleless / printed_scaleless[:, np.newaxis])
+    times = np.rad2deg(mae) / printed_mae[:, np.newaxis]
     near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
     order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
     smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
@@ -273,47 +259,37 @@ def _shapes(
         "share_order_and_rise": order & rises,
         "share_order_rise_and_smoother": order & rises & smoother,
     }
-
-    def quantiles(values: Array) -> dict[str, Any]:
-        return quantiles_of(values[defined], replicate[defined])
-
     return {
         "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
         "rmse_over_mae": {
-            run: {
-                f"joint_{joint}": quantiles(shape[place, :, i]) | {"printed": printed[place][i]}
-                for i, joint in enumerate(joints)
-            }
+            run: _by_joint(joints, shape[place], replicate, printed_shape[place].tolist())
             for place, run in enumerate(CONTROLLERS)
         },
-        "rmse_over_mae_growth": {
-            f"joint_{joint}": quantiles(shape[-1, :, i] / shape[0, :, i]) for i, joint in enumerate(joints)
-        },
-        "share_rmse_over_mae_rises": _shares(joints, rises[defined], replicate[defined]),
-        "distance": quantiles(distance),
+        "rmse_over_mae_growth": _by_joint(joints, shape[-1] / shape[0], replicate),
+        "share_rmse_over_mae_rises": _shares(joints, rises, replicate),
+        "distance": quantiles_of(np.sqrt((apart**2).mean(axis=(0, 2))), replicate),
     } | {name: share_of(_all(hits, axis=1), replicate).as_row() for name, hits in together.items()}
 
 
-def printed_shape(run: str, joint: int) -> float:
-    """RMSE over MAE from Table 2; NaN where the joint is not printed."""
-    rmse, mae = (published().per_joint(f"table2.{run}.{metric}", [joint])[0] for metric in ("rmse", "mae"))
-    return rmse / mae
+def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
+    """Errors of every controller and joint in Table 2, deg."""
+    return np.array([published().per_joint(f"table2.{run}.{metric}", joints) for run in CONTROLLERS])
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:
-    """Ratio of two controllers' errors in Table 2 for each joint; NaN where not printed."""
-    above, below = (published().per_joint(f"table2.{CONTROLLERS[place]}.{metric}", joints) for place in pair)
-    return [a / b for a, b in zip(above, below, strict=True)]
+    """Ratio of two controllers' errors in Table 2 for each joint."""
+    above, below = _printed_errors(metric, joints)[[*pair]]
+    return [float(ratio) for ratio in above / below]
 
 
 def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """Share and ``count`` of all plants on which each run ended in each status."""
+    """Share and ``count`` of plants by run and status."""
     return {
         run: {
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
             for code, name in enumerate(STATUSES)
         }
-        for run in data.runs
+        for run in RUNS
         for codes in [data.status(run, reading)]
     }
 
@@ -321,24 +297,22 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
 def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
     """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
-    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant. ``no plant``: none to
-    compare with. ``too few``: below `LEAST_PLANTS`. Else ``in part``.
+    ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant.
     """
     judged = {
         f"{key} {metric} joint {joint}": held
         for key, metric, joint in product(RATIOS, METRICS, joints)
         for held in [found[key]["all_ok"][metric][f"joint_{joint}"]]
-        if held["plants"] and np.isfinite(held["printed"])
+        if held["plants"]
     }
     inside = [
         n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]
     ]
     outside = [n for n in judged if n not in inside]
     beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
-    plants = found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"]
     if not judged:
         verdict = "no plant"
-    elif plants < LEAST_PLANTS:
+    elif found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"] < LEAST_PLANTS:
         verdict = "too few"
     else:
         verdict = "cannot" if beyond else "in part" if outside else "agrees"

@@ -1,4 +1,4 @@
-"""Tables of what the paper does not give: values, and ranges to draw from; for docs and page alike."""
+"""Tables of what the paper does not give: values, ranges to draw from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ VALUES = ("Key", "Value", "Unit", "Origin", "Why")
 
 
 def box() -> Iterator[tuple[str, ...]]:
-    """Yield the ranges that plants are drawn from, in the columns of `BOX`."""
+    """Yield the ranges that plants are drawn from, as `BOX`."""
     for name, row in load_ensemble(None).config.box:
         held = {"unit": "–", "scale": "choice"} | row.model_dump()
         extent = ", ".join(map(_short, held.get("choices", ()))) or f"{held['low']:g} to {held['high']:g}"
@@ -36,7 +36,7 @@ def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Map
 
 
 def values(trees: Sequence[Any]) -> list[tuple[str, ...]]:
-    """Quantities of some configurations, in the columns of `VALUES`; of each key the first."""
+    """Quantities of some configurations, as `VALUES`; of each key the first."""
     held: dict[str, Mapping[str, Any]] = {}
     for key, quantity in (pair for tree in trees for pair in quantities(tree)):
         held.setdefault(key, quantity)

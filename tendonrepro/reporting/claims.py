@@ -33,7 +33,7 @@ _WORDS = {
 
 
 def named(entry: Mapping[str, Any]) -> str:
-    """What the paper says, in its words; of a number its name and value."""
+    """A claim in its words; a number by its name and value."""
     if "." not in entry["id"]:
         return in_words(entry["printed"])
     return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{_UNITS.get(entry['unit'], '')}")
@@ -56,14 +56,14 @@ def ours(entry: Mapping[str, Any]) -> str:
 
 
 def in_words(statement: str) -> str:
-    """A statement with symbols and words in place of the names that the program has for them."""
+    """A statement with symbols and words for the program's names."""
     for name, word in _WORDS.items():
         statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
     return statement
 
 
 def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The parts of a claim, each with the share of the plants on which it holds."""
+    """Parts of a claim, and the share of plants on which each holds."""
     evidence = entry["evidence"]
     held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
     return [(in_words(one["statement"]), percent(one["share"])) for one in held if one]

@@ -1,4 +1,4 @@
-"""What ``tendonrepro report`` does: read what there is, and write one page of it."""
+"""What ``tendonrepro report`` does."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _MARK = b'<meta name="generator" content="tendonrepro'
 
 
 def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]:
-    """Write the page of the folder above the results, and return what ``--json`` prints.
+    """Write the page of the folder above the results; return what ``--json`` prints.
 
-    An earlier page is replaced, any other file with `force` alone.
+    It replaces an earlier page; any other file with `force` alone.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures of findings.md and the report, from a stored ensemble as in ``docs/results/ensemble.json``."""
+"""Pictures of findings.md and the report, from a stored ensemble."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.answer import by_name
-from tendonrepro.reporting.orders import AS_PUBLISHED, CHANGED, labelled
+from tendonrepro.reporting.answer import AS_PUBLISHED, BOTH, CHANGED, STEPS, by_name, labelled
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -30,7 +29,7 @@ _LABELLED = 0.08
 
 @journal_style()
 def draw_orders(summary: Mapping[str, Any]) -> Drawing:
-    """Draw the shares of the orders of the controllers, a row for each reading that has a label."""
+    """Draw the shares of the orders, a row for each labelled reading."""
     groups = {"Equations as published": AS_PUBLISHED, "Equations changed": CHANGED}
     rows: list[tuple[str, Any]] = []
     for title, names in groups.items():
@@ -61,7 +60,7 @@ def draw_orders(summary: Mapping[str, Any]) -> Drawing:
 
 
 def order_shares(reading: Mapping[str, Any]) -> list[float]:
-    """Shares of the four kinds of order; their sum is 1, or 0 where no plant is stable."""
+    """Shares of the four kinds of order; their sum is 1, or 0 without stable plants."""
     if not reading["in_order"]["plants"]:
         return [0.0] * len(_LOOKS)
     published, first, reverse = (reading[key]["share"] for key in ("in_order", "first_best", "in_reverse"))
@@ -70,7 +69,7 @@ def order_shares(reading: Mapping[str, Any]) -> list[float]:
 
 @journal_style()
 def draw_ranges(summary: Mapping[str, Any]) -> Drawing:
-    """Draw how far plants spread in two ratios without scale: Controllers 1 over 2, and joints 3 over 2."""
+    """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
     labels, readings = zip(*labelled(summary, AS_PUBLISHED | CHANGED), strict=True)
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
     panels = figure.subplots(1, 2, sharey=True)
@@ -100,9 +99,9 @@ _NAMED = {
     "Delta_unit=deg": ("Δ in degrees", 5.0),
     "gain_unit=phi_in_degrees": ("φ in degrees", 5.0),
     "weights=extrapolating": ("(1 + α, −α)", -5.0),
-    "weights=extrapolating+Delta_unit=deg": ("both", -5.0),
+    BOTH: ("both", -5.0),
     "stored_torque=applied+output_delay=1": ("applied\ntorque,\nlate", 5.0),
-    "Delta_unit=deg+stored_torque=applied+torque_step=0.016": ("torque in steps", -5.0),
+    STEPS: ("torque in steps", -5.0),
 }
 """Readings that have their name in the map, and on which side, pt; the others are small dots."""
 
@@ -119,10 +118,10 @@ _REGIONS = {
 
 @journal_style()
 def draw_map(summary: Mapping[str, Any], closest: Sequence[Mapping[str, Any]]) -> Drawing:
-    """Draw the six orders over the two ratios that decide them, a panel for each joint.
+    """Draw the six orders over the two ratios that decide them, a panel a joint.
 
-    ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the first
-    ratio is that of the ages of the estimates, the second that of the softness of the surfaces.
+    ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
+    are of the ages of the estimates, and of the softness of the surfaces.
     """
     figure = open_figure(PAGE_MM, 88.0)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -161,7 +160,7 @@ def _draw_regions(panel: Axes) -> None:
 
 
 def _draw_readings(panel: Axes, summary: Mapping[str, Any], joint: str) -> None:
-    """A dot at the medians of each reading under which plants are stable, a larger one where it is named."""
+    """A dot at the medians of each reading, a larger one where it is named."""
     medians = {
         name: (reading["c1_c2"][joint]["median"], reading["c2_c3"][joint]["median"])
         for name, reading in by_name(summary).items()
@@ -179,7 +178,7 @@ def _draw_readings(panel: Axes, summary: Mapping[str, Any], joint: str) -> None:
 
 
 def _logarithmic(panel: Axes, axis: str, limits: tuple[float, float], ticks: tuple[float, ...]) -> None:
-    """Give an axis, ``x`` or ``y``, a logarithmic scale with these ticks alone."""
+    """Make an axis, ``x`` or ``y``, logarithmic, with these ticks alone."""
     panel.set(**{f"{axis}scale": "log", f"{axis}lim": limits})
     panel.set(**{f"{axis}ticks": ticks, f"{axis}ticklabels": [f"{tick:g}" for tick in ticks]})
     panel.minorticks_off()

@@ -1,4 +1,4 @@
-"""The page: one HTML file that needs nothing else, of what `stored` found."""
+"""The page: one HTML file that needs nothing else."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from markupsafe import Markup
 
 from tendonrepro import __version__
 from tendonrepro.files import shipped
-from tendonrepro.reporting import assumed, claims, orders
-from tendonrepro.reporting.answer import TEMPLATES, filled, numbers
+from tendonrepro.reporting import answer, assumed, claims
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored
 from tendonrepro.results.figures.style import journal_style
@@ -27,29 +26,32 @@ _INCONSISTENCY = re.compile(r"^\*\*(\d+\. .*?)\.?\*\*(.*?)\n\n", re.S | re.M)
 """One of those that docs list: ``**1. Title.** Text``."""
 _COLUMN_PT = 300.0
 """Figures narrower than this stand side by side."""
+# A picture could be a request to a server.
+_READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
 def page(found: Stored) -> str:
     """Make the page; equal contents give equal text."""
-    loader, strict = jinja2.FileSystemLoader(TEMPLATES), jinja2.StrictUndefined
+    loader, strict = jinja2.FileSystemLoader(answer.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = numbers(found.summary, found.ledger)
+    slots = answer.numbers(found.summary, found.ledger)
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
     days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
     return environment.get_template("page.html").render(
         found=found,
         version=__version__,
         date=max(days)[:10],
-        answer=filled("answer", slots),
-        why=filled("why", slots),
+        answer=answer.filled("answer", slots),
+        why=answer.filled("why", slots),
         picture=orders_picture(found),
         main=[entries[name] for name in MAIN],
         others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
         verdicts=VERDICTS,
         in_words=in_words,
         claims=claims,
-        orders=orders,
+        heads=answer.HEADS,
+        robustness=answer.robustness(found.summary),
         parts=[part(found, name) for name in PARTS],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
@@ -60,7 +62,7 @@ def page(found: Stored) -> str:
 
 
 def part(found: Stored, name: str) -> dict[str, Any]:
-    """Figures and tables of an experiment; none where it was not run."""
+    """Figures and tables of an experiment; none if it was not run."""
     (title, tables), folder = PARTS[name], found.folder / name
     paths = [folder / "tables" / f"{table}.md" for table in tables]
     return {
@@ -72,7 +74,7 @@ def part(found: Stored, name: str) -> dict[str, Any]:
 
 
 def plate(path: Path) -> dict[str, Any]:
-    """A figure with the caption that it holds; narrow ones, of a journal's column, stand side by side."""
+    """A figure with the caption that it holds; narrow ones stand side by side."""
     svg = path.read_text(encoding="utf-8")
     kept = re.search(r"<dc:description>([^<]*)<", svg)
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
@@ -93,7 +95,7 @@ def orders_picture(found: Stored) -> str:
 
 
 def address(svg: bytes) -> str:
-    """Address of a picture that is the picture itself; as one it can neither run nor load anything."""
+    """Address that holds the picture itself, which so can neither run nor load anything."""
     return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
 
 
@@ -103,28 +105,23 @@ def docs(page: str) -> str:
 
 
 def section(page: str, heading: str) -> str:
-    """Text of a section of a page of docs."""
+    """Text of a section of it."""
     return docs(page).split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
 
 
 def text(markdown: str) -> Markup:
-    """Markdown as HTML; what is HTML in it is shown, not obeyed, and links to pages of docs become text."""
-    html = _unbroken(_reader().render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
+    """Markdown as HTML; HTML in it is shown, not obeyed, and links become text."""
+    html = _unbroken(_READER.render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
     return Markup(html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>"))
 
 
 def line(markdown: str) -> Markup:
-    """One line of Markdown as HTML; long names may break at a plus, a dot and an underscore."""
-    html = _unbroken(_reader().renderInline(markdown))
+    """One line of Markdown as HTML; long names may break."""
+    html = _unbroken(_READER.renderInline(markdown))
     return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
 
 
 def _unbroken(html: Any) -> str:
-    """Text in which a unit stays with its number, and a line may end between two numbers."""
+    """A unit stays with its number, and a line may end between two numbers."""
     html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
     return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")
-
-
-def _reader() -> MarkdownIt:
-    # A picture could be a request to a server.
-    return MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")

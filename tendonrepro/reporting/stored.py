@@ -1,4 +1,4 @@
-"""What there is to report on: the user's own results, else those that come with the package."""
+"""What there is to report on: the user's own results, else those of the package."""
 
 from __future__ import annotations
 
@@ -32,20 +32,10 @@ _ORDERS = {
 
 @dataclass(frozen=True)
 class Stored:
-    """Everything a page is made of.
+    """Everything a page is made of, from the `folder` above the results.
 
-    Attributes
-    ----------
-    folder : Path
-        Folder above the results.
-    manifests : mapping
-        Manifests of the experiments that were run, by name.
-    summary : mapping
-        An ensemble, as `thinned` leaves it.
-    ledger : mapping
-        Verdicts on the claims, as ``claims --json`` prints them.
-    origins : mapping
-        Where each part comes from: ``run``, ``shipped`` with the package, or ``missing``.
+    `manifests` are of experiments that were run; `summary` is as `thinned` leaves it; `ledger` that of
+    ``claims --json``. `origins` of parts: ``run``, ``shipped`` with the package, or ``missing``.
     """
 
     folder: Path
@@ -62,7 +52,7 @@ _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
 def stored_under(folder: Path) -> Stored:
     """Read all there is under a results folder.
 
-    The ensemble is the user's own where `claims` has judged one of the paper's arm, else the shipped one.
+    The ensemble is the user's own where `claims` has judged one of the paper's arm.
 
     Raises
     ------
@@ -92,7 +82,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of an ensemble's ``summary.json``: what is shown, and what it is of."""
+    """Of an ensemble's ``summary.json`` what is shown, and what it is of."""
     kept = ("tendonrepro_version", "config_sha256", "draws", "scramblings", "spot_check", "cost")
     populations = {
         name: {"plants": held["plants"], "readings": [_thin_reading(reading) for reading in held["readings"]]}

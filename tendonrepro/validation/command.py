@@ -1,4 +1,4 @@
-"""What ``tendonrepro validate`` does: a measurement against the print and against the model."""
+"""What ``tendonrepro validate`` does: measurement against print and model."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 
 
 def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """Compare a measured trace file with the print and with the model; return what ``--json`` prints.
+    """Compare a measured trace file with print and model; return what ``--json`` prints.
 
-    The configuration is the model's, except for the reference. Changes of the manipulator hold for both
+    The configuration is the model's, without its reference. Changes of the manipulator hold for both
     experiments.
 
     Raises
@@ -68,7 +68,6 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
 
 
 def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
-    """Compare a measurement with print and model; reruns are written into the folder."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     paper, known = published(), json.loads(file.manifest_json)
@@ -112,7 +111,6 @@ def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: 
 
 
 def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
-    """What the terminal shows, and tables."""
     doubts = (f"check {doubt}" for doubt in data["doubts"])
     yield "\n".join([f"{data['measured']}, resting on {len(data['guesses'])} guesses", *doubts])
     yield from measured_tables(measured, paper, data["measured"])
@@ -128,7 +126,7 @@ def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Ite
 
 
 def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, Any]]:
-    """Measured errors beside those of ``table2`` or ``table3``; runs that were not measured are left out."""
+    """Measured errors beside those of ``table2`` or ``table3``, of runs that were measured."""
     for row, start in _ROWS[table].items():
         for joint in COMPARED if any(name.startswith(start) for name in tried.sizes) else ():
             found: dict[str, Any] = {"row": row, "joint": joint}
@@ -143,7 +141,7 @@ def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, 
 def table_data(tried: Tried, paper: Published) -> dict[str, Any]:
     """``table2`` and ``table3`` of ``validate --json``.
 
-    Row -> ``measured``, ``printed``, ``agree``, each with ``mae_deg`` and ``rmse_deg``, lists over joints 2
+    Row -> ``measured``, ``printed``, ``agree``; each has ``mae_deg`` and ``rmse_deg``, lists over joints 2
     and 3.
     """
     data: dict[str, Any] = {table: {} for table in _ROWS}
@@ -156,12 +154,12 @@ def table_data(tried: Tried, paper: Published) -> dict[str, Any]:
 
 
 def closest_window(tables: PrintedTables) -> Tried | None:
-    """Window closest to the print, where that is no accident and not the one that decides."""
+    """Window closest to the print, unless it is so by accident or decides."""
     return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
 
 
 def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterator[Table]:
-    """Tables 2 and 3 over the window that decides, and every number of every window."""
+    """Tables 2 and 3 over the window that decides, and all numbers of all windows."""
     window = measured.tables.deciding
     for table in _ROWS:
         if rows := [*size_rows(window, paper, table)]:
@@ -177,7 +175,7 @@ def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterat
 
 
 def claims_table(claims: Sequence[Mapping[str, Any]]) -> Table:
-    """Verdicts with the window they rest on, how many statements fail, and what is missing."""
+    """Verdicts with their window, statements that fail, and what is missing."""
     rows = []
     for claim in claims:
         evidence = claim["evidence"]
@@ -190,6 +188,6 @@ def claims_table(claims: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def shown(name: str, caption: str, rows: TableRows, columns: Sequence[str]) -> Iterator[Table]:
-    """Yield a table, if it has rows, of which the terminal shows some columns, if any row has them."""
+    """A table, if it has rows; the terminal shows those `columns` that a row has."""
     if rows:
         yield Table(name, caption, rows, terminal=[one for one in columns if any(one in row for row in rows)])

@@ -1,4 +1,4 @@
-"""Figures 9 to 16 of a measurement, the simulation as a second layer of the same panels."""
+"""Figures 9 to 16 of a measurement, with the simulation on the same panels."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _PALE = 0.55
 
 
 def overlays(measured: TraceFile) -> list[str]:
-    """Names of the figures that a measured file can show; none measured Figure 6."""
+    """Figures that a measured file can show; none measured Figure 6."""
     return [name for name in available(measured) if name != "fig06"]
 
 
 def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
-    """Draw one of `overlays`, simulated thin and dashed over measured wide and pale.
+    """Draw one of `overlays`: measured wide and pale, simulated thin and dashed above.
 
-    `models` are simulations on the measured axes, by run; what was not measured of one is not drawn.
+    `models` are simulations on the measured axes, by run. What was not measured is not drawn.
     """
     spec = FIGURES[name]
     traces = spec.traces(measured)
@@ -58,7 +58,7 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:
-    """Add the curves of a simulated run to those measured; it follows the measured motion, drawn already."""
+    """Add the curves of a simulated run, without the motion that it follows."""
     # Letters count panels, and a measurement may have joints that the model has not.
     letters = {place: letter for letter, place in sheet.places.items()}
     measured = sheet.lines

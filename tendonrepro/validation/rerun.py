@@ -1,4 +1,4 @@
-"""Both experiments of a measurement run again by the model on the measured motion, and what could not be."""
+"""A measurement run again by the model on the measured motion."""
 
 from __future__ import annotations
 
@@ -37,50 +37,31 @@ def reruns(
 ) -> tuple[dict[str, Trace], list[str]]:
     """Run the model `base` on the motions of a measured file of that `name`.
 
-    Configurations, motions and traces go into `folder`. Returned are simulated runs by name, on the measured
-    axes, and what could not be rerun, and why.
+    Configurations, motions and traces go into `folder`. Returns runs on the measured axes, and what could not
+    be rerun, and why.
     """
     runs: dict[str, Trace] = {}
     missing: list[str] = []
-    for experiment, prepare in (("compare", _compare), ("decouple", _decouple)):
+    reference, compared = measured.reference, measured.compare.runs
+    apart = {run: departure(trace, reference) for run, trace in compared.items() if reference}
+    for experiment, prepare in (("compare", write_compare), ("decouple", write_decouple)):
         if measured.file.part(experiment).runs:
             try:
                 path, zeros = prepare(measured, base, name, folder)
-                runs |= simulated(path, zeros, measured.file, talk)
+                followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
+                runs |= simulated(path, followed, measured.file, talk)
             except TendonreproError as error:
                 hint = f"; {error.hint}" if error.hint else ""
                 missing.append(f"a rerun of {experiment}: {error.message}{hint}")
-    reference = measured.reference
-    for run, trace in measured.compare.runs.items():
-        if reference and (size := departure(trace, reference)):
+    for run, size in apart.items():
+        if reference and size:
             other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
             missing.append(f"residuals of {run}: its desired motion is {other}")
     return runs, missing
 
 
-def _compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Prepare the comparison on the recovered motion: all runs that followed it."""
-    reference, runs = measured.reference, measured.compare.runs
-    if reference is None:
-        raise DataMissingError(measured.unrecovered)
-    path = write_compare(base, reference, runs, name, folder)
-    followed = [trace for trace in runs.values() if not departure(trace, reference)]
-    return path, {trace.name: zero_of(trace, reference) for trace in followed}
-
-
-def _decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Prepare the decoupling run on its measured motors, by the shipped model if `base` is another's."""
-    trace = measured.file.part("decouple").runs.get("decouple")
-    if trace is None or trace.joint != (1, 2, 3):
-        raise DataMissingError("joints 1 to 3 of the run decouple")
-    if base.config.experiment != "decouple":
-        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
-        base = load_config(None, "decouple", overrides=both)
-    return write_decouple(base, trace, name, folder), {trace.name: float(trace.time[0])}
-
-
 def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk: Talk) -> dict[str, Trace]:
-    """Simulate the runs that a configuration has and that begin at measured times, s."""
+    """Simulate those runs of a configuration that begin at measured times, s."""
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
     chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
@@ -92,36 +73,47 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     return {one.name: aligned(one, measured.runs[one.name], zeros[one.name]) for one in traces}
 
 
-def write_compare(
-    base: LoadedConfig, reference: Reference, runs: Mapping[str, Trace], measured: str, folder: Path
-) -> Path:
-    """Write the recovered motion and a configuration that runs on it; return its path.
+def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Write the recovered motion, and a configuration of the comparison on it.
 
-    All of `base` is kept except its reference, and payloads measured with other masses.
+    Of `base` only the reference changes, and payloads measured with other masses.
     """
+    reference, runs = measured.reference, measured.compare.runs
+    if reference is None:
+        raise DataMissingError(measured.unrecovered)
     tree: dict[str, Any] = dict(base.tree)
-    tree["title"] = f"{tree['title']}, on the reference measured in {measured}"
+    tree["title"] = f"{tree['title']}, on the reference measured in {name}"
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
     tree["runs"] = dict(tree["runs"])
-    for name in runs.keys() & tree["runs"].keys():
-        mass, held = float(runs[name].attributes["payload_mass"]), tree["runs"][name]
+    for run in runs.keys() & tree["runs"].keys():
+        mass, held = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
         if held["payload"]["unit"] == "kg" and mass != held["payload"]["value"]:
-            payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {measured}"}
-            tree["runs"][name] = held | {"payload": payload}
-    return _write_config(tree, folder / "compare.yaml")
+            payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {name}"}
+            tree["runs"][run] = held | {"payload": payload}
+    zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
+    return _write_config(tree, folder / "compare.yaml"), zeros
 
 
-def write_decouple(base: LoadedConfig, trace: Trace, measured: str, folder: Path) -> Path:
-    """The same of the decoupling run: its motors' angles drive the rerun, else the joints' encoders."""
+def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """The same of the decoupling run; its motors drive the rerun, else the joints' encoders.
+
+    If `base` is of the comparison, the shipped model takes over its manipulator and seed.
+    """
+    trace = measured.file.part("decouple").runs.get("decouple")
+    if trace is None or trace.joint != (1, 2, 3):
+        raise DataMissingError("joints 1 to 3 of the run decouple")
+    if base.config.experiment != "decouple":
+        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
+        base = load_config(None, "decouple", overrides=both)
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     tree: dict[str, Any] = dict(base.tree)
-    tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {measured}"
+    tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
     knots = thinned(recorded(trace, variable))
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
     payload = tree["runs"]["decouple"]["payload"]
     tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
-    return _write_config(tree, folder / "decouple.yaml")
+    return _write_config(tree, folder / "decouple.yaml"), {trace.name: float(trace.time[0])}
 
 
 def _write_config(tree: dict[str, Any], path: Path) -> Path:
@@ -130,7 +122,7 @@ def _write_config(tree: dict[str, Any], path: Path) -> Path:
 
 
 def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, str]:
-    """Write a trajectory file, s and degrees, and return the configuration's reference to it."""
+    """Write a trajectory file, s and degrees; return the reference to it."""
     heads = ",".join(["time_s", *(f"q{number}_deg" for number in joint)])
     # A zero without its sign.
     rows = np.column_stack([knots.time, np.rad2deg(knots.angle)]) + 0.0
@@ -141,7 +133,7 @@ def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, s
 def departure(trace: Trace, reference: Reference) -> float:
     """Largest difference of a run's desired motion from a recovered one, rad.
 
-    It is 0 where rounding, noise and one sample of time explain it, or nothing was recorded.
+    It is 0 if rounding, noise and one sample of time explain it, or nothing was recorded.
     """
     record, ours = reference.record, trace.of_joints(reference.record.joint)
     if "q_d" not in ours or ours.joint != record.joint:
@@ -157,9 +149,9 @@ def departure(trace: Trace, reference: Reference) -> float:
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
-    """Put a rerun on the axes of its measured run: it begins at `zero`, s, and at the measured angles.
+    """Put a rerun on the axes of its measured run: from `zero`, s, and the measured angles.
 
-    In a comparison all angles are moved by the start of `q_d`, and errors stay.
+    In a comparison all angles move by the start of `q_d`; errors stay.
     """
     sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
     moved = {
@@ -171,7 +163,7 @@ def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
 
 
 def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
-    """First sample of a variable that is there, (n,); 0 for a joint that has none."""
+    """First known sample, (n,); 0 for a joint without any."""
     starts = {}
     for joint, values in zip(trace.joint, trace[name].T, strict=True):
         known = values[np.isfinite(values)]

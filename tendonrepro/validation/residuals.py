@@ -1,4 +1,4 @@
-"""Measurement less simulation: what a rerun of the model on the measured motion leaves unexplained."""
+"""Measurement less simulation: what a rerun does not explain."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ _SMOOTH = 0.05
 def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
     """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
-    The simulation is interpolated on the measured times, and not shifted to fit. ``e_*`` and ``q_*`` are of
-    measured less simulated. ``lag_s`` is positive where the measurement is late. What was not recorded is
-    left out.
+    The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*`` are measured less simulated;
+    ``lag_s`` is positive where the measurement is late.
     """
     joints = [joint for joint in measured.joint if joint in simulated.joint]
     ours, model = measured.of_joints(joints), simulated.of_joints(joints)
@@ -56,12 +55,12 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any
 
 
 def at(trace: Trace, name: str, time: Array) -> Array:
-    """A variable of a run at other times (T,), s: (T, n), interpolated and held beyond both ends."""
+    """A variable at times (T,), s: (T, n), interpolated, held beyond both ends."""
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
 def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
-    """Numbers of one joint, None where one cannot be told."""
+    """Numbers of a joint, None where one cannot be told."""
     values = {name: column[place] for name, column in columns.items()}
     return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
 
@@ -79,7 +78,7 @@ def _correlation(first: Array, second: Array) -> Array:
 def _rate(trace: Trace, time: Array) -> Array:
     """Velocity of the simulated joints, rad/s.
 
-    The gradient of an encoder's steps will not do: its spikes would count as motion, and the lag as shorter.
+    In a gradient the encoder's steps would count as motion, and the lag as shorter.
     """
     before, after = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
     travel = at(trace, "q_encoder", after) - at(trace, "q_encoder", before)
@@ -94,9 +93,9 @@ def _lag(behind: Array, rate: Array) -> Array:
 
 
 def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
-    """Compare measured joint and motor angles of the decoupling run through the plant's ``S`` and ``S_inv``.
+    """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
 
-    Differences are in degrees, as they are and with that at the start taken off.
+    Differences are in degrees, as they are and less that at the start.
     """
     if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
         return

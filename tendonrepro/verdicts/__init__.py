@@ -1,1 +1,1 @@
-"""A printed number or claim, and results, to a verdict by a stated rule; enter by `command.run_claims`."""
+"""Printed numbers and claims, and results, to verdicts by stated rules; enter by `command.run_claims`."""

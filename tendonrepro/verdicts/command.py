@@ -52,25 +52,16 @@ def run_claims(
 ) -> Ledger:
     """Judge the claims from what lies under `out`, and write the ledger.
 
-    Parameters
-    ----------
-    out : Path
-    ids : sequence of str
-        Claims to show with all their evidence; empty for the whole ledger, which alone is written.
-    baseline : Path or None
-        An earlier ``claims.json``.
-    talk : Talk
-    measured : Path or None
-        Measured trace file; None is ``data/measured.h5`` where there is one.
-    force, every : bool
-        Overwrite what no earlier ledger wrote; show more than the main claims.
+    With `ids` it shows all their evidence, and writes nothing. `baseline` is an earlier ``claims.json``;
+    `measured` is by default ``data/measured.h5``. `force` overwrites what no ledger wrote; `every` shows more
+    than the main claims.
 
     Raises
     ------
     DataMissingError
         If the baseline or the measured file cannot be read.
     UsageError
-        For an unknown id, a baseline together with ids, or where something would be overwritten.
+        For an unknown id, a baseline with ids, or where something would be overwritten.
     """
     before = None if baseline is None else _baseline(baseline, ids)
     sources, verdicts, judged_by = judged(out, measured, ids, talk)
@@ -96,14 +87,12 @@ def run_claims(
             "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
         }
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
-    parts = [table_text(verdicts, every=every), f"The ledger is in {out / FOLDER}"]
-    if before is not None:
-        parts.insert(1, changes_text(changes))
+    since = [] if before is None else [changes_text(changes)]
+    parts = [table_text(verdicts, every=every), *since, f"The ledger is in {out / FOLDER}"]
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
 def _write_influences(data: EnsembleData, result: NewResult) -> None:
-    """Write and draw which unknowns decide claims and numbers over an ensemble."""
     found = rankings(data)
     result.write("decides.json", to_json(found))
     if found:
@@ -116,7 +105,7 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
 def judged(
     out: Path, measured: Path | None, ids: Sequence[str], talk: Talk
 ) -> tuple[Sources, list[Verdict], Mapping[str, Any]]:
-    """Judge from what is found under `out`; the last item tells which ensemble judged."""
+    """Judge from what is under `out`; the last item tells which ensemble judged."""
     sources = _found(out, measured, talk)
     ensemble = sources.ensemble
     with talk.bar("judging", 0 if ensemble is None else len(ensemble.readings)) as progress:
@@ -148,7 +137,6 @@ def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
 
 
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
-    """Verdicts of an earlier ledger, by id."""
     if ids:
         raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
     try:
@@ -160,23 +148,19 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
 
 
 def shipped_ledger() -> dict[str, Any]:
-    """Read the ``claims.json`` that comes with the package."""
+    """Read the ``claims.json`` of the package."""
     path = shipped("docs/results") / "claims.json"
     stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return stored | {"ensemble": _origin("shipped", stored["ensemble"])}
 
 
 def _origin(source: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of the ensemble that judged."""
     origin = ("draws", "tendonrepro_version", "created", "rules_edition")
     return {"source": source} | {key: known.get(key) for key in origin}
 
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list[Verdict]:
-    """Put the verdict of a ledger wherever one waits for an ensemble.
-
-    It counts only for the same number or claim, by a rule of the same name.
-    """
+    """Take from a ledger what waits for an ensemble, if its text and rule are the same."""
     entries = {entry["id"]: entry for entry in ledger["claims"]}
     found = []
     for one in verdicts:

@@ -149,7 +149,6 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
 
 
 def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
-    """Statements with shares and verdicts of their own."""
     rows = []
     for one in statements:
         share = _share(plants, one.holds, counted)
@@ -166,9 +165,9 @@ def _remarks(decision: Decision, remarks: Sequence[str]) -> Evidence:
 
 
 def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """What a verdict depends on, plant by plant, and the plants judged.
+    """What a verdict depends on, and the plants judged, (N,) each.
 
-    1 or 0 for a claim; of a number its value, its logarithm where all are positive.
+    Of a claim 1 or 0; of a number its value, or logarithm if all are positive.
     """
     rule = paper.judgements[identifier].rule
     if rule in NUMBERS:

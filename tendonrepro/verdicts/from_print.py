@@ -8,20 +8,11 @@ from fractions import Fraction
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import (
-    COMPARED,
-    SIGN,
-    Interval,
-    Published,
-    coupling_of,
-    exact,
-    rounding,
-    table_1,
-)
+from tendonrepro.configuration.published import COMPARED, SIGN, Published, exact, rounding, table_1
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.verdicts.numbers import PERCENTAGES, cut, error_of, formula_of
-from tendonrepro.verdicts.rules import Evidence, Judged, meets, of_arithmetic, of_model
+from tendonrepro.verdicts.rules import Bounds, Evidence, Judged, meets, of_arithmetic, of_model
 
 FAR_LESS = 0.1
 """Motor 3 against motor 2 in claim K4."""
@@ -31,7 +22,7 @@ SMOOTH = 1e-12
 
 
 def lengths(paper: Published, identifier: str) -> Judged:
-    """An entry of S_inv against its ratio of Table 1 by Eq. (2), or the other way round."""
+    """An entry of S_inv against Table 1 by Eq. (2), or the reverse."""
     if identifier.startswith("S_inv."):
         n, i = tuple(identifier.removeprefix("S_inv."))
         other = f"table1.D_{i}{n}_over_D_{n}"
@@ -49,7 +40,7 @@ def matrix_entry(paper: Published, identifier: str) -> Judged:
 
 
 def printed_inverse(paper: Published) -> list[list[Fraction]]:
-    """Rows of ``S_inv`` up to the diagonal, with the signs of Eq. (2) and section 3.3."""
+    """``S_inv`` up to the diagonal, signed by Eq. (2) and section 3.3."""
     rows = []
     for n in range(3):
         row = [exact(paper.quantity(f"S_inv.{n + 1}{i + 1}")) for i in range(n + 1)]
@@ -97,7 +88,7 @@ def _percentage(paper: Published, identifier: str) -> Evidence:
 
 
 def same_as(paper: Published, identifier: str) -> Judged:
-    """Table 3 without load against Controller 1 in Table 2."""
+    """Table 3 without load against Table 2's Controller 1."""
     other = error_of(identifier).id
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
@@ -108,8 +99,7 @@ def resolution(paper: Published, identifier: str) -> Judged:
     return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
 
 
-def _against(paper: Published, identifier: str, allowed: Interval, ours: float, origin: str) -> Judged:
-    """Compare a printed number with what another part of the paper allows."""
+def _against(paper: Published, identifier: str, allowed: Bounds, ours: float, origin: str) -> Judged:
     consistent = meets(allowed, rounding(paper.quantity(identifier)))
     return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
 
@@ -136,15 +126,14 @@ def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
 
 
 def motor_3_turns_less(paper: Published, _: str) -> Judged:
-    """K4: motor 3 over motor 2 at equal angles of joints 2 and 3."""
-    _S, S_inv = coupling_of(table_1(paper))
-    turns = S_inv @ np.array([0.0, 1.0, 1.0])
+    """K4: motor 3 over motor 2 when joints 2 and 3 turn alike."""
+    turns = coupling_inverse(np.ones(3), table_1(paper), SIGN) @ np.array([0.0, 1.0, 1.0])
     ours = float(abs(turns[2] / turns[1]))
     return Judged(of_model(ours < FAR_LESS), ours, {"motor_over_joint": turns.tolist()})
 
 
 def coupling_terms(paper: Published, _: str) -> Judged:
-    """K6: terms fall with the winch and rise with the pulley; joint 3's coupling."""
+    """K6: terms fall with the winch and rise with the pulley."""
     ratio = table_1(paper)
     winch, pulley = slopes_of_coupling(ratio)
     ours = float(ratio[1, 2])
@@ -164,7 +153,7 @@ def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
 
 
 def smooth_branch(paper: Published, _: str) -> Judged:
-    """Eq. (13): value and slope of both branches of phi agree at Delta."""
+    """Eq. (13): both branches of phi agree at Delta, in value and slope."""
     apart = []
     for joint in COMPARED:
         b, Delta = (paper.number(f"gain.{name}.joint_{joint}") for name in ("b", "Delta"))

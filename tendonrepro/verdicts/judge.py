@@ -40,7 +40,7 @@ FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
 
 @dataclass(frozen=True)
 class Sources:
-    """What has been run; None where nothing has."""
+    """What has been run."""
 
     compare: TraceFile | None = None
     ensemble: EnsembleData | None = None
@@ -51,8 +51,8 @@ class Sources:
 class Verdict:
     """One line of the ledger, with the keys of ``claims --json``.
 
-    `ours` is the share of a claim, or the number of the shipped run, else its median over the box. What
-    `repeats` another entry is not counted. `shipped`: taken from the package's stored ensemble.
+    `ours` is a claim's share, or the number of the nominal run, else its median. What `repeats` another entry
+    is not counted. `shipped` is from the package's ensemble.
     """
 
     id: str
@@ -79,10 +79,9 @@ def judge_all(
     decided_by: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[Verdict]:
-    """Judge every printed result and claim, or `only` some, in the order of the print.
+    """Judge every printed result and claim, or `only` some.
 
-    `decided_by` ranks the unknowns that decide verdicts, about a second each; `progress` is called with 1
-    after each reading of the ensemble.
+    `decided_by` ranks the unknowns that decide, a second each. `progress` gets 1 after each reading.
 
     Raises
     ------
@@ -116,7 +115,7 @@ def judge_all(
 def _over_the_box(
     data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
-    """Judge by an ensemble; one reading is held in memory at a time."""
+    """With one reading in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
     if data is None or PRINTED not in data.readings or not names:
         return {}
@@ -169,7 +168,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
 
 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
-    """Numbers of the run of the nominal plant, in printed units."""
+    """Of the nominal run, in printed units."""
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
         whole = tracking_errors(trace)["whole"]
@@ -196,13 +195,13 @@ def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count each verdict, what repeats another once."""
+    """Count verdicts, without what repeats another."""
     counts = Counter(verdict.verdict for verdict in verdicts if verdict.repeats is None)
     return {name: counts[name] for name in VERDICTS}
 
 
 def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdict before and now where they differ; None: not judged."""
+    """Id -> verdicts before and now that differ; None: not judged."""
     after = {verdict.id: verdict.verdict for verdict in now}
     return {
         name: (before.get(name), after.get(name))

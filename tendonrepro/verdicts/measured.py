@@ -37,10 +37,7 @@ _SIGNALS = dict.fromkeys(("mae", "rmse", "max"), ("e", "deg")) | {
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured file with what is derived from it once.
-
-    `unrecovered` says why there is no `reference`.
-    """
+    """A measured file and what follows from it; `unrecovered` says why there is no `reference`."""
 
     file: TraceFile
     tables: PrintedTables
@@ -49,12 +46,12 @@ class Measured:
 
     @cached_property
     def compare(self) -> TraceFile:
-        """Runs of the comparison."""
+        """Its runs of the comparison."""
         return self.file.part("compare")
 
 
 def measured_of(file: TraceFile, paper: Published) -> Measured:
-    """Recover the reference of a measured file and try every averaging window."""
+    """Recover the reference of a file and try every averaging window."""
     reference, unrecovered = None, ""
     try:
         reference = recover(file)
@@ -65,7 +62,7 @@ def measured_of(file: TraceFile, paper: Published) -> Measured:
 
 
 class OneArm:
-    """An ensemble of one plant; `asked` holds the statistics that were looked up, by run."""
+    """An ensemble of one plant; `asked` are the statistics looked up, by run."""
 
     joints = COMPARED
     replicate: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
@@ -76,7 +73,7 @@ class OneArm:
         self.asked: dict[str, dict[str, list[float]]] = {}
 
     def has(self, _run: str, reading: str) -> bool:
-        """Say yes: what is missing is named when it is looked up."""
+        """Yes: what is missing is named when it is looked up."""
         return reading == PRINTED
 
     def status(self, run: str, _reading: str) -> NDArray[np.int8]:
@@ -116,7 +113,6 @@ class OneArm:
         return found
 
     def _trace(self, run: str) -> Trace:
-        """Joints 2 and 3 of a run."""
         runs = self._measured.compare.runs
         if run not in runs:
             raise DataMissingError(f"a measured run {run}")
@@ -137,10 +133,10 @@ class OneArm:
 
 
 def with_surface(trace: Trace) -> Trace:
-    """A run of joints 2 and 3 with its sliding variable: recorded, else by Eq. (11) from its error.
+    """The run of joints 2 and 3 with its sliding variable: recorded, else by Eq. (11) from its error.
 
-    From sample to sample a rate is the encoder's steps, so it is the difference over `RATE_WINDOW`, and half
-    of that is missing at both ends.
+    A rate from sample to sample shows the encoder's steps. So it is taken over `RATE_WINDOW`, half of which
+    is missing at both ends.
     """
     if "s" in trace or "e" not in trace:
         return trace
@@ -153,7 +149,7 @@ def with_surface(trace: Trace) -> Trace:
 
 
 def _rate(time: Array, e: Array) -> Array:
-    """Difference over `RATE_WINDOW`, or over two longer steps, (T, n)."""
+    """Difference over `RATE_WINDOW`, or two longer steps, (T, n)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
     half = max(0.5 * RATE_WINDOW, step)
     ends = [

@@ -19,7 +19,7 @@ PERCENTAGES = ("share.", "increase.")
 
 
 class ErrorOf(NamedTuple):
-    """Which error of Table 2 or 3."""
+    """An error of Table 2 or 3."""
 
     run: str
     metric: str
@@ -36,25 +36,25 @@ class ErrorOf(NamedTuple):
 
 
 def error_of(identifier: str) -> ErrorOf:
-    """Read the id of a number of Table 2 or 3."""
+    """Read an id of Table 2 or 3."""
     table, row, metric, place = identifier.split(".")
     return ErrorOf(LOADS[row] if table == "table3" else row, metric, int(place.removeprefix("joint_")))
 
 
 class Formula(NamedTuple):
-    """Ids of errors and how a number follows from them, as numbers, fractions or arrays."""
+    """Ids of errors, and how a number follows from these."""
 
     names: tuple[str, ...]
     value: Callable[..., Any]
 
     @property
     def errors(self) -> list[ErrorOf]:
-        """These errors."""
+        """The same errors."""
         return [error_of(name) for name in self.names]
 
 
 def formula_of(paper: Published, identifier: str) -> Formula:
-    """How a number follows from errors of Tables 2 and 3."""
+    """How a number follows from Tables 2 and 3."""
     entry = paper.entries[identifier]
     if isinstance(entry, PrintedQuotient):
         return Formula((entry.numerator, entry.denominator), truediv)

@@ -22,7 +22,7 @@ SHAPE = "rmse/mae"
 
 
 class Plants:
-    """All N plants under one reading; a variation of a run is called ``run@variation``."""
+    """All N plants under one reading; ``run@variation`` is a variation of a run."""
 
     def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
         self.data = data
@@ -37,7 +37,7 @@ class Plants:
         return self._kept[run, "status"]
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
-        """Statistic of a run, (N, n), by (run, name)."""
+        """Statistic (N, n) by (run, name)."""
         run, name = key
         if name == SHAPE:
             return np.asarray(self[run, "rmse"] / self[run, "mae"])
@@ -50,15 +50,15 @@ class Plants:
         return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, self[run, name])
 
     def ok(self, *runs: str) -> Mask:
-        """Plants on which all these runs are ``ok``."""
+        """Where all these runs are ``ok``."""
         return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
 
     def none(self, code: int, *runs: str) -> Mask:
-        """Plants on which none of these runs has a status."""
+        """Where none of these runs has a status."""
         return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
 
     def rankable(self, *runs: str) -> Mask:
-        """Plants on which these runs are resolved and not all diverged."""
+        """Where these runs are resolved and not all diverged."""
         lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
         return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
 

@@ -50,12 +50,12 @@ _NUMBERS = {
 
 
 def in_words(identifier: str) -> str:
-    """A claim in at most eight words, or what a number is of."""
+    """A claim in few words, or what a number is of."""
     return published().entries[identifier].short or number_in_words(identifier)
 
 
 def number_in_words(identifier: str) -> str:
-    """What a number is of: which error, run and joint."""
+    """What a number is of: error, run and joint."""
     parts = identifier.split(".")
     words = [_NUMBERS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in parts]
     return ", ".join(words).replace("controller", "Controller")
@@ -74,14 +74,13 @@ def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = No
 def write_claims(
     verdicts: Sequence[Verdict], folder: Path, ensemble: Mapping[str, Any] | None = None
 ) -> None:
-    """Write ``claims.json``, ``claims.csv`` and ``claims.md``; `ensemble` as in `as_data`."""
+    """Write ``claims.json``, ``.csv`` and ``.md``; `ensemble` as in `as_data`."""
     write_atomically(folder / "claims.json", to_json(as_data(verdicts, ensemble)))
     caption = " ".join([CAPTION, *shipped_note(verdicts)])
     Table("claims", caption, [_row(verdict) for verdict in verdicts], suffixes=("csv", "md")).write(folder)
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:
-    """A verdict with the most of its evidence."""
     row = asdict(verdict)
     evidence = row.pop("evidence")
     box = evidence.get("box", {})
@@ -91,7 +90,7 @@ def _row(verdict: Verdict) -> dict[str, Any]:
 
 
 def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
-    """Verdicts under their headings, of the main claims or of `every` one."""
+    """Main claims, or `every` verdict, under their headings."""
     by_id = {verdict.id: verdict for verdict in verdicts}
     shown = [by_id[name] for name in MAIN if name in by_id]
     shown += [verdict for verdict in verdicts if every and verdict.id not in MAIN]
@@ -105,11 +104,11 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
     more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]
-    return "\n".join([columns(rows, left=True), "", headline(verdicts), *more, *_notes(verdicts)])
+    return "\n".join([columns(rows), "", headline(verdicts), *more, *_notes(verdicts)])
 
 
 def headline(verdicts: Sequence[Verdict]) -> str:
-    """Count verdicts by heading, without those that have no power."""
+    """Count by heading, without verdicts that have no power."""
     counts = summary(verdicts)
     powerless = counts.pop("no_power")
     words = [f"{head} {sum(counts.get(name, 0) for name in names)}" for head, names in HEADINGS.items()]
@@ -140,7 +139,7 @@ def shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def changes_text(changes: Mapping[str, tuple[str | None, str | None]]) -> str:
-    """Verdicts that changed since an earlier ledger, one a line."""
+    """Verdicts that changed, one a line."""
     rows = [f"{name}: {old or 'not judged'} -> {new or 'not judged'}" for name, (old, new) in changes.items()]
     return "\n".join(["Changed since the baseline:", *(rows or ["nothing"])])
 
@@ -165,7 +164,7 @@ def _unit(verdict: Verdict) -> str:
 
 
 def _ours(verdict: Verdict) -> str:
-    """Our number with its range, and the printed one; of a claim its share."""
+    """Our number with its range, and the printed one; else a share."""
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
@@ -182,7 +181,6 @@ def _ours(verdict: Verdict) -> str:
 
 
 def _measured(verdict: Verdict) -> str | None:
-    """Verdict on the measurement."""
     beside = verdict.evidence.get("measured")
     if beside is None:
         return None

@@ -1,4 +1,4 @@
-"""Rules of docs/verdicts.md: the verdicts that follow from shares and ranges."""
+"""Rules of docs/verdicts.md: from shares and ranges to verdicts."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 @dataclass(frozen=True)
 class Decision:
-    """A verdict, and whether a threshold of it lies inside an interval."""
+    """A verdict; `borderline`: a threshold lies inside an interval."""
 
     verdict: str
     borderline: bool = False
@@ -71,17 +71,17 @@ class Judged:
 
 
 def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
-    """Not testable: what is missing, and the command that supplies it."""
+    """Not testable, for what is missing; `command` supplies it."""
     return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
 
 
 def meets(first: Bounds, second: Bounds) -> bool:
-    """Whether two intervals share a number, ends included."""
+    """Whether intervals share a number, ends included."""
     return first[0] <= second[1] and second[0] <= first[1]
 
 
 def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:
-    """Judge a printed number's interval by its spread over the plants, else by its direction."""
+    """Judge a printed interval by the spread over plants, else by direction."""
     near = any(edge and meets(printed, edge) for edge in (found.low_interval, found.high_interval))
     if meets(printed, (found.low, found.high)):
         return Decision("no_power" if power >= NO_POWER else "compatible", near)
@@ -95,7 +95,7 @@ def of_number(printed: Ends, found: Spread, direction: Share | None, power: floa
 def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
     """Share of the decade around a printed number that would also be inside, 0 to 1.
 
-    The decade is of what the number has beyond `least`, below which it cannot be.
+    It is of what exceeds `least`, the smallest possible number.
     """
     low, high = printed
     value, half = 0.5 * (low + high) - least, 0.5 * (high - low)
@@ -113,7 +113,7 @@ def of_share(share: Share) -> Decision:
 
 
 def of_claim(whole: Share, opposite: Share) -> Decision:
-    """Judge a claim by its share and that of its opposite."""
+    """Judge a claim of several statements."""
     near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
     if whole.share >= MOST:
         return Decision("compatible", near)
@@ -127,7 +127,7 @@ def _near(share: Share, limit: float) -> bool:
 
 
 def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
-    """Judge a claim by the weakest of its values when all are inside, else by its direction."""
+    """Judge a claim by the weakest of its values if all are inside, else by its direction."""
     near = any(value.borderline for value in values)
     inside = {value.verdict for value in values}
     if inside <= INSIDE:
@@ -142,12 +142,12 @@ def of_arithmetic(consistent: bool) -> Decision:
 
 
 def of_courses(ways: Sequence[Decision]) -> Decision:
-    """Judge by the verdicts of each way an unpublished part can be, where they agree."""
+    """Judge by every way that an unpublished part can be, where they agree."""
     near = any(way.borderline for way in ways)
     verdicts = {way.verdict for way in ways}
     return Decision(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)
 
 
 def of_model(holds: bool) -> Decision:
-    """Judge what follows from the equations or a measurement without any unknown."""
+    """Judge what follows without any unknown."""
     return Decision("reproduced" if holds else "not_reproduced")

@@ -1,4 +1,4 @@
-"""Which unknowns decide an outcome: sensitivity indices of SALib from draws at hand."""
+"""Which unknowns decide an outcome: sensitivity indices by SALib."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ Ranking: TypeAlias = dict[str, Any]
 def ranked(
     names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
 ) -> Ranking | None:
-    """Rank unknowns by how much of an outcome's variance (N,) each explains, from draws (N, P).
+    """Rank unknowns by their share of an outcome's variance (N,), from draws (N, P).
 
     A `noise_floor` may be taken from another outcome on as many draws.
 
@@ -57,9 +57,9 @@ def ranked(
     -------
     dict or None
         ``rows``, the largest first-order index (RBD-FAST) first: ``name``, ``index``, ``half_width`` of its
-        95 % bootstrap interval, and of the strongest ``total``; ``noise_floor``, the 95 % quantile over
-        shuffles of the largest index; ``unexplained`` by rows above it; ``draws``. None with too few
-        outcomes, or too few that differ.
+        95 % bootstrap interval, and ``total`` of the strongest. ``noise_floor`` is the 95 % quantile over
+        shuffles of the largest index; ``unexplained`` is what rows above it leave; ``draws`` is their number.
+        None with too few outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
     draws, outcome = draws[finite], outcome[finite].astype(np.float64)
@@ -89,7 +89,7 @@ def ranked(
 
 
 def rankings(data: EnsembleData) -> dict[str, Ranking]:
-    """Rank what decides some claims, the ratio of Controllers 1 and 2, and the tables' numbers."""
+    """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
 
     def rank(values: Array, *runs: str, floor: float | None = None) -> Ranking | None:
@@ -147,7 +147,6 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:
-    """Largest index, without the bootstrap."""
     from SALib.analyze import rbd_fast
 
     raw = [
@@ -158,7 +157,7 @@ def _largest_index(draws: Array, outcome: Array) -> float:
 
 
 def draw_influences(found: Mapping[str, Ranking]) -> Drawing:
-    """Draw the share of each outcome's variance that the strongest unknowns explain."""
+    """Draw the strongest unknowns' shares of each outcome's variance."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 
     shares = {

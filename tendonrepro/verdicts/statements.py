@@ -1,7 +1,4 @@
-"""The paper's claims as statements that hold or fail on each plant of an ensemble.
-
-A rule is a function whose name docs/verdicts.md explains.
-"""
+"""The paper's claims as statements that hold or fail on each plant; docs/verdicts.md explains every rule."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ ONE_OBSERVATION = "C5 and C6 are one observation: tau_m - H_hat = M_bar u is sma
 
 @dataclass(frozen=True)
 class Statement:
-    """Plants on which a statement holds, (N,), and the measure of its claim that it belongs to."""
+    """A statement, the plants (N,) on which it holds, and the measure of its claim."""
 
     text: str
     holds: Mask
@@ -44,10 +41,10 @@ class Statement:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a rule finds: statements, the plants judged, and those ranked with a diverged law last.
+    """What a rule finds, and the plants that it judges and ranks; a diverged law ranks last.
 
-    `opposite` is one of the whole claim, where it is more than that no statement holds; `beside` does not
-    count; `chance` is that of `_by_chance`; `untestable` says why the plants cannot tell.
+    `opposite`, where given, replaces that no statement holds. `beside` does not count. `untestable` says why
+    no plant can tell.
     """
 
     statements: Sequence[Statement]
@@ -61,13 +58,13 @@ class Findings:
 
     @property
     def measures(self) -> Mapping[str, Sequence[Statement]]:
-        """Statements by measure; a claim holds by one when all of these do."""
+        """Statements by measure; a claim holds where all of one measure do."""
         names = dict.fromkeys(statement.measure for statement in self.statements)
         return {name: [one for one in self.statements if one.measure == name] for name in names}
 
 
 def findings_of(plants: Plants, paper: Published, rule: str) -> Findings:
-    """Apply a rule; no statement holds of a number that is missing."""
+    """Apply a rule; nothing holds of a missing number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return CLAIMS[rule](plants, paper)
 
@@ -78,7 +75,7 @@ def _over(plants: Plants, runs: Sequence[str], statements: Sequence[Statement], 
 
 
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
-    """One statement a joint, of a mask (N, n)."""
+    """From a mask (N, n)."""
     return [
         Statement(f"joint {joint}: {text}", holds[:, i], measure) for i, joint in enumerate(plants.joints)
     ]
@@ -87,14 +84,14 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
 def _of_runs(
     plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
 ) -> list[Statement]:
-    """One statement a joint, which fails where a run diverged."""
+    """The same, failing where a run diverged."""
     return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
 def smaller(
     plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
 ) -> list[Statement]:
-    """That a statistic of one run is below that of another, on each joint; diverged is largest."""
+    """`first` has the smaller statistic, on each joint; diverged is largest."""
     holds = plants.ranked(first, name) < plants.ranked(second, name)
     return _each_joint(plants, f"{what} of {first} below that of {second}", holds, measure)
 
@@ -105,7 +102,7 @@ def together(statements: Sequence[Statement]) -> Mask:
 
 
 def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
-    """Chances of one of so many orders, for independent joints and for joints that go together."""
+    """Chance of one of so many orders, for independent joints and for joints that agree."""
     return float(orders) ** -len(plants.joints), 1.0 / orders
 
 
@@ -130,7 +127,6 @@ def rising_shape(plants: Plants, _: Published) -> Findings:
 
 
 def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
-    """Controllers 1 < 2 < 3 in some statistics."""
     found, reverse = (
         [
             one
@@ -152,7 +148,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
 
 
 def joints_alike(plants: Plants, paper: Published) -> Findings:
-    """F2: joint 3 errs at least as much against joint 2 as in the paper."""
+    """F2: joint 3 over joint 2 errs at least as in the paper."""
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
     runs = (*CONTROLLERS, LOADED)
@@ -187,7 +183,6 @@ def similar_surfaces(plants: Plants, _: Published) -> Findings:
 
 
 def _similar(sizes: Sequence[Array]) -> Mask:
-    """Whether the smallest is at most 5 % below the largest."""
     return np.asarray(np.min(sizes, axis=0) >= (1.0 - SIMILAR) * np.max(sizes, axis=0))
 
 
@@ -215,7 +210,6 @@ def torque_size(plants: Plants, _: Published) -> Findings:
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
-    """That Controller 1's signal is smaller moving up, by more than a share."""
     found: list[Statement] = []
     for rival in RIVALS:
         first, second = (plants[run, f"{signal}_{size}_up"] for run in (FIRST, rival))
@@ -226,18 +220,18 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
 
 
 def payload(plants: Plants, _: Published) -> Findings:
-    """P1: the payload makes the errors of Controller 1 larger."""
+    """P1: the payload makes errors of Controller 1 larger."""
     runs = (*CONTROLLERS, LOADED)
     return _over(plants, runs, larger_with_load(plants), chance=_by_chance(plants, 2))
 
 
 def larger_with_load(plants: Plants) -> list[Statement]:
-    """Statements of P1; on a measurement they need no other controller."""
+    """Statements of P1, which need no other controller."""
     return [one for name, what in ERRORS.items() for one in smaller(plants, name, FIRST, LOADED, what)]
 
 
 def better_estimate(plants: Plants, _: Published) -> Findings:
-    """E1: the estimate of Controller 1 is better than that of Controller 2."""
+    """E1: Controller 1's estimate is better than Controller 2's."""
     found: list[Statement] = []
     beside: list[Statement] = []
     ideal = Plants(plants.data, IDEAL)
@@ -251,7 +245,7 @@ def better_estimate(plants: Plants, _: Published) -> Findings:
 
 
 def robustness(plants: Plants, _: Published) -> Findings:
-    """E1a: where one of Controllers 1 and 2 alone is ``ok``, it is Controller 1."""
+    """E1a: where only one of Controllers 1 and 2 is ``ok``, it is 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
     found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
@@ -332,7 +326,7 @@ def bounds(plants: Plants, paper: Published) -> Findings:
 
 
 def _beyond_divergence(bound: Array) -> str | None:
-    """Why no plant could fail: its error cannot reach Eq. (30) before it has diverged."""
+    """Why no plant could fail: it diverges before it reaches Eq. (30)."""
     limit = load_config(None, "compare").config.status.divergence_limit.si
     if (bound < limit).any():
         return None

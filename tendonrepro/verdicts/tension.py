@@ -31,10 +31,9 @@ DRAWS = 1024
 
 
 class Machines(NamedTuple):
-    """N draws at rest.
+    """N draws at rest, each with its scrambling.
 
-    ``moment`` (3, N), N m, of horizontal links; ``force`` (N,) of tendon 4, N; ``replicate`` (N,) the
-    scrambling.
+    ``moment`` (3, N), N m, is of horizontal links; ``force`` (N,), N, of tendon 4.
     """
 
     moment: Array
@@ -81,9 +80,9 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
 
 
 def _tense(margin: float, machines: Machines, route: Mechanism) -> Mask:
-    """Whether every tendon pulls in all postures at least `margin` deg from the edges, (N,).
+    """Whether every tendon pulls in all postures `margin` deg from the edges, (N,).
 
-    Tension is linear in the sine of each link's angle, so it is least where each is either its least or one.
+    Tension is linear in the sines of the angles, so their extremes tell.
     """
     sines = np.array(list(product((np.sin(np.deg2rad(margin)), 1.0), repeat=3))).T
     moments = machines.moment[:, np.newaxis] * sines[:, :, np.newaxis]
@@ -95,7 +94,6 @@ def _tense(margin: float, machines: Machines, route: Mechanism) -> Mask:
 
 @cache
 def _shipped_draws() -> tuple[tuple[str, ...], Array, NDArray[np.int64]]:
-    """Names, draws and scramblings of the shipped box."""
     config = load_ensemble(None).config
     box, seed, replicates = make_box(config), int(config.seed.si), int(config.scramblings.si)
     each = DRAWS // replicates
@@ -104,7 +102,7 @@ def _shipped_draws() -> tuple[tuple[str, ...], Array, NDArray[np.int64]]:
 
 
 def machines_of(data: EnsembleData | None, manipulator: Manipulator) -> Machines:
-    """Machines of an ensemble or of the shipped box."""
+    """Machines of an ensemble, else of the shipped box."""
     if data is not None and "tensioner_force" in data.names:
         names, draws, replicate = data.names, data.draws, data.replicate
     else:

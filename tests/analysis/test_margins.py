@@ -21,7 +21,6 @@ CASES = [
     ("controller_1", 0.2, 0, False),
     ("controller_3", 0.0, 1, False),
     ("controller_2", 0.0, 1, True),
-    ("controller_1", 0.0, 0, True),
     ("controller_2", 0.2, 2, False),
 ]
 APPLIED = "control.readings.stored_torque=applied"
@@ -45,21 +44,13 @@ def radius(single, factor):
     return spectral_radius(A + factor * b @ c)
 
 
-def stable_case(case):
-    A, B, C = cut(*case)
-    return spectral_radius(A + B @ C) < 1.0
-
-
 @every_case
 @both_joints
 class TestChannelMargins:
     def test_loop_is_lost_at_the_gain_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
         A, b, c = single
-        if not stable_case(case):
-            assert not found.stable
-            assert np.isnan([found.gain_margin, found.gain_reduction_margin]).all()
-            return
+        assert found.stable
         for margin, hertz, end in (
             (found.gain_margin, found.gain_margin_hz, 300.0),
             (found.gain_reduction_margin, found.gain_reduction_margin_hz, 1e-5),
@@ -75,8 +66,6 @@ class TestChannelMargins:
     def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
         single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
         lag = np.deg2rad(found.phase_margin_deg)
-        if np.isnan(lag):
-            return
         G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
         assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
         for sign in (1.0, -1.0):

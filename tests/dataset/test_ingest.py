@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support import synthetic_record
-from support.matlab_bytes import classic, hdf, objects, record, records, timeseries
+from support.matlab_bytes import classic, objects, record, records, timeseries
 
 from tendonrepro.console import Talk
 from tendonrepro.dataset.ingest import run_ingest
@@ -55,7 +55,7 @@ SYMBOLS = ("t", "qd{}", "q{}")
 
 def write_csv(folder, names, files, separator, encoding):
     """A file for each run, with decimal commas where semicolons separate."""
-    for run, name in files.items():
+    for run, name in zip(RUNS, files, strict=True):
         style = {"sep": separator, "decimal": "," if separator == ";" else ".", "encoding": encoding}
         pd.DataFrame(table(run, names)).to_csv(folder / name, index=False, float_format="%.9f", **style)
 
@@ -63,7 +63,7 @@ def write_csv(folder, names, files, separator, encoding):
 def write_sheets(folder, names, sheets):
     """A sheet for each run."""
     with pd.ExcelWriter(folder / "runs.xlsx") as book:
-        for run, title in sheets.items():
+        for run, title in zip(RUNS, sheets, strict=True):
             pd.DataFrame(table(run, names)).to_excel(book, sheet_name=title, index=False)
 
 
@@ -110,7 +110,7 @@ def write_hdf5(folder):
 
 
 def write_zip(folder):
-    write_sheets(folder, ENGLISH, {run: run for run in RUNS})
+    write_sheets(folder, ENGLISH, RUNS)
     with zipfile.ZipFile(folder / "data.zip", "w") as archive:
         archive.write(folder / "runs.xlsx", "record/runs.xlsx")
     (folder / "runs.xlsx").unlink()
@@ -119,7 +119,7 @@ def write_zip(folder):
 def write_tar(folder):
     write_csv(folder, ENGLISH, FILES, ",", "utf-8")
     with tarfile.open(folder / "data.tar.gz", "w:gz") as archive:
-        for name in FILES.values():
+        for name in FILES:
             archive.add(folder / name, f"record/{name}")
             (folder / name).unlink()
 
@@ -133,23 +133,17 @@ def write_apart(folder):
             pd.DataFrame(columns).to_csv(folder / run / f"{name}.csv", index=False)
 
 
-FILES = {run: f"{run}.csv" for run in RUNS}
-OF_LABS = dict(zip(RUNS, ("α-TDE-NTSM", "TDE-NTSM", "TDE-TSM", "α-TDE-NTSM 0.2kg"), strict=True))
-OF_GERMANS = dict(zip(RUNS, ("Regler 1", "Regler 2", "Regler 3", "Regler 1 Nutzlast"), strict=True))
-OF_CHINESE = dict(zip(RUNS, ("控制器1", "控制器2", "控制器3", "控制器1负载"), strict=True))
+FILES = [f"{run}.csv" for run in RUNS]
+OF_LABS = ("α-TDE-NTSM", "TDE-NTSM", "TDE-TSM", "α-TDE-NTSM 0.2kg")
+OF_GERMANS = ("Regler 1.csv", "Regler 2.csv", "Regler 3.csv", "Regler 1 Nutzlast.csv")
+OF_CHINESE = ("控制器1.csv", "控制器2.csv", "控制器3.csv", "控制器1负载.csv")
 LAYOUTS = {
     "csv, English": lambda f: write_csv(f, ENGLISH, FILES, ",", "utf-8"),
-    "csv, German": lambda f: write_csv(
-        f, GERMAN, {r: f"{n}.csv" for r, n in OF_GERMANS.items()}, ";", "cp1252"
-    ),
-    "csv, Chinese": lambda f: write_csv(
-        f, CHINESE, {r: f"{n}.csv" for r, n in OF_CHINESE.items()}, ",", "gbk"
-    ),
+    "csv, German": lambda f: write_csv(f, GERMAN, OF_GERMANS, ";", "cp1252"),
+    "csv, Chinese": lambda f: write_csv(f, CHINESE, OF_CHINESE, ",", "gbk"),
     "csv, symbols": lambda f: write_csv(f, SYMBOLS, FILES, "\t", "utf-8"),
     "sheets, English": lambda f: write_sheets(f, ENGLISH, OF_LABS),
     "structs": lambda f: classic(f / "runs.mat", structs()),
-    "structs in one": lambda f: classic(f / "runs.mat", {"data": structs()}),
-    "structs, 7.3": lambda f: hdf(f / "runs.mat", structs()),
     "timeseries": lambda f: objects(f / "runs.mat", {run: series(run) for run in RUNS}, "v7"),
     "timeseries, 7.3": lambda f: objects(f / "runs.mat", {run: series(run) for run in RUNS}, "v7.3"),
     "scopes": lambda f: classic(f / "runs.mat", scopes()),

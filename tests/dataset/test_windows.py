@@ -8,13 +8,7 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, prin
 from support.synthetic import PERIOD, make_compare_file
 
 from tendonrepro.configuration.published import published
-from tendonrepro.dataset.windows import (
-    NUMBERS,
-    Timing,
-    _tail,
-    spans,
-    try_windows,
-)
+from tendonrepro.dataset.windows import NUMBERS, PrintedTables, Timing, Tried, _tail, spans, try_windows
 
 TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
@@ -42,15 +36,20 @@ class TestWindows:
         found = try_windows(replace(file, runs=runs), published(), TIMING)
         assert found.winner.name == "whole, offset removed"
 
-    def test_none_is_none(self):
-        found = try_windows(make_compare_file(source="measured"), published(), TIMING)
-        assert found.winner is None
-        assert found.deciding is found.tried[0]
+    def test_the_first_with_all_numbers_wins_and_else_the_first_decides(self):
+        given = {"a": 1.0, "b": 2.0}
+        none, some, whole, again = (Tried(ids, False, given, tuple(ids)) for ids in ("", "a", "ab", "ba"))
+        found = PrintedTables((none, some), {}, 0.0)
+        assert (found.best, found.winner, found.deciding) == (some, None, none)
+        assert PrintedTables((none, some, whole, again), {}, 0.0).winner is whole
 
     def test_windows_that_keep_the_same_samples_count_once(self):
         names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
         assert len(names) == 2 * len(set(names))
         assert set(names) == {"whole", "after_first_period", "period_1"}
+        single = TIMING | {"controller_2": Timing(0.0, 0.0)}
+        found = try_windows(make_compare_file(), published(), single)
+        assert {one.window for one in found.tried} == {"whole"}
 
     def test_an_incomplete_last_period_and_a_late_start_are_told_apart(self):
         time = 0.01 * np.arange(2501)
@@ -61,6 +60,7 @@ class TestWindows:
         assert found["after_first_period"] == slice(1100, 2501)
         assert found["period_2"] == slice(1100, 2100)
         assert list(spans(time, Timing(0.0, 0.0))) == ["whole", "with_standstill"]
+        assert spans(time, Timing(99.0, 10.0)) == spans(time, Timing(0.0, 10.0))
 
     def test_averages_begin_with_the_motion(self):
         """Twice the printed errors while the arm stood still count only where the standstill is asked for."""
@@ -80,7 +80,8 @@ class TestWindows:
             replace(whole, runs={"controller_2": whole.runs["controller_2"]}), published(), TIMING
         )
         assert found.chance == pytest.approx(len(found.tried) * _tail(published(), found.tried[0].sizes, 4))
-        assert try_windows(replace(whole, runs={}), published(), {}).winner is None
+        nothing = try_windows(replace(whole, runs={}), published(), {})
+        assert (nothing.winner, nothing.window) == (None, None)
 
     def test_missing_samples_are_left_out_and_counted(self):
         """Those of which one joint is missing, too."""

@@ -20,9 +20,9 @@ def test_shared_loops_equal_loops_built_anew():
     study = load_study(None, (), None, "default")
     block, box = study.blocks(512)[0], study.boxes["box"]
     for row in compute_block(replace(study, readings=study.readings[:1]), block, fake_batch)["draws"][:2]:
-        config, draw = configured(study.base, box, row), box.named(row)
+        config, draw = configured(study.loaded.base, box, row), box.named(row)
         for (name, case), loop in zip(study.cases, loops_of(study, block, row), strict=True):
-            plain = dict(build_loops(under(case, config, draw), study.base.folder))[name]
+            plain = dict(build_loops(under(case, config, draw), study.loaded.base.folder))[name]
             assert fingerprint(loop) == fingerprint(plain), (name, case.name)
             np.testing.assert_array_equal(loop.reference.q_d, plain.reference.q_d)
 

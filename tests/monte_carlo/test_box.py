@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import VARIATIONS, default_readings, under
-from tendonrepro.configuration.models.reference import MinimumJerk
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
@@ -183,14 +181,6 @@ def test_unequal_motion_moves_joint_2_two_thirds_as_far():
     loops = dict(build_loops(config, ensemble().base.folder))
     peak = np.rad2deg(loops["controller_1"].reference.q_d.max(axis=0))
     np.testing.assert_allclose(peak, [22.0, 33.0], rtol=1e-3)
-
-
-def test_nominal_draw_moves_as_the_comparison_does():
-    reference, printed = nominal_with().reference, ensemble().base.config
-    assert isinstance(reference, MinimumJerk)
-    assert isinstance(printed, CompareConfig)
-    np.testing.assert_allclose(reference.amplitude.si, printed.reference.amplitude.si)
-    assert reference.duration == pytest.approx(printed.reference.duration)
 
 
 def test_noise_differs_between_draws_and_repeats_within_one():

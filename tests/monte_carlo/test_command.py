@@ -13,8 +13,7 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.monte_carlo.command import load_study, run_ensemble
-from tendonrepro.monte_carlo.data import read_ensemble
-from tendonrepro.monte_carlo.shards import FOLDER, shard_files
+from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
 
 QUIET = Talk(quiet=True)
 
@@ -59,7 +58,7 @@ def test_more_draws_reuse_what_is_there(tmp_path):
     # And fewer again leave the rest on disk.
     assert run_ensemble_of(tmp_path, study)["resumed_from"] == 8
     assert len(read_ensemble(tmp_path)) == DRAWS
-    assert len(shard_files(tmp_path / FOLDER)) == 16
+    assert len(shard_files(tmp_path / SHARDS)) == 16
 
 
 def test_the_summary_holds_what_the_contract_names(unbroken):

@@ -5,26 +5,13 @@ import os
 import signal
 import sys
 import time
-from functools import partial
 
 import numpy as np
 import pytest
-from support.fake_batch import (
-    DRAWS,
-    contents,
-    fake_batch,
-    results,
-    run_small,
-    shards_in,
-    slow_batch,
-    small_study,
-)
+from support.fake_batch import DRAWS, contents, results, run_small, shards_in, slow_batch, small_study
 
 from tendonrepro.console import Talk
-from tendonrepro.errors import TendonreproError
-from tendonrepro.monte_carlo.block import make_block
 from tendonrepro.monte_carlo.command import run_study
-from tendonrepro.parallel import as_ready
 
 pytestmark = [
     pytest.mark.slow,
@@ -87,24 +74,11 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
     assert resumed > kills // 5, "the kills came too early to try anything"
 
 
-def test_a_cluster_gives_the_same(tmp_path, monkeypatch):
+def test_a_cluster_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("tendonrepro.monte_carlo.command.draw_ensemble_figures", lambda *_: [])
     run_small(tmp_path / "unbroken", 1)
     folder, talk = tmp_path / "cluster", Talk(quiet=True)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         run_study(small_study(), DRAWS, folder, jobs=1, talk=talk, dask=address, simulate=slow_batch)
     assert results(folder) == results(tmp_path / "unbroken")
-
-
-def deadly(study, block):
-    if block.replicate == 3:
-        os._exit(9)
-    return make_block(study, block, fake_batch)
-
-
-def test_a_dead_worker_is_reported():
-    study = small_study()
-    with pytest.raises(TendonreproError, match="a worker process died"):
-        list(as_ready(partial(deadly, study), study.blocks(DRAWS), 2))

@@ -77,6 +77,7 @@ def test_shipped_comparison_is_the_nominal_draw():
     for name in ("amplitude", "rise", "hold"):
         ours, theirs = (getattr(config.reference, name).si for config in (drawn, shipped))
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+    assert drawn.reference.duration == pytest.approx(shipped.reference.duration)
     np.testing.assert_allclose(drawn.posture.si, shipped.posture.si, rtol=1e-12)
     assert drawn.control.filter_cutoff.si == shipped.control.filter_cutoff.si
     assert drawn.control.readings == shipped.control.readings

@@ -6,15 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.made_ensemble import (
-    DIVERGED,
-    PLANTS,
-    READINGS,
-    ensemble,
-    printed_like,
-    random_errors,
-    whole,
-)
+from support.made_ensemble import DIVERGED, PLANTS, READINGS, ensemble, random_errors, whole
 
 from tendonrepro.monte_carlo.report import _slow_ratio, ensemble_tables, population_summary
 
@@ -64,15 +56,3 @@ def test_a_table_without_plants_has_no_numbers():
     data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
     (table,) = ensemble_tables(whole(data))
     assert table.rows[0]["order_mae"] is table.rows[0]["distance"] is None
-
-
-@pytest.mark.parametrize(
-    ("factor", "ok", "verdict"),
-    [(1.0, 1, "agrees"), (2.0, 1, "cannot"), (2.0, 8, "too few")],
-)
-def test_a_reading_is_judged_by_the_printed_ratios(factor, ok, verdict):
-    data = printed_like(factor)
-    # 32 of 256 are too few to say anything.
-    codes = np.where(np.arange(PLANTS) % ok == 0, 0, DIVERGED).astype(np.int8)
-    data.status = lambda *_: codes
-    assert whole(data)["readings"][0]["agreement"]["verdict"] == verdict

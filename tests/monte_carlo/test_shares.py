@@ -130,16 +130,16 @@ def test_a_diverged_law_comes_last_and_two_of_them_are_not_in_order():
 
 
 def test_ties_the_worst_law_and_the_ratio_of_the_joints():
-    """Controllers 2 and 3 are 4.9 % apart on every second plant; Controller 1 is best on one of four."""
+    """Controllers 2 and 3 are 4.9 % apart on every eighth plant; Controller 1 is best on one of four."""
     place = np.arange(PLANTS)
     sizes = {
         "controller_1": np.where(place % 4 == 0, 0.5, 3.0),
-        "controller_2": np.where(place % 2 == 0, 0.951, 0.949),
+        "controller_2": np.where(place % 8 == 0, 0.951, 0.949),
     }
     data = ensemble(lambda run, *_: np.outer(sizes.get(run, np.ones(PLANTS)), [1.0, 4.0]), always_ok)
     found = reading_summary(data, "printed")
     for name, share in {
-        "share_c2_ties_c3": 0.5,
+        "share_c2_ties_c3": 0.125,
         "share_c1_worst": 0.75,
         "share_c1_best": 0.25,
         "share_c2_lt_c3_lt_c1": 0.75,

@@ -1,21 +1,18 @@
 """One folder of made-up results, texts like HTML in it, and the page of it."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
-from support.html_page import Element, read_page
+from support.html_page import read_page
 
 from tendonrepro.reporting.page import page
-from tendonrepro.reporting.stored import Stored, stored_under
+from tendonrepro.reporting.stored import stored_under
 
 LIKE_HTML = "a<b & <i>c</i>"
 """What a user writes into a title, a source or a table stands on the page as it is."""
 
 
-def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
+def write_experiment(folder, name, figures):
     """What the page reads of an experiment."""
     (folder / name / "figures").mkdir(parents=True)
     (folder / name / "tables").mkdir()
@@ -37,7 +34,7 @@ def write_experiment(folder: Path, name: str, figures: tuple[str, ...]) -> None:
 
 
 @pytest.fixture(scope="session")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results")
     write_experiment(folder, "decouple", ("fig06", "fig09", "fig10"))
     write_experiment(folder, "compare", ("fig13", "fig14"))
@@ -45,15 +42,15 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def found(results: Path) -> Stored:
+def found(results):
     return stored_under(results)
 
 
 @pytest.fixture(scope="session")
-def text(found: Stored) -> str:
+def text(found):
     return page(found)
 
 
 @pytest.fixture(scope="session")
-def made(text: str) -> Element:
+def made(text):
     return read_page(text)

@@ -1,11 +1,8 @@
 """What the command reads, replaces and refuses."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from support import ROOT
@@ -17,7 +14,7 @@ from tendonrepro.reporting.command import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
 
-def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path) -> None:
+def test_a_report_is_replaced_and_nothing_else_is(results, tmp_path):
     folder = tmp_path / "reports"
     shutil.copytree(results, folder)
     first = run_report(folder, None, force=False)
@@ -42,7 +39,7 @@ def test_a_report_is_replaced_and_nothing_else_is(results: Path, tmp_path: Path)
 
 @pytest.mark.parametrize("content", ["", '{"a": '])
 @pytest.mark.parametrize("name", ["compare/manifest.json", "claims/claims.json"])
-def test_damage_is_one_error_that_names_the_file(name: str, content: str, tmp_path: Path) -> None:
+def test_damage_is_one_error_that_names_the_file(name, content, tmp_path):
     path = tmp_path / name
     path.parent.mkdir()
     path.write_text(content, encoding="utf-8")
@@ -51,7 +48,7 @@ def test_damage_is_one_error_that_names_the_file(name: str, content: str, tmp_pa
     assert caught.value.where == str(path)
 
 
-def summary_of_256() -> dict[str, Any]:
+def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]
     held += [{**held[1], "name": name} for name in (BOTH, STEPS, FINE_STEPS, "Delta_unit=deg")]
@@ -59,7 +56,7 @@ def summary_of_256() -> dict[str, Any]:
     return json.loads(json.dumps(summary | rest))
 
 
-def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
+def test_what_is_kept_of_an_ensemble_is_what_is_stored():
     stored = json.loads((ROOT / "docs" / "results" / "ensemble.json").read_text(encoding="utf-8"))
     kept = thinned(summary_of_256())
     assert kept.keys() | {"physics_sha256"} == stored.keys()
@@ -73,9 +70,7 @@ def test_what_is_kept_of_an_ensemble_is_what_is_stored() -> None:
     ("source", "of_paper", "origin"),
     [("local", True, "run"), ("local", False, "shipped"), ("shipped", True, "shipped")],
 )
-def test_an_ensemble_is_shown_with_its_own_verdicts(
-    source: str, of_paper: bool, origin: str, tmp_path: Path
-) -> None:
+def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, origin, tmp_path):
     """Not one of another arm, nor one on which no claim was judged."""
     ledger = json.loads((ROOT / "docs" / "results" / "claims.json").read_text(encoding="utf-8"))
     files = {

@@ -1,21 +1,16 @@
 """The page: its structure, that its numbers are those of the results, that it asks nobody for anything."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from html import escape
-from pathlib import Path
-from typing import Any
 
 import pytest
 from reporting.conftest import LIKE_HTML
-from support.html_page import Element
 
-from tendonrepro.reporting import claims, orders
+from tendonrepro.reporting import answer, claims
 from tendonrepro.reporting.answer import percent
 from tendonrepro.reporting.page import page
-from tendonrepro.reporting.stored import Stored, stored_under
+from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import MAIN, in_words
 from tendonrepro.verdicts.rules import VERDICTS
@@ -24,16 +19,16 @@ PARTS = "answer why decouple compare claims inconsistencies questions assumption
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
-def plain(text: str) -> str:
+def plain(text):
     return text.replace("\u00a0", " ")
 
 
 @pytest.fixture(scope="module")
-def ledger(found: Stored) -> dict[str, Any]:
+def ledger(found):
     return {entry["id"]: entry for entry in found.ledger["claims"]}
 
 
-def test_the_parts_stand_in_order(made: Element, results: Path) -> None:
+def test_the_parts_stand_in_order(made, results):
     main = made.one("main")
     assert " ".join(part.attributes["id"] for part in main.children) == PARTS
     captions = [figure.one("figcaption").text for figure in main.all("figure")][1:]
@@ -41,7 +36,7 @@ def test_the_parts_stand_in_order(made: Element, results: Path) -> None:
     assert "results of 2027-01-02" in made.one("header").text
 
 
-def test_the_ten_claims(made: Element, ledger: dict[str, Any]) -> None:
+def test_the_ten_claims(made, ledger):
     head, *rows = made.one(id="answer").one("table").cells()
     assert len(head) == 3
     assert len(rows) == len(MAIN) == 10
@@ -51,7 +46,7 @@ def test_the_ten_claims(made: Element, ledger: dict[str, Any]) -> None:
         assert row[2].startswith(VERDICTS[ledger[name]["verdict"]])
 
 
-def test_every_verdict_stands_once_with_its_evidence(made: Element, ledger: dict[str, Any]) -> None:
+def test_every_verdict_stands_once_with_its_evidence(made, ledger):
     entries = [entry for entry in ledger.values() if entry["repeats"] is None or entry["kind"] == "ensemble"]
     verdicts, evidence = made.one(id="claims").all("details")
     _, *rows = verdicts.one("table").cells()
@@ -61,7 +56,7 @@ def test_every_verdict_stands_once_with_its_evidence(made: Element, ledger: dict
     assert len(evidence.all("table")) == sum(bool(claims.statements(entry)) for entry in entries)
 
 
-def test_every_verdict_has_words(ledger: dict[str, Any]) -> None:
+def test_every_verdict_has_words(ledger):
     assert {one.verdict for one in judge_all(Sources())} <= VERDICTS.keys()
     assert (
         claims.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
@@ -69,15 +64,15 @@ def test_every_verdict_has_words(ledger: dict[str, Any]) -> None:
     assert "controller_" not in " ".join(claims.named(entry) for entry in ledger.values())
 
 
-def test_the_table_of_what_it_depends_on(made: Element, found: Stored) -> None:
+def test_the_table_of_what_it_depends_on(made, found):
     changes, depends = made.one(id="why").all("table")
     assert len(changes.cells()) == 4
     head, *rows = depends.cells()
-    assert tuple(head) == orders.HEADS
-    assert [tuple(map(plain, row)) for row in rows] == orders.robustness(found.summary)
+    assert tuple(head) == answer.HEADS
+    assert [tuple(map(plain, row)) for row in rows] == answer.robustness(found.summary)
 
 
-def test_nothing_is_loaded_from_elsewhere(made: Element, text: str) -> None:
+def test_nothing_is_loaded_from_elsewhere(made, text):
     policy = made.one("meta", **{"http-equiv": "Content-Security-Policy"}).attributes["content"]
     assert policy.startswith("default-src 'none'")
     assert all(element.attributes.get("src", "data:").startswith("data:") for element in made.all())
@@ -86,16 +81,16 @@ def test_nothing_is_loaded_from_elsewhere(made: Element, text: str) -> None:
     assert len(text.encode()) < 5e6
 
 
-def test_what_looks_like_html_stands_as_text(made: Element) -> None:
+def test_what_looks_like_html_stands_as_text(made):
     for part in ("compare", "assumptions", "again"):
         assert LIKE_HTML in made.one(id=part).text
 
 
-def test_equal_contents_give_equal_text(results: Path, text: str) -> None:
+def test_equal_contents_give_equal_text(results, text):
     assert page(stored_under(results)) == text
 
 
-def test_what_was_not_run_names_its_command(tmp_path: Path) -> None:
+def test_what_was_not_run_names_its_command(tmp_path):
     text = page(stored_under(tmp_path))
     for command in ("tendonrepro decouple", "tendonrepro compare"):
         assert f"<code>{command}</code>" in text
@@ -104,7 +99,7 @@ def test_what_was_not_run_names_its_command(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium on the path")
-def test_a_phone_shows_all_without_scrolling_sideways(text: str, tmp_path: Path) -> None:
+def test_a_phone_shows_all_without_scrolling_sideways(text, tmp_path):
     frame = (
         '<iframe id=f style="width:390px;height:844px;border:0"></iframe><p id=out></p><script>'
         "f.onload = () => {const page = f.contentDocument; const all = [...page.querySelectorAll('main *')];"

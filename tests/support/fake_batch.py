@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.command import load_study, run_study
-from tendonrepro.monte_carlo.shards import FOLDER, shard_files
+from tendonrepro.monte_carlo.data import SHARDS, shard_files
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -82,7 +82,7 @@ def run_small(folder, jobs):
     """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
     from tendonrepro.monte_carlo import command as ensemble
 
-    ensemble.draw_ensemble_figures = lambda *_: []
+    ensemble.ensemble_figures = lambda *_: {}
     ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
 
 
@@ -95,7 +95,7 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
 def shards_in(folder):
     """Shards of a result, and of one that is not finished."""
     unfinished = folder.with_name(f".{folder.name}.partial")
-    return [path for above in (folder, unfinished) for path in shard_files(above / FOLDER)]
+    return [path for above in (folder, unfinished) for path in shard_files(above / SHARDS)]
 
 
 def contents(folder):

@@ -21,8 +21,6 @@ ERRORS_DEG = {
 
 ORDER = {"controller_1": 0, "controller_1_payload": 0, "controller_2": 1, "controller_3": 2}
 
-OK_NAMES = {"exact", "reproduced", "compatible"}
-
 
 class MadeEnsemble:
     of_paper = True

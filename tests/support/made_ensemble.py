@@ -26,7 +26,6 @@ def ensemble(errors, statuses):
         population="box",
         joints=JOINTS,
         alpha=(0.1, 0.2),
-        runs=RUNS,
         readings=READINGS,
         replicate=np.repeat(np.arange(SCRAMBLINGS), EACH),
         status=statuses,

@@ -1,7 +1,5 @@
 """Overlays show what was measured, below what was simulated, and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +9,6 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.results.figures.catalogue import FIGURES, draw
-from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.validation.figures import draw_overlay, overlays
 
 NAMES = [name for name in FIGURES if name != "fig06"]
@@ -19,14 +16,14 @@ NAMES = [name for name in FIGURES if name != "fig06"]
 
 
 @pytest.fixture(name="file")
-def _file() -> TraceFile:
+def _file():
     compare = make_compare_file(step=0.02, source="measured")
     decouple = make_decouple_file(step=0.02, source="measured")
     runs = {name: measured_trace(trace) for name, trace in {**compare.runs, **decouple.runs}.items()}
     return replace(compare, experiment="both", runs=runs)
 
 
-def models(file: TraceFile) -> dict[str, Trace]:
+def models(file):
     """Simulations of all runs, a little larger than these."""
     return {
         name: replace(trace, variables={key: 1.1 * values for key, values in trace.variables.items()})
@@ -34,7 +31,7 @@ def models(file: TraceFile) -> dict[str, Trace]:
     }
 
 
-def test_every_figure_with_data_is_there(file: TraceFile) -> None:
+def test_every_figure_with_data_is_there(file):
     assert overlays(file) == NAMES
     alone = replace(file, runs={LOADED: file.runs[LOADED]})
     assert "fig16" in overlays(alone)
@@ -42,7 +39,7 @@ def test_every_figure_with_data_is_there(file: TraceFile) -> None:
 
 
 @pytest.mark.parametrize("number", NAMES)
-def test_panels_are_the_papers_and_no_curve_hides_the_other(number: str, file: TraceFile) -> None:
+def test_panels_are_the_papers_and_no_curve_hides_the_other(number, file):
     drawn = draw_overlay(number, file, models(file))
     plain = draw(number, file)
     assert set(drawn.axes) == set(plain.axes)
@@ -62,7 +59,7 @@ def test_panels_are_the_papers_and_no_curve_hides_the_other(number: str, file: T
     assert "Thin, dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
-def test_curves_are_the_measured_and_the_simulated_values(file: TraceFile) -> None:
+def test_curves_are_the_measured_and_the_simulated_values(file):
     lines = draw_overlay("fig14", file, models(file)).lines
     e = np.rad2deg(file.runs["controller_2"]["e"][:, 0])
     for kind, size in (("", 1.0), (" simulated", 1.1)):
@@ -72,10 +69,10 @@ def test_curves_are_the_measured_and_the_simulated_values(file: TraceFile) -> No
 
 
 @pytest.mark.parametrize("number", ["fig14", "fig15"])
-def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(number: str, file: TraceFile) -> None:
+def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(number, file):
     """Joint 1 was recorded while it was held; the model has joints 2 and 3."""
 
-    def with_joint_1(trace: Trace) -> Trace:
+    def with_joint_1(trace):
         wider = {key: np.pad(values, ((0, 0), (1, 0))) for key, values in trace.variables.items()}
         return replace(trace, joint=(1, *trace.joint), variables=wider)
 
@@ -90,7 +87,7 @@ def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(number: str, f
         assert above.max() == pytest.approx(1.1 * below.max(), rel=0.02)
 
 
-def test_a_simulation_is_claimed_where_it_is_drawn(file: TraceFile) -> None:
+def test_a_simulation_is_claimed_where_it_is_drawn(file):
     gone = make_compare_file(step=0.02, diverged={"controller_1": 5.0}).runs["controller_1"]
     alone = replace(file, runs={gone.name: file.runs[gone.name]})
     assert "controller_1 diverged at 5.00 s" in draw_overlay("fig14", alone, {gone.name: gone}).caption
@@ -99,7 +96,7 @@ def test_a_simulation_is_claimed_where_it_is_drawn(file: TraceFile) -> None:
     assert elsewhere.figure.get_supxlabel() == "Measured"
 
 
-def test_what_was_not_recorded_is_said_and_its_simulation_left_out(file: TraceFile) -> None:
+def test_what_was_not_recorded_is_said_and_its_simulation_left_out(file):
     bare = {}
     for name in CONTROLLERS:
         kept = {key: value for key, value in file.runs[name].variables.items() if key != "H_hat"}

@@ -1,23 +1,18 @@
 """Residuals of a rerun, what departs from its motion, and signs in what is told of a measurement."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from support.measured_synthetic import measured_trace, moved, with_runs
 from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
 
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion import Reference, recorded, recover, thinned
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.dataset.motion import recorded, thinned
+from tendonrepro.results.records import Trace
 from tendonrepro.validation import rerun
 from tendonrepro.validation.rerun import aligned, departure, reruns, write_compare, write_decouple
 from tendonrepro.validation.residuals import comparison_rows, coupling_rows
@@ -34,11 +29,11 @@ class TestLag:
 
     LATE = 0.005
 
-    def pair(self, amplitude: float, period: float) -> tuple[Trace, Trace]:
+    def pair(self, amplitude, period):
         time = 0.001 * np.arange(10001)
         rate = 2.0 * np.pi / period
 
-        def at(time: Array) -> Array:
+        def at(time):
             return np.repeat(amplitude * np.sin(rate * time)[:, np.newaxis], 2, axis=1)
 
         attributes = {"status": "ok"}
@@ -48,20 +43,20 @@ class TestLag:
 
     @pytest.mark.parametrize("period", [1.0, 10.0])
     @pytest.mark.parametrize("amplitude_deg", [5.0, 30.0])
-    def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg: float, period: float) -> None:
+    def test_slow_motion_on_an_encoders_steps_has_its_lag(self, amplitude_deg, period):
         ours, model = self.pair(np.deg2rad(amplitude_deg), period)
         for late, early in zip(comparison_rows(ours, model), comparison_rows(model, ours), strict=True):
             assert late["lag_s"] == pytest.approx(self.LATE, rel=0.05)
             assert early["lag_s"] == pytest.approx(-self.LATE, rel=0.05)
 
-    def test_an_encoder_that_starts_elsewhere_is_not_late(self) -> None:
+    def test_an_encoder_that_starts_elsewhere_is_not_late(self):
         """Over a part of a period the rate has a mean, and an offset would look like a lag."""
         ours, model = self.pair(np.deg2rad(10.0), 5.0)
         elsewhere = {"q_encoder": ours["q_encoder"][:1667] + np.deg2rad(1.0)}
         for row in comparison_rows(replace(ours, time=ours.time[:1667], variables=elsewhere), model):
             assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
 
-    def test_a_model_at_rest_tells_no_lag(self) -> None:
+    def test_a_model_at_rest_tells_no_lag(self):
         ours, model = self.pair(np.deg2rad(2.0), 2.5)
         still = replace(model, variables={"q_encoder": np.zeros_like(model["q_encoder"])})
         assert [row["lag_s"] for row in comparison_rows(ours, still)] == [None, None]
@@ -73,10 +68,10 @@ class TestSizes:
     TIME = 0.01 * np.arange(200.0)
     WAVE = np.column_stack([np.sin(TIME), np.cos(3.0 * TIME)])
 
-    def run(self, **variables: Array) -> Trace:
+    def run(self, **variables):
         return Trace(FIRST, self.TIME, (2, 3), variables, {"status": "ok"})
 
-    def test_what_the_motors_say_is_compared_by_its_mean(self) -> None:
+    def test_what_the_motors_say_is_compared_by_its_mean(self):
         apart = np.deg2rad([1.0, -2.0]) * (2.0 + self.WAVE)
         ours = self.run(q_encoder=self.WAVE, q_calculated=self.WAVE - apart)
         exact = self.run(q_encoder=self.WAVE, q_calculated=self.WAVE)
@@ -85,7 +80,7 @@ class TestSizes:
             assert row["measured_calculated_mae_deg"] == pytest.approx(size)
             assert row["simulated_calculated_mae_deg"] == 0.0
 
-    def test_no_error_has_no_ratio_and_a_constant_one_no_correlation(self) -> None:
+    def test_no_error_has_no_ratio_and_a_constant_one_no_correlation(self):
         ours, none = self.run(e=0.0 * self.WAVE + 0.1), self.run(e=0.0 * self.WAVE)
         for row in comparison_rows(ours, none):
             assert row["mae_ratio"] is row["e_correlation"] is None
@@ -97,7 +92,7 @@ class TestSizes:
             assert row["simulated_mae_deg"] == pytest.approx(2.0 * size)
 
     @pytest.mark.parametrize("name", ["e", "q_encoder"])
-    def test_they_are_mean_root_mean_square_and_largest(self, name: str) -> None:
+    def test_they_are_mean_root_mean_square_and_largest(self, name):
         apart = np.deg2rad([1.0, 2.0]) * (1.0 + self.WAVE)
         rows = comparison_rows(self.run(**{name: self.WAVE + apart}), self.run(**{name: self.WAVE}))
         letter = name[0]
@@ -108,7 +103,7 @@ class TestSizes:
             assert row[f"{letter}_rms_deg"] == pytest.approx(np.sqrt((size**2).mean()))
             assert row[f"{letter}_max_deg"] == pytest.approx(size.max())
 
-    def test_what_only_one_of_them_recorded_is_left_out(self) -> None:
+    def test_what_only_one_of_them_recorded_is_left_out(self):
         whole = self.run(e=self.WAVE, q_encoder=self.WAVE, q_calculated=self.WAVE)
         for row in comparison_rows(whole, self.run(e=self.WAVE, q_encoder=self.WAVE)):
             assert "measured_calculated_mae_deg" not in row
@@ -116,51 +111,45 @@ class TestSizes:
             assert row == {"run": FIRST, "joint": row["joint"], "status": "ok"}
 
 
-@pytest.fixture(scope="module", name="reference")
-def _reference() -> Reference:
-    return recover(MOVES)
+@pytest.fixture(scope="module", name="measured")
+def _measured():
+    return measured_of(MOVES, published())
 
 
 class TestDeparture:
     @pytest.mark.parametrize("by", [0.0, 0.7])
     @pytest.mark.parametrize("share", [0.7, 1.02, -1.0])
-    def test_a_run_that_moved_otherwise_is_told_by_how_far(
-        self, reference: Reference, share: float, by: float
-    ) -> None:
+    def test_a_run_that_moved_otherwise_is_told_by_how_far(self, measured, share, by):
         second = MOVES.runs[SECOND]
-        far = np.rad2deg(departure(moved(second, share * second["q_d"], by), reference))
+        far = np.rad2deg(departure(moved(second, share * second["q_d"], by), measured.reference))
         assert far == pytest.approx(30.0 * abs(1.0 - share), rel=0.1)
 
     @pytest.mark.parametrize("by", [0.0, 0.7, 0.7013])
     @pytest.mark.parametrize("counts", [0.0, 0.3, 20.8])
-    def test_where_when_and_how_roughly_it_was_recorded_is_no_departure(
-        self, reference: Reference, counts: float, by: float
-    ) -> None:
+    def test_where_when_and_how_roughly_it_was_recorded_is_no_departure(self, measured, counts, by):
         second = MOVES.runs[SECOND]
         smooth = moved(second, second["q_d"] + counts * COUNT, by)
         q_d = COUNT * np.round(smooth["q_d"] / COUNT)
         q_d[500:600] = np.nan
-        assert departure(smooth, reference) == 0.0
-        assert departure(replace(smooth, variables={"q_d": q_d}), reference) == 0.0
-        assert departure(replace(smooth, variables={"e": second["e"]}), reference) == 0.0
+        assert departure(smooth, measured.reference) == 0.0
+        assert departure(replace(smooth, variables={"q_d": q_d}), measured.reference) == 0.0
+        assert departure(replace(smooth, variables={"e": second["e"]}), measured.reference) == 0.0
 
     @pytest.mark.parametrize(("samples", "departs"), [(-0.8, False), (0.8, False), (-2.5, True), (2.5, True)])
-    def test_one_sample_of_time_is_no_departure(
-        self, reference: Reference, samples: float, departs: bool
-    ) -> None:
+    def test_one_sample_of_time_is_no_departure(self, measured, samples, departs):
         """Of the reference's own run, whose time is not adjusted."""
         first = MOVES.runs[FIRST]
-        assert (departure(moved(first, first["q_d"], samples * STEP), reference) > 0.0) is departs
+        assert (departure(moved(first, first["q_d"], samples * STEP), measured.reference) > 0.0) is departs
 
 
-def test_only_what_the_simulation_reached_is_compared() -> None:
+def test_only_what_the_simulation_reached_is_compared():
     model = make_compare_file(step=0.01, diverged={FIRST: 5.0}).runs[FIRST]
     (row, _) = comparison_rows(measured_trace(make_compare_file(step=0.01).runs[FIRST]), model)
     assert row["q_samples"] == len(model.time)
     assert row["status"] == "diverged"
 
 
-def test_what_was_not_measured_is_not_moved() -> None:
+def test_what_was_not_measured_is_not_moved():
     trace = MOVES.runs[FIRST]
     start = trace["q_d"] + np.array([0.2, np.nan])
     single = replace(trace, joint=(2,), variables={"q_d": start[:, :1]})
@@ -174,10 +163,12 @@ def test_what_was_not_measured_is_not_moved() -> None:
     np.testing.assert_array_equal(bare["q_d"], trace["q_d"])
 
 
-def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference, tmp_path: Path) -> None:
+def test_a_mass_that_is_the_configurations_keeps_its_source(measured, tmp_path):
     base, second = load_config(None, "compare"), MOVES.runs[SECOND]
     heavy = replace(second, attributes=dict(second.attributes) | {"payload_mass": 0.25})
-    write_compare(base, reference, {**MOVES.runs, SECOND: heavy}, "SYNTHETIC.h5", tmp_path)
+    write_compare(
+        replace(measured, file=with_runs(MOVES, controller_2=heavy)), base, "SYNTHETIC.h5", tmp_path
+    )
     runs, found = (
         dict(one.tree["runs"]) for one in (base, load_config(tmp_path / "compare.yaml", "compare"))
     )
@@ -188,8 +179,8 @@ def test_a_mass_that_is_the_configurations_keeps_its_source(reference: Reference
     assert found == runs
 
 
-def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
+def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path, monkeypatch):
+    asked = []
     monkeypatch.setattr(rerun, "simulated", lambda _path, zeros, *_: asked.extend(zeros) or {})
     second = MOVES.runs[SECOND]
     file = with_runs(MOVES, controller_2=moved(second, 0.7 * second["q_d"]))
@@ -198,39 +189,40 @@ def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path: Path, monkeypatch
     assert [SECOND in text and "9 deg" in text for text in missing] == [True]
 
 
-def test_why_there_is_no_rerun_is_said(tmp_path: Path) -> None:
+def test_why_there_is_no_rerun_is_said(tmp_path):
     trace = MOVES.runs[FIRST]
     for factor, why in ((0.0, "q_d does not move"), (-4.0, "deg")):
         file = replace(MOVES, runs={FIRST: measured_trace(trace, q_d=factor * trace["q_d"])})
         assert [why in text for text in missing_of(file, tmp_path)] == [True]
 
 
-def missing_of(file: TraceFile, folder: Path) -> list[str]:
+def missing_of(file, folder):
     measured, base = measured_of(file, published()), load_config(None, "compare")
     return reruns(measured, base, "SYNTHETIC.h5", folder, Talk(quiet=True))[1]
 
 
 @pytest.mark.parametrize(("drives", "variable"), [("motors", "q_motor_encoder"), ("joints", "q_encoder")])
-def test_the_decoupling_motion_is_that_of_what_was_recorded(
-    drives: str, variable: str, tmp_path: Path
-) -> None:
-    trace = make_decouple_file(step=0.2, source="measured").runs["decouple"]
+def test_the_decoupling_motion_is_that_of_what_was_recorded(drives, variable, tmp_path):
+    file = make_decouple_file(step=0.2, source="measured")
+    trace = file.runs["decouple"]
     kept = {name: trace[name] for name in ("q_encoder", variable)}
-    base = load_config(None, "decouple")
-    write_decouple(base, replace(trace, variables=kept), "SYNTHETIC.h5", tmp_path)
+    measured = measured_of(with_runs(file, decouple=replace(trace, variables=kept)), published())
+    base = load_config(None, "compare", overrides=["manipulator.gravity=9.7", "reference.periods=2"])
+    write_decouple(measured, base, "SYNTHETIC.h5", tmp_path)
     knots = thinned(recorded(trace, variable))
     time, angles = read_samples(tmp_path / "decouple_reference.csv")
     for place, joint in enumerate(trace.joint):
         assert angles[joint] == pytest.approx(knots.angle[:, place], abs=1e-8)
     assert time == pytest.approx(knots.time, abs=1e-8)
-    tree: Any = load_config(tmp_path / "decouple.yaml", "decouple").tree
+    tree = load_config(tmp_path / "decouple.yaml", "decouple").tree
+    assert tree["manipulator"]["gravity"]["value"] == 9.7
     (found,) = tree["runs"].values()
     assert found["drives"] == drives
     assert found["reference"] == {"kind": "sampled", "file": "decouple_reference.csv"}
-    assert found["payload"] == base.tree["runs"]["decouple"]["payload"]
+    assert found["payload"] == load_config(None, "decouple").tree["runs"]["decouple"]["payload"]
 
 
-def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there() -> None:
+def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there():
     file = make_decouple_file(source="measured")
     trace = file.runs["decouple"]
     encoder = trace["q_encoder"].copy()

@@ -1,11 +1,9 @@
 """A measurement against the print and the model: windows, residuals, and everything that is written."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 from support.measured_synthetic import LOADED, measured_trace, printed_file
@@ -21,7 +19,7 @@ from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.records import PlantRecord, TraceFile
+from tendonrepro.results.records import PlantRecord
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.command import closest_window, measured_tables, run_validate, table_data
 from tendonrepro.verdicts.measured import Measured, measured_of
@@ -32,7 +30,7 @@ SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
 INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 
 
-def validate(path: Path, out: Path, *overrides: str, force: bool = False, dry_run: bool = False) -> Any:
+def validate(path, out, *overrides, force=False, dry_run=False):
     return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
 
 
@@ -46,7 +44,7 @@ class TestMeasuredTables:
     }
     TRIED = Tried("whole", False, SIZES, ("table2.controller_2.rmse.joint_2",))
 
-    def test_they_hold_what_was_measured_beside_the_print(self) -> None:
+    def test_they_hold_what_was_measured_beside_the_print(self):
         found = table_data(self.TRIED, published())
         assert found["table3"] == {}
         assert found["table2"].keys() == {"controller_2"}
@@ -55,7 +53,7 @@ class TestMeasuredTables:
         assert row["printed"]["rmse_deg"] == [0.375, 0.292]
         assert row["agree"] == {"mae_deg": [False, False], "rmse_deg": [True, None]}
 
-    def test_their_files_hold_every_number_of_every_window(self) -> None:
+    def test_their_files_hold_every_number_of_every_window(self):
         measured = Measured(make_compare_file(), PrintedTables((self.TRIED,), {}, 1.0), None)
         second, windows = measured_tables(measured, published(), "SYNTHETIC.h5")
         assert second.name == "table2"
@@ -66,7 +64,7 @@ class TestMeasuredTables:
 
 
 @pytest.fixture(scope="module", name="shipped")
-def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
     loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
     traces = simulate_all([(loaded, ())], QUIET)[0]
@@ -89,14 +87,13 @@ def _shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module", name="found")
-def _found(shipped: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def _found(shipped, tmp_path_factory):
     out = tmp_path_factory.mktemp("validated") / "out"
-    found: dict[str, Any] = validate(shipped, out, "manipulator.gravity=9.81")
-    return found
+    return validate(shipped, out, "manipulator.gravity=9.81")
 
 
 class TestValidate:
-    def test_the_model_explains_its_own_traces(self, found: dict[str, Any]) -> None:
+    def test_the_model_explains_its_own_traces(self, found):
         assert found["reference"]["begin_s"] == pytest.approx(0.0, abs=0.02)
         rows = found["residuals"]["rows"]
         assert [(row["run"], row["joint"]) for row in rows] == [
@@ -106,7 +103,7 @@ class TestValidate:
         for name, most in {"e_max_deg": 0.03, "q_max_deg": 0.03, "q_d_max_deg": 0.011, "lag_s": 1e-4}.items():
             assert max(abs(row[name]) for row in rows) < most
 
-    def test_tables_are_those_of_the_errors(self, found: dict[str, Any], shipped: Path) -> None:
+    def test_tables_are_those_of_the_errors(self, found, shipped):
         data = paper_tables.table_data(read_traces(shipped))
         for table, run in (("table2", "controller_1"), ("table2", "controller_2"), ("table3", "with_load")):
             for size in ("mae_deg", "rmse_deg"):
@@ -114,14 +111,14 @@ class TestValidate:
         assert found["table2"]["controller_1"]["agree"]["mae_deg"] == [False, False]
         assert found["table2"]["controller_2"]["printed"]["rmse_deg"] == [0.375, 0.292]
 
-    def test_what_is_missing_is_said(self, found: dict[str, Any]) -> None:
+    def test_what_is_missing_is_said(self, found):
         assert found["missing"] == ["the run controller_3", "the run decouple"]
         claims = {claim["id"]: claim for claim in found["claims"]}
         assert claims["C2"]["verdict"] == "not_testable"
         assert claims["K3"]["verdict"] == "not_testable"
         assert claims["K5"]["verdict"] in {"reproduced", "not_reproduced"}
 
-    def test_every_file_is_there_and_in_the_manifest(self, found: dict[str, Any], shipped: Path) -> None:
+    def test_every_file_is_there_and_in_the_manifest(self, found, shipped):
         out = Path(found["out"])
         stored = json.loads((out / "validate.json").read_text())
         assert stored == json.loads(json.dumps({key: found[key] for key in stored}))
@@ -136,7 +133,7 @@ class TestValidate:
         assert load_config(out / "compare.yaml", "compare").config.title.endswith("SYNTHETIC.h5")
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 
-    def test_a_dry_run_writes_nothing(self, shipped: Path, tmp_path: Path) -> None:
+    def test_a_dry_run_writes_nothing(self, shipped, tmp_path):
         plan = validate(shipped, tmp_path / "out", dry_run=True)
         assert plan["dry_run"]
         file = read_traces(shipped)
@@ -147,7 +144,7 @@ class TestValidate:
         assert not (tmp_path / "out").exists()
 
 
-def stored_run(folder: Path, file: TraceFile, *names: str, **variables: Any) -> Path:
+def stored_run(folder, file, *names, **variables):
     """A file with the first run alone, of some variables as they are and others as given."""
     trace = next(iter(file.runs.values()))
     kept = {name: trace[name] for name in names} | variables
@@ -156,7 +153,7 @@ def stored_run(folder: Path, file: TraceFile, *names: str, **variables: Any) -> 
     return folder / "SYNTHETIC.h5"
 
 
-def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path: Path) -> None:
+def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path):
     path = stored_run(tmp_path, make_compare_file(source="measured", step=0.05), "e")
     found = validate(path, tmp_path / "out")
     assert found["reference"] is None
@@ -166,7 +163,7 @@ def test_a_file_without_the_desired_angles_still_has_its_tables(tmp_path: Path) 
     assert found["guesses"] == []
 
 
-def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
+def test_simulated_and_absent_files_are_refused(tmp_path):
     with pytest.raises(DataMissingError, match=r"no measured(.|\n)*fetch(.|\n)*ingest"):
         validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out")
     write_traces(tmp_path / "SYNTHETIC.h5", make_decouple_file())
@@ -176,7 +173,7 @@ def test_simulated_and_absent_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
+def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path):
     file = make_decouple_file(source="measured")
     path = stored_run(tmp_path, file, "q_encoder", "q_motor_encoder", "q_calculated")
     found = validate(path, tmp_path / "out")
@@ -190,7 +187,7 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path: Path) -> None:
     assert claims["C1"] == "not_testable"
 
 
-def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides() -> None:
+def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides():
     """All but one printed number after the first period, none over the whole run."""
     file = printed_file(lambda time: time >= PERIOD)
     first = file.runs["controller_1"]

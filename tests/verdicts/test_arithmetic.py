@@ -1,40 +1,21 @@
 from fractions import Fraction
+from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.oracles import TABLE_1, coupling_by_columns
 
-from tendonrepro.configuration.published import (
-    PrintedNumber,
-    coupling_of,
-    exact,
-    published,
-    quotient,
-    rounding,
-    table_1,
-)
+from tendonrepro.configuration.published import PrintedNumber, exact, published, quotient, rounding, table_1
 from tendonrepro.verdicts import from_print
-from tendonrepro.verdicts.from_print import (
-    FROM_THE_PRINT,
-    all_percentages,
-    inverse,
-    printed_inverse,
-    slopes_of_coupling,
-)
 from tendonrepro.verdicts.numbers import cut
 from tendonrepro.verdicts.rules import meets
 
 
 def printed(digits):
-    return PrintedNumber(
-        id="x",
-        kind="number",
-        where="here",
-        value=float(digits),
-        unit="1",
-        decimals=len(digits.partition(".")[2]),
-    )
+    held = {"id": "x", "kind": "number", "where": "here", "value": float(digits), "unit": "1"}
+    return PrintedNumber(**held, decimals=len(digits.partition(".")[2]))
 
 
 class TestIntervals:
@@ -59,6 +40,13 @@ class TestIntervals:
         found = [x / y for x in numerator for y in denominator]
         assert (low, high) == (min(found), max(found))
 
+    @pytest.mark.parametrize("metric", ["mae", "rmse"])
+    def test_a_dose_spans_what_the_rounding_of_its_four_numbers_allows(self, metric):
+        names = (f"table2.controller_{k}.{metric}.joint_{joint}" for joint in (3, 2) for k in (1, 2))
+        ends = [rounding(published().quantity(name)) for name in names]
+        found = [(1 - c1_3 / c2_3) / (1 - c1_2 / c2_2) for c1_3, c2_3, c1_2, c2_2 in product(*ends)]
+        assert published().interval(f"dose.controller_1_of_2.{metric}.joint_3") == (min(found), max(found))
+
 
 class TestPercentages:
     @pytest.mark.parametrize(
@@ -75,7 +63,7 @@ class TestPercentages:
         assert cut(Fraction(value), printed(digits)) == way
 
     def test_those_of_the_paper_and_what_rounding_allows(self):
-        found = all_percentages(published(), "A1").evidence
+        found = from_print.all_percentages(published(), "A1").evidence
         assert found["inconsistent"] == []
         rows = {row["id"]: row for row in found["percentages"]}
         cut_off = {row["printed"] for row in rows.values() if row["printed_is"] == "cut off"}
@@ -88,16 +76,16 @@ class TestPercentages:
 
 class TestMatrices:
     def test_exact_inverse_against_numpy(self):
-        lower = printed_inverse(published())
+        lower = from_print.printed_inverse(published())
         full = np.zeros((3, 3))
         for n, row in enumerate(lower):
             full[n, : n + 1] = [float(x) for x in row]
-        for n, row in enumerate(inverse(lower)):
+        for n, row in enumerate(from_print.inverse(lower)):
             assert [float(x) for x in row] == pytest.approx(np.linalg.inv(full)[n, : n + 1])
-        assert pytest.approx(full) == coupling_of(table_1(published()))[1]
+        assert pytest.approx(full) == coupling_by_columns(TABLE_1)
 
     def test_slopes(self):
-        winch, pulley = slopes_of_coupling(table_1(published()))
+        winch, pulley = from_print.slopes_of_coupling(table_1(published()))
         assert winch == pytest.approx(np.full(3, 35.0 / 37.0 * (1.0 / 1.01 - 1.0)))
         assert pulley == pytest.approx(np.full(3, 35.0 / 37.0 * 0.01))
 
@@ -114,12 +102,12 @@ class TestMatrices:
         table = table_1(published()).copy()
         table[1, 2] = ratio
         monkeypatch.setattr(from_print, "table_1", lambda _: table)
-        assert (FROM_THE_PRINT[rule](published(), rule).decision.verdict == "reproduced") is holds
+        assert (from_print.FROM_THE_PRINT[rule](published(), rule).decision.verdict == "reproduced") is holds
 
     @pytest.mark.parametrize(("apart", "holds"), [(2e-12, True), (3e-12, False)])
     def test_branches_agree_to_1e_12(self, monkeypatch, apart, holds):
         """At Delta = 0.2 the slope of gamma_2 e^2 is 0.4 gamma_2."""
         exact = from_print.polynomial
         monkeypatch.setattr(from_print, "polynomial", lambda *of: (exact(*of)[0], exact(*of)[1] + apart))
-        found = FROM_THE_PRINT["smooth_branch"](published(), "smooth")
+        found = from_print.FROM_THE_PRINT["smooth_branch"](published(), "smooth")
         assert (found.decision.verdict == "reproduced") is holds

@@ -8,8 +8,7 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.monte_carlo.shards import FOLDER as SHARDS
-from tendonrepro.monte_carlo.shards import shard_files
+from tendonrepro.monte_carlo.data import SHARDS, shard_files
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped

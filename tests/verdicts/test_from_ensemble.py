@@ -4,23 +4,15 @@ from itertools import product
 
 import numpy as np
 import pytest
-from support.made_claims import (
-    ESTIMATES,
-    OK_NAMES,
-    RUNS,
-    MadeEnsemble,
-    one,
-    paper_of,
-    sizes_of,
-    spoil,
-    verdicts,
-)
+from support.made_claims import ESTIMATES, RUNS, MadeEnsemble, one, paper_of, sizes_of, spoil, verdicts
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, parse_reading
 from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER
+
+OK_NAMES = {"exact", "reproduced", "compatible"}
 
 
 class TestKnownAnswers:
@@ -109,14 +101,10 @@ PARTS = [
     ("C2", FIRST, PRINTED, ["mae"], 2.0, "MAE of controller_1"),
     ("F1", THIRD, PRINTED, ["rmse"], 0.8, "RMSE/MAE of controller_2"),
     ("C5", FIRST, PRINTED, sizes_of("H_hat", "_down"), 1.4, "moving down"),
-    ("C5", FIRST, PRINTED, sizes_of("H_hat", "_up"), 1.1, "moving up"),
-    ("C6", FIRST, PRINTED, sizes_of("torque", "_up"), 1.1, "moving up"),
     ("C6", FIRST, PRINTED, ["torque_step_rms"], 1.2, "torque step"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
     ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
     ("P1", LOADED, PRINTED, ["mae"], 0.5, "MAE"),
-    ("L1", FIRST, PRINTED, ["max_error"], 1e3, "(30)"),
-    ("L1", FIRST, PRINTED, ["rate_max"], 1e3, "(31)"),
 ]
 """What turns some statements round, and a word in them."""
 

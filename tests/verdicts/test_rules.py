@@ -8,20 +8,9 @@ from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import SPREAD
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
 from tendonrepro.simulation.streaming import SLOW
-from tendonrepro.verdicts import from_print as claim_rules
-from tendonrepro.verdicts import rules
+from tendonrepro.verdicts import from_print, rules
 from tendonrepro.verdicts.from_measurement import AGREES, LEAST_RANGE, TINY
-from tendonrepro.verdicts.rules import (
-    FAILURES,
-    VERDICTS,
-    Decision,
-    of_claim,
-    of_courses,
-    of_number,
-    of_share,
-    of_values,
-    power_of,
-)
+from tendonrepro.verdicts.rules import Decision
 from tendonrepro.verdicts.statements import CLAIMS
 from tendonrepro.verdicts.tension import MARGINS
 
@@ -42,7 +31,7 @@ class TestNumbers:
 
     def test_inside_includes_the_ends(self):
         printed = [(0.9, 1.0), (0.9, 0.999), (2.0, 2.1), (2.001, 2.1), (0.0, 3.0)]
-        verdicts = [of_number(ends, found(1.0, 2.0), None, 0.3).verdict for ends in printed]
+        verdicts = [rules.of_number(ends, found(1.0, 2.0), None, 0.3).verdict for ends in printed]
         inside, outside = "compatible", "outside_model"
         assert verdicts == [inside, outside, inside, outside, inside]
 
@@ -60,12 +49,12 @@ class TestNumbers:
     )
     def test_outside_goes_by_direction(self, direction, verdict):
         given_share = None if direction is None else share(direction)
-        assert of_number(self.OUTSIDE, found(1.0, 2.0), given_share, 0.3).verdict == verdict
-        assert of_number(self.INSIDE, found(1.0, 2.0), given_share, 0.3).verdict == "compatible"
+        assert rules.of_number(self.OUTSIDE, found(1.0, 2.0), given_share, 0.3).verdict == verdict
+        assert rules.of_number(self.INSIDE, found(1.0, 2.0), given_share, 0.3).verdict == "compatible"
 
     def test_borderline_at_the_ends(self):
         printed = [(1.05, 1.06), (0.95, 0.96), (1.2, 1.21), (2.0, 2.0)]
-        near = [of_number(ends, found(1.0, 2.0, 0.1), None, 0.3).borderline for ends in printed]
+        near = [rules.of_number(ends, found(1.0, 2.0, 0.1), None, 0.3).borderline for ends in printed]
         assert near == [True, True, False, True]
 
     @pytest.mark.parametrize(
@@ -75,25 +64,24 @@ class TestNumbers:
     def test_power_is_the_part_of_a_decade_that_would_pass(self, printed, range_):
         value, half = 0.5 * sum(printed), 0.5 * (printed[1] - printed[0])
         decade = value * 10 ** np.linspace(-0.5, 0.5, 20001)
-        passing = [
-            of_number((x - half, x + half), found(*range_), None, 0.3).verdict == "compatible" for x in decade
-        ]
-        assert power_of(printed, found(*range_)) == pytest.approx(np.mean(passing), abs=1e-4)
+        ends = np.column_stack([decade - half, decade + half])
+        passing = [rules.of_number(of, found(*range_), None, 0.3).verdict == "compatible" for of in ends]
+        assert rules.power_of(printed, found(*range_)) == pytest.approx(np.mean(passing), abs=1e-4)
 
     @pytest.mark.parametrize(("power", "verdict"), [(0.4999, "compatible"), (0.5, "no_power")])
     def test_inside_a_range_that_would_hold_much_says_nothing(self, power, verdict):
-        assert of_number(self.INSIDE, found(1.0, 2.0), None, power).verdict == verdict
-        assert of_number(self.OUTSIDE, found(1.0, 2.0), None, power).verdict == "outside_model"
+        assert rules.of_number(self.INSIDE, found(1.0, 2.0), None, power).verdict == verdict
+        assert rules.of_number(self.OUTSIDE, found(1.0, 2.0), None, power).verdict == "outside_model"
 
     def test_borderline_by_direction_only_where_it_decides(self):
-        assert of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
-        assert not of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
+        assert rules.of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
+        assert not rules.of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
 
 
 class TestClaims:
     def test_borderline(self):
         shares = [(0.96, 0.02), (0.96, 0.01), (0.96, 0.009), (0.06, 0.02), (0.5, 0.1)]
-        near = [of_share(share(value, reach)).borderline for value, reach in shares]
+        near = [rules.of_share(share(value, reach)).borderline for value, reach in shares]
         assert near == [True, True, False, True, False]
 
     @pytest.mark.parametrize(
@@ -108,34 +96,34 @@ class TestClaims:
         ],
     )
     def test_a_claim_of_several_statements(self, whole, opposite, verdict):
-        assert of_claim(share(whole), share(opposite)).verdict == verdict
+        assert rules.of_claim(share(whole), share(opposite)).verdict == verdict
 
     def test_borderline_where_a_threshold_lies_in_an_interval(self):
         low, near, high = share(0.0, 0.01), share(0.94, 0.02), share(0.5, 0.01)
-        assert of_claim(low, near).borderline
-        assert of_claim(near, low).borderline
-        assert of_claim(share(0.06, 0.02), low).borderline
-        assert not of_claim(low, high).borderline
+        assert rules.of_claim(low, near).borderline
+        assert rules.of_claim(near, low).borderline
+        assert rules.of_claim(share(0.06, 0.02), low).borderline
+        assert not rules.of_claim(low, high).borderline
 
     def test_a_claim_has_the_weakest_verdict_of_its_values(self):
         good, weak, bad = Decision("compatible"), Decision("no_power"), Decision("outside_model")
-        assert of_values(Decision("contradicted"), [good]).verdict == "compatible"
-        assert of_values(Decision("contradicted"), [good, weak]).verdict == "no_power"
-        assert of_values(Decision("compatible"), [weak, bad]).verdict == "direction_only"
-        assert of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
+        assert rules.of_values(Decision("contradicted"), [good]).verdict == "compatible"
+        assert rules.of_values(Decision("contradicted"), [good, weak]).verdict == "no_power"
+        assert rules.of_values(Decision("compatible"), [weak, bad]).verdict == "direction_only"
+        assert rules.of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
 
     def test_values_near_an_end_make_the_claim_borderline(self):
         near, far = Decision("compatible", borderline=True), Decision("outside_model")
-        assert of_values(Decision("compatible"), [near]).borderline
-        assert of_values(near, [far]).borderline
-        assert not of_values(near, [Decision("compatible")]).borderline
+        assert rules.of_values(Decision("compatible"), [near]).borderline
+        assert rules.of_values(near, [far]).borderline
+        assert not rules.of_values(near, [Decision("compatible")]).borderline
 
     def test_ways_that_agree_have_their_verdict(self):
         good, bad = Decision("compatible"), Decision("contradicted")
         near = Decision("compatible", borderline=True)
-        assert of_courses([good, near]) == near
-        assert of_courses([bad, bad]) == bad
-        assert of_courses([good, bad]) == Decision("depends_on_plant")
+        assert rules.of_courses([good, near]) == near
+        assert rules.of_courses([bad, bad]) == bad
+        assert rules.of_courses([good, bad]) == Decision("depends_on_plant")
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
@@ -148,13 +136,13 @@ class TestPage:
 
     def test_every_verdict_and_rule_is_there(self):
         rows = set(re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.M))
-        rules = {judgement.rule for judgement in published().judgements.values()} - {"input"}
-        assert rows == VERDICTS.keys() | rules
-        assert rules >= set(CLAIMS) | set(claim_rules.FROM_THE_PRINT)
+        used = {judgement.rule for judgement in published().judgements.values()} - {"input"}
+        assert rows == rules.VERDICTS.keys() | used
+        assert used >= set(CLAIMS) | set(from_print.FROM_THE_PRINT)
 
     def test_failures(self, text):
         (names,) = re.findall(r"exit code 3 when a verdict is (.*?)\. With", text)
-        assert set(re.findall(r"`(\w+)`", names)) == FAILURES
+        assert set(re.findall(r"`(\w+)`", names)) == rules.FAILURES
 
     @pytest.mark.parametrize(
         ("pattern", "value"),
@@ -171,8 +159,8 @@ class TestPage:
             (r"similar \| differ by at most (\d+) %", 100 * rules.SIMILAR),
             (r"range from the (\d+) %", 100 * QUANTILES["q05"]),
             (r"to the (\d+) % quantile of the plants", 100 * QUANTILES["q95"]),
-            (r"is more than (\d+) % and less", 100 * (1 - claim_rules.NEARLY)),
-            (r"less than (\d+) % of its expected", 100 * (1 + claim_rules.NEARLY)),
+            (r"is more than (\d+) % and less", 100 * (1 - from_print.NEARLY)),
+            (r"less than (\d+) % of its expected", 100 * (1 + from_print.NEARLY)),
             (r"on joint 1 below (\d+) %", 100 * TINY),
             (r"on every joint below (\d+) %", 100 * AGREES),
             (r"MAE of each motor below (\d+) % of the desired range", 100 * AGREES),
