@@ -17,32 +17,20 @@ from tendonrepro.results.tables import Table
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
-    """Compare two trace files, or the results folders that hold them.
+    """Compare two trace files, or results folders; a DataMissingError where one cannot be read.
 
     Returns
     -------
     dict
-        ``same``; ``config``, ``versions`` and ``runs`` (their status) by key; ``metrics`` in degrees by run,
-        joint and name; ``traces`` by run and variable, with the largest difference, SI, and when the first
-        is, s.
-
-    Raises
-    ------
-    DataMissingError
-        If a trace file cannot be read.
+        ``same``, and rows of ``config``, ``versions``, ``runs`` (their status), ``metrics`` in degrees, and
+        ``traces``: the largest difference, SI, and the time of the first.
     """
     a, b = map(stored_traces, (first, second))
-    facts = [
-        {
-            "config": _leaves(load(file.config_yaml, "config_yaml").tree),
-            "versions": _versions(file),
-            "runs": {name: trace.status for name, trace in file.runs.items()},
-        }
-        for file in (a, b)
-    ]
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
     found = {
-        **{kind: list(_unequal(held, facts[1][kind])) for kind, held in facts[0].items()},
+        "config": list(_unequal(_configuration(a), _configuration(b))),
+        "versions": list(_unequal(_versions(a), _versions(b))),
+        "runs": list(_unequal(_statuses(a), _statuses(b))),
         "metrics": [row for pair in shared for row in _metrics(*pair)],
         "traces": [row for pair in shared for row in _traces(*pair)],
     }
@@ -50,9 +38,17 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | found
 
 
+def _configuration(file: TraceFile) -> dict[str, Any]:
+    return _leaves(load(file.config_yaml, "config_yaml").tree)
+
+
 def _versions(file: TraceFile) -> dict[str, Any]:
     environment = json.loads(file.manifest_json or "{}").get("environment", {})
     return {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
+
+
+def _statuses(file: TraceFile) -> dict[str, Any]:
+    return {name: trace.status for name, trace in file.runs.items()}
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:
@@ -77,13 +73,8 @@ def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
         for name in a:
             for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
                 if not np.array_equal(x, y, equal_nan=True):
-                    yield {
-                        "run": first.name,
-                        "joint": joint,
-                        "metric": f"{name}_deg",
-                        "first": x,
-                        "second": y,
-                    }
+                    row = {"run": first.name, "joint": joint, "metric": f"{name}_deg"}
+                    yield row | {"first": x, "second": y}
 
 
 def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
-    """Write a trace file in another format, in SI units.
+    """Write a trace file in another format, in SI units, and return the path.
 
     Parameters
     ----------
@@ -31,12 +31,6 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
         ``csv`` and ``parquet`` have a row per run, sample and joint; ``mat`` a structure per run.
     out : Path, optional
         Else beside the trace file.
-    force : bool
-        Overwrite a file.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------
@@ -51,8 +45,7 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
-    path = source / TRACES if source.is_dir() else source
-    target = out or path.with_suffix(f".{form}")
+    target = out or (source / TRACES if source.is_dir() else source).with_suffix(f".{form}")
     refuse_existing(target, force=force)
     file = stored_traces(source)
     with atomic_path(target) as temporary:
@@ -61,7 +54,7 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
 
 
 def _table(file: TraceFile) -> DataFrame:
-    """A row per run, sample and joint; variables that a run does not hold are missing there."""
+    """A row per run, sample and joint; what a run does not hold is missing there."""
     import pandas as pd
 
     runs = {name: dataset_of(trace).to_dataframe() for name, trace in file.runs.items()}

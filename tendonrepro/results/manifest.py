@@ -1,4 +1,4 @@
-"""What made a result: configuration, versions, machine, and the digests of what went in and came out."""
+"""What made a result: configuration, versions, machine, and digests of inputs and outputs."""
 
 from __future__ import annotations
 
@@ -14,19 +14,14 @@ from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.files import sha256_of
 
-SCHEMA_VERSION = 1
-
 LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
-    """Describe how a result came about, ready for JSON; what is unknown is None.
-
-    `seconds` is the wall time; digests of the outputs are added once they exist.
-    """
+    """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
     config = loaded.config
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "tendonrepro_version": __version__,
         "experiment": config.experiment,
         "command": command or config.experiment,

@@ -21,7 +21,8 @@ from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
-_ARM, _PAYLOAD = "hardware.arm", "hardware.payload"
+METRICS = ("mae", "rmse")
+"""What Tables 2 and 3 print."""
 
 OTHER_BASE = (
     "The base has not the paper's arm, gains and payload, so nothing here speaks of the paper, although its "
@@ -33,8 +34,8 @@ OTHER_BASE = (
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    That is: the paper's arm, by name and coupling, joints, gains, payload, and a motion that stands for the
-    paper's. Masses and readings may differ. Of a measurement the arm alone is known.
+    A run needs the paper's arm, joints, gains, payload, and a motion that stands for the paper's. Masses and
+    readings may differ. Of a measurement the arm alone is known.
     """
     plant = file.plant
     S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
@@ -51,7 +52,7 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 
 
 def base_of_paper(config: CompareConfig) -> bool:
-    """Whether what plants are drawn around has the paper's arm, gains and payload; see `of_paper`."""
+    """Whether the plants of an ensemble are drawn around the paper's arm, gains and payload."""
     gains = {name: held.si for name, held in config.control.gains if held}
     return is_arm_of_paper(config.manipulator) and all(
         _driven_as_paper(name, run.law, gains, run.payload.si)
@@ -69,12 +70,11 @@ def is_arm_of_paper(arm: Manipulator) -> bool:
 
 def _arm_of_paper(name: object, S_inv: Array | None) -> bool:
     """By name and coupling, as far as they are known."""
-    paper = published()
-    arm = paper.entries[_ARM]
+    arm = published().entries["hardware.arm"]
     assert isinstance(arm, PrintedText)
     if S_inv is not None:
         # A record of the moving joints alone holds the trailing block.
-        block = coupling_of(table_1(paper))[1][-len(S_inv) :, -len(S_inv) :]
+        block = coupling_of(table_1(published()))[1][-len(S_inv) :, -len(S_inv) :]
         if S_inv.shape != block.shape or not np.allclose(S_inv, block, rtol=1e-9, atol=1e-12):
             return False
     return name in {None, arm.text}
@@ -88,7 +88,7 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
         for name, ours in gains.items()
         if f"gain.{name}.joint_{COMPARED[0]}" in paper.entries
     )
-    loaded = paper.number(_PAYLOAD) if run.endswith("_payload") else 0.0
+    loaded = paper.number("hardware.payload") if run.endswith("_payload") else 0.0
     return law == run.removesuffix("_payload") and bool(np.isclose(payload, loaded)) and all(same)
 
 
@@ -102,28 +102,39 @@ def _motion_of_paper(config_yaml: str) -> bool:
     ]
 
 
-def identifier_of(trace: Trace) -> str:
-    """Where the print has the errors of a run; what it prints twice is found where it stands first."""
-    return "table3.with_load" if trace.name == "controller_1_payload" else f"table2.{trace.name}"
+def changed_readings(trace: Trace) -> list[str]:
+    """``axis=value`` of every reading that is not as printed."""
+    held = trace.attributes["readings"]
+    return [
+        f"{name}={held[name]}" for name, axis in AXES.items() if held.get(name, axis.printed) != axis.printed
+    ]
 
 
-def printed_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
-    """Printed numbers ``<identifier>.joint_<number>`` of a run's joints, (n,); NaN where there is none."""
-    numbers = published().per_joint(identifier, trace.joint)
-    return np.where(of_paper(file, trace), numbers, np.nan)
+def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What stands beside the errors of a run, degrees, (n,) each; NaN where nothing does.
 
-
-def plausible_beside(file: TraceFile, trace: Trace, identifier: str) -> Array:
-    """Central 90 % of the same over plausible plants, (n, 2), from the stored ensemble; NaN where unknown.
-
-    Those of the shipped box that are stable under all controllers, with the equations as printed
-    (docs/verdicts.md); another reading has none.
+    Returns
+    -------
+    printed : dict
+        ``<metric>_deg`` of `METRICS`.
+    plausible : dict
+        ``<metric>_low_deg`` and ``<metric>_high_deg``, ends of the central 90 % of the shipped box's plants
+        that are stable under all controllers, with the equations as printed (docs/verdicts.md).
     """
-    readings = trace.attributes["readings"]
-    as_printed = all(readings.get(axis.name, axis.printed) == axis.printed for axis in AXES.values())
-    names = [f"{identifier}.joint_{joint}" for joint in trace.joint]
-    ends = np.array([_ranges().get(name, (np.nan, np.nan)) for name in names])
-    return np.where(as_printed and of_paper(file, trace), ends, np.nan)
+    # What the paper prints twice is found where it stands first.
+    row = "table3.with_load" if trace.name == "controller_1_payload" else f"table2.{trace.name}"
+    papers = of_paper(file, trace)
+    as_printed = papers and not changed_readings(trace)
+    printed: dict[str, Array] = {}
+    plausible: dict[str, Array] = {}
+    for metric in METRICS:
+        numbers = published().per_joint(f"{row}.{metric}", trace.joint)
+        printed[f"{metric}_deg"] = np.where(papers, numbers, np.nan)
+        names = [f"{row}.{metric}.joint_{joint}" for joint in trace.joint]
+        ends = np.array([_ranges().get(name, (np.nan, np.nan)) for name in names])
+        low, high = np.where(as_printed, ends, np.nan).T
+        plausible |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
+    return printed, plausible
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Tables 1 to 3 and their companions; published values stand beside the paper's own experiment alone."""
+"""Tables 1 to 3 and their companions; the print stands beside the paper's own experiment alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
 from tendonrepro.results import summary
-from tendonrepro.results.paper import identifier_of, of_paper, plausible_beside, printed_beside
+from tendonrepro.results.paper import METRICS, beside, of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
@@ -17,7 +17,6 @@ from tendonrepro.results.tables import Table, TableColumns, rounded
 TableRow: TypeAlias = dict[str, Any]
 """A table row by column name; a column without a value may be left out."""
 
-METRICS = ("mae", "rmse")
 ERRORS = ("mae_deg", "rmse_deg", "max_deg")
 
 
@@ -61,46 +60,41 @@ COLUMNS: TableColumns = {
     "ours": ("Ours", "z.4f"),
     "difference": ("Difference of magnitudes", "z.6f"),
 }
-"""Heading and format of every column, in the order in which tables show them.
-
-``{joints}`` in a heading are the numbers of the joints, as in ``2/3``.
-"""
+"""Heading and format of every column, in the order of tables; ``{joints}`` stands for ``2/3``."""
 
 
 def made_tables(file: TraceFile) -> list[Table]:
-    """Make every table that the runs allow; tables without rows and columns without values are left out."""
+    """Tables that the runs allow; those without rows and columns without values are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     if under := summary.fitted_under(file):
         origin += f", fitted to the print under {under}"
     found = []
-    for name, (experiment, make, caption) in _TABLES.items():
+    for experiment, tables in _TABLES.items():
         part = file.part(experiment)
-        if part.runs and (rows := list(make(part))):
-            joints = "/".join(map(str, next(iter(part.runs.values())).joint))
+        if not part.runs:
+            continue
+        joints = "/".join(map(str, next(iter(part.runs.values())).joint))
+        for name, (make, caption) in tables.items():
+            rows = list(make(part))
             columns = {
                 column: (heading.format(joints=joints), form)
                 for column, (heading, form) in COLUMNS.items()
                 if any(column in row for row in rows)
             }
             terminal = None if name in _IN_THE_TERMINAL else ()
-            found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
+            if rows:
+                found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
     return found
 
 
 def table_data(file: TraceFile) -> dict[str, Any]:
-    """Collect the numbers of an experiment's tables under the keys of ``--json``.
+    """Numbers of an experiment's tables under the keys of ``--json``; lists run over a run's joints.
 
-    Returns
-    -------
-    dict
-        Lists run over a run's joints. Comparison: ``table2`` by run and ``table3`` by load hold `ERRORS` over
-        the whole run; ``windows`` over others; ``printed``, ``plausible`` what stands beside, else NaN;
-        ``ranking``; ``fitted_under``. Decoupling: ``S``, ``S_inv`` and ``errors`` by joint. Both: ``status``,
-        ``tension``, ``torque`` by run.
+    ``table2`` and ``table3`` hold `ERRORS` over the whole run, ``windows`` over others, ``printed`` and
+    ``plausible`` what stands `beside`.
     """
-    sizes = {"tension": summary.tension_sizes, "torque": summary.torque_sizes}
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
-    for key, size in sizes.items():
+    for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
         both[key] = {name: _lists(found) for name, trace in file.runs.items() if (found := size(file, trace))}
     if file.experiment == "decouple":
         plant = file.plant.values
@@ -110,8 +104,6 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         }
         return {**matrices, "errors": errors, **both}
     tables = {"table2": summary.compared_runs(file), "table3": summary.loaded_runs(file)}
-    printed = {f"{metric}_printed_deg": f"{metric}_deg" for metric in METRICS}
-    ends = [f"{metric}_{end}_deg" for metric in METRICS for end in ("low", "high")]
 
     def of_rows(numbers: Callable[[Trace], Sizes]) -> dict[str, dict[str, Any]]:
         return {
@@ -127,8 +119,8 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         **both,
         **of_rows(_in_degrees),
         "windows": {window: runs for window, runs in windows.items() if window != "whole"},
-        "printed": of_rows(lambda trace: {key: _beside(file, trace)[name] for name, key in printed.items()}),
-        "plausible": of_rows(lambda trace: {name: _beside(file, trace)[name] for name in ends}),
+        "printed": of_rows(lambda trace: beside(file, trace)[0]),
+        "plausible": of_rows(lambda trace: beside(file, trace)[1]),
         "ranking": summary.ranking(file),
         "fitted_under": summary.fitted_under(file),
     }
@@ -143,38 +135,23 @@ def _in_degrees(trace: Trace, window: str = "whole") -> Sizes:
     return {f"{name}_deg": values for name, values in summary.tracking_errors(trace)[window].items()}
 
 
-def _beside(file: TraceFile, trace: Trace) -> Sizes:
-    """The print and the ends of the plausible range by column; NaN where nothing stands beside a run."""
-    found = {}
-    for metric in METRICS:
-        identifier = f"{identifier_of(trace)}.{metric}"
-        found[f"{metric}_printed_deg"] = printed_beside(file, trace, identifier)
-        found[f"{metric}_low_deg"], found[f"{metric}_high_deg"] = plausible_beside(file, trace, identifier).T
-    return found
-
-
 def error_columns(file: TraceFile, trace: Trace) -> Sizes:
-    """Tracking errors of a run, and what stands beside them, (n,) each.
+    """`ERRORS` of a run, (n,) each, and where known what stands `beside` them.
 
-    Returns
-    -------
-    dict
-        `ERRORS`; for ``mae`` and ``rmse`` where known ``<metric>_printed_deg``, ``<metric>_ratio``, ours over
-        printed, and the plausible range, ``<metric>_low_deg`` and ``<metric>_high_deg``.
+    The print is ``<metric>_printed_deg``, ours over it ``<metric>_ratio``.
     """
-    beside = _beside(file, trace)
-    columns = _in_degrees(trace) | {name: held for name, held in beside.items() if np.isfinite(held).any()}
+    printed, plausible = beside(file, trace)
+    columns = _in_degrees(trace) | {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
     for metric in METRICS:
-        if f"{metric}_printed_deg" in columns:
-            columns[f"{metric}_ratio"] = columns[f"{metric}_deg"] / columns[f"{metric}_printed_deg"]
+        numbers = printed[f"{metric}_deg"]
+        if np.isfinite(numbers).any():
+            columns[f"{metric}_printed_deg"] = numbers
+            columns[f"{metric}_ratio"] = columns[f"{metric}_deg"] / numbers
     return columns
 
 
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield Table 1, `S_inv` and `S`, ours and printed, if the plant record holds them.
-
-    The print gives magnitudes, so the difference is one of magnitudes.
-    """
+    """Table 1, `S_inv` and `S`, ours and printed; magnitudes are compared, since signs are not printed."""
     record = file.plant.values
     if not {"winch_diameter", "S", "S_inv"} <= record.keys():
         return
@@ -199,48 +176,45 @@ def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
 
 
 def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``joint``, `ERRORS` and ``status`` of the run ``decouple``."""
+    """``joint``, `ERRORS` and ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
     if trace is not None and "q_calculated" in trace and "q_encoder" in trace:
-        yield from _by_joint(
-            trace, {f"{name}_deg": size for name, size in summary.decoupling_errors(trace).items()}
-        )
+        sizes = summary.decoupling_errors(trace)
+        yield from _by_joint(trace, {f"{name}_deg": size for name, size in sizes.items()})
 
 
 def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
-    """A row of `error_columns` per run and joint; the run's name under a key."""
+    """`error_columns` per run and joint; the run's name under a key."""
     for name, trace in runs.items():
         for row in _by_joint(trace, error_columns(file, trace)):
             yield {key: name} | row
 
 
 def controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield a row of Table 2 per ``run`` and joint, runs with a payload left out."""
+    """Table 2 per ``run`` and joint."""
     return _error_rows(file, "run", summary.compared_runs(file))
 
 
 def load_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield a row of Table 3 per ``load`` and joint."""
+    """Table 3 per ``load`` and joint."""
     return _error_rows(file, "load", summary.loaded_runs(file))
 
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield Table 2 as the paper lays it out; see `_as_printed`."""
+    """Table 2 as the paper lays it out; see `_as_printed`."""
     proposed = {CONTROLLERS[0]: "Proposed (Controller 1)"}
-    runs = summary.compared_runs(file)
-    return _as_printed(
-        file, {proposed.get(name, summary.run_title(trace)): trace for name, trace in runs.items()}
-    )
+    runs = summary.compared_runs(file).values()
+    return _as_printed(file, {proposed.get(run.name, summary.run_title(run)): run for run in runs})
 
 
 def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield Table 3 as the paper lays it out; see `_as_printed`."""
+    """Table 3 as the paper lays it out; see `_as_printed`."""
     runs = summary.loaded_runs(file)
     return _as_printed(file, {load.replace("_", " ").capitalize(): trace for load, trace in runs.items()})
 
 
 def _as_printed(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
-    """A row per run by title, each cell ``joint 2/joint 3`` and rounded as printed."""
+    """A row per title, each cell ``joint 2/joint 3`` and rounded as printed."""
     for title, trace in runs.items():
         cells: TableRow = {"paper_row": title, "status": trace.told_status}
         columns = _lists(error_columns(file, trace))
@@ -258,7 +232,7 @@ _ORDER = {True: "holds", False: "does not hold"}
 
 
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
+    """``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
     for joint, metrics in summary.ranking(file).items():
         for metric, found in metrics.items():
             yield {
@@ -269,7 +243,7 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
 
 
 def motor_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Yield ``run``, ``joint``, ``status``, `torque_sizes` and `tension_sizes` of runs that have any."""
+    """``run``, ``joint``, ``status``, `torque_sizes` and `tension_sizes` of runs that have any."""
     for name, trace in file.runs.items():
         if sizes := summary.torque_sizes(file, trace) | summary.tension_sizes(file, trace):
             for row in _by_joint(trace, sizes):
@@ -284,27 +258,25 @@ def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
 
 
 _PLAUSIBLE = "; plausible: central 90 % of the stable plants"
+_RANKING = "Controllers by size of error; between two that diverged there is no order"
 _LOADS = "tracking errors of Controller 1 without and with payload"
 _MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
 
-_TABLES: Mapping[str, tuple[str, Callable[[TraceFile], Iterator[TableRow]], str]] = {
-    "table1": ("decouple", coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
-    "decoupling_errors": (
-        "decouple",
-        decoupling_rows,
-        "Calculated minus measured joint angles, Figs 10 to 12",
-    ),
-    "decoupling_torque": ("decouple", motor_rows, _MOTORS),
-    "table2": ("compare", controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
-    "table2_paper": ("compare", paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
-    "table3": ("compare", load_rows, f"Table 3, {_LOADS}{_PLAUSIBLE}"),
-    "table3_paper": ("compare", paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
-    "ranking": (
-        "compare",
-        ranking_rows,
-        "Controllers by size of error; between two that diverged there is no order",
-    ),
-    "torque": ("compare", motor_rows, _MOTORS),
+_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow]], str]]] = {
+    "decouple": {
+        "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
+        "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
+        "decoupling_torque": (motor_rows, _MOTORS),
+    },
+    "compare": {
+        "table2": (controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
+        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
+        "table3": (load_rows, f"Table 3, {_LOADS}{_PLAUSIBLE}"),
+        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
+        "ranking": (ranking_rows, _RANKING),
+        "torque": (motor_rows, _MOTORS),
+    },
 }
+"""How a table is made, and its caption, by experiment and name."""
 
 _IN_THE_TERMINAL = {"table1", "table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}

@@ -1,4 +1,4 @@
-"""What a run, a plant and an experiment leave behind: plain frozen values, in memory."""
+"""Runs, plant and experiment in memory: plain frozen values."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tendonrepro.errors import DataMissingError
 SCHEMA_VERSION = 1
 
 DECOUPLING_RUNS = ("decouple", "pull_tendon_1")
-"""Runs of the decoupling experiment; in a file of both experiments all others belong to the comparison."""
+"""Runs of the decoupling experiment; all others belong to the comparison."""
 
 RESERVED = "plant"
-"""Name that no run may have: the group of the plant's values."""
+"""Group of the plant's values; no run may have this name."""
 
 VARIABLES: dict[str, tuple[str, str]] = {
     "q": ("rad", "joint angle"),
@@ -51,9 +51,9 @@ class Trace:
     Parameters
     ----------
     name : str
-        Of the run, and of its group in the file.
-    time : Array
-        Sampling times, s, shape (T,).
+        Also of its group in the file.
+    time : array (T,)
+        Sampling times, s.
     joint : tuple of int
         The paper's numbers of the n joints.
     variables : Mapping
@@ -70,13 +70,7 @@ class Trace:
     attributes: Mapping[str, Any]
 
     def __getitem__(self, name: str) -> Array:
-        """Return a variable, shape (T, n).
-
-        Raises
-        ------
-        DataMissingError
-            When the run does not hold it.
-        """
+        """A variable (T, n); a DataMissingError where the run does not hold it."""
         if name not in self.variables:
             message = f"run {self.name!r} holds no variable {name!r}"
             raise DataMissingError(message, hint=f"It holds {', '.join(self.variables)}.")
@@ -86,7 +80,7 @@ class Trace:
         return name in self.variables
 
     def of_joints(self, joints: Collection[int]) -> Trace:
-        """Return the run with those of its joints alone that are named; itself where it has none of them."""
+        """The run with those of these joints that it has; itself where it has none of them."""
         places = [place for place, joint in enumerate(self.joint) if joint in joints]
         if len(places) in (0, len(self.joint)):
             return self
@@ -100,7 +94,7 @@ class Trace:
 
     @property
     def told_status(self) -> str:
-        """The status, with the time at which a run diverged, and the joints where a measured run says."""
+        """The status, the time of a divergence, and the joints where a measured run says."""
         time = f" at {self.attributes['status_time']:.2f} s" if self.status == "diverged" else ""
         joints = ", ".join(map(str, self.attributes.get("status_joints", ())))
         return f"{self.status}{time}" + (f" on joint {joints}" if joints else "")
@@ -108,7 +102,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PlantValue:
-    """One physical value: scalar, vector or matrix, with its unit (UDUNITS), origin and meaning."""
+    """A scalar, vector or matrix of the plant, its unit in UDUNITS."""
 
     value: Array
     units: str
@@ -120,12 +114,8 @@ class PlantValue:
 class PlantRecord:
     """Everything needed to rebuild the model.
 
-    Parameters
-    ----------
-    values : Mapping
-        Name -> `PlantValue`, over all joints or the moving ones.
-    attributes : Mapping
-        Angle convention, friction law and the like, in words.
+    `values` are of all joints or of the moving ones. `attributes` say the angle convention, the friction law
+    and the like in words.
     """
 
     values: Mapping[str, PlantValue]
@@ -135,11 +125,6 @@ class PlantRecord:
         """Block (n, n) of a square matrix, such as ``S_inv``, of n joints.
 
         A stored matrix of n rows is taken to be theirs, a larger one to be of all joints.
-
-        Raises
-        ------
-        KeyError, IndexError
-            When the record does not hold it for these joints.
         """
         block = self.values[name].value
         if len(block) == len(joint):
@@ -156,18 +141,14 @@ class TraceFile:
     ----------
     experiment : str
         ``both`` where a measured file holds runs of both.
-    source : str
-    title : str
     runs : Mapping
-        Run name -> `Trace`, in order.
-    plant : PlantRecord
+        By name, in order.
     config_yaml, config_sha256 : str
         The resolved configuration and its digest.
     manifest_json : str
         The manifest without its outputs.
     created : str
         ISO 8601, UTC.
-    tendonrepro_version : str
     schema_version : int
         Of the layout.
     """
@@ -185,7 +166,7 @@ class TraceFile:
     schema_version: int = SCHEMA_VERSION
 
     def part(self, experiment: str) -> TraceFile:
-        """Return the file with the runs of ``compare`` or ``decouple`` alone; there may be none."""
+        """The file with the runs of ``compare`` or ``decouple`` alone; there may be none."""
         if self.experiment == experiment:
             return self
         kept = {

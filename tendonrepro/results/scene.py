@@ -20,17 +20,10 @@ _PLACES = (0.07, 0.055), -0.13
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One run of an arm of N joints; the tensioner is the last of its N + 1 tendons.
+    """One run of an arm of N joints, at its T samples with all angles known.
 
-    Attributes
-    ----------
-    trace : Trace
-        Its T samples at which all angles are known.
-    joints : array (T, N + 1, 2)
-        Joints and tip, m.
-    paths : list of TendonPath
-    tension : array (T, N + 1)
-        N; NaN where unknown.
+    `joints` are places of joints and tip, m, (T, N + 1, 2). `paths` are of the N + 1 tendons, the tensioner
+    last; `tension` is theirs, N, (T, N + 1), NaN where unknown.
     """
 
     trace: Trace
@@ -40,7 +33,7 @@ class Scene:
 
 
 def scene_of(file: TraceFile, name: str | None = None) -> Scene:
-    """Work out what a film shows of a run, the first one if none is named.
+    """What a film shows of a run, by default the first.
 
     Raises
     ------
@@ -72,7 +65,7 @@ def _known(trace: Trace) -> Trace:
 
 
 def _paths(plant: PlantRecord, joints: Array, angle: Array) -> list[TendonPath]:
-    """Every tendon from its motor's winch, which stands below joint 1, to the joint it turns."""
+    """Tendons from their motors' winches, below joint 1, to the joints they turn."""
     keys = ("winch_diameter", "pulley_diameter", "tensioner_diameter", "sign")
     winch, pulley, tensioner, sign = (plant.values[key].value for key in keys)
     n = len(winch)
@@ -95,7 +88,7 @@ def _paths(plant: PlantRecord, joints: Array, angle: Array) -> list[TendonPath]:
 
 
 def _tension(file: TraceFile, trace: Trace, n: int) -> Array:
-    """Joints that are held leave the tensions of their tendons open."""
+    """Tensions of the tendons; those of held joints are not known."""
     tension = np.full((len(trace.time), n + 1), np.nan)
     tension[:, np.array(trace.joint) - 1] = tensions(file, trace)
     tension[:, -1] = file.plant.values["tensioner_force"].value

@@ -1,8 +1,7 @@
 """Results folders: written beside their place, and put there whole.
 
 A result is made in ``.<name>.partial``. Then the old folder becomes ``.<name>.old``, the new one takes its
-place, and the old one goes. A killed command leaves the old result or the new one; the next command into that
-folder removes the rest.
+place, and the old one goes. What a killed command leaves is put in order by the next one.
 """
 
 from __future__ import annotations
@@ -29,14 +28,9 @@ _LOCK = ".lock"
 
 
 class NewResult:
-    """A result while it is made.
+    """A result while it is made; all files below its `path` belong to it.
 
-    Attributes
-    ----------
-    path : Path
-        Where to write its files; all that are there belong to the result.
-    manifest : dict
-        What made it, to be set; digests of the files are added.
+    `manifest` is to be set; digests of the files are added.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,11 +40,11 @@ class NewResult:
 
     @property
     def seconds(self) -> float:
-        """Wall time since the result was begun."""
+        """Wall time since it was begun."""
         return time.perf_counter() - self._started
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write one file of the result."""
+        """Write one of its files."""
         path = self.path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -64,37 +58,35 @@ def replaced(
 
     Parameters
     ----------
-    folder : Path
-        Made if it is missing.
     digest, command : str
-        Whose result it is; see `refuse_others`.
+        See `refuse_others`.
     force : bool
         Replace any results. A user's own files move over, unless the result has one of that name.
     keep : str
-        A folder in the unfinished result that survives an interruption.
+        Folder in it that survives an interruption.
     update : bool
         Begin with a copy of the earlier result.
-
-    Yields
-    ------
-    NewResult
 
     Raises
     ------
     UsageError
-        If something else would be overwritten, or another process writes there.
+        If something else would be lost, or another process writes there.
     TendonreproError
         If the folder cannot be written.
     """
-    target = folder.resolve()
-    partial, aside = _beside(target)
+    target, partial = folder.resolve(), unfinished(folder)
+    aside = target.with_name(f".{target.name}.old")
     if Path.cwd().is_relative_to(target):
         message = "is the folder you are in, and a results folder is replaced as a whole"
         raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
     try:
         partial.mkdir(parents=True, exist_ok=True)
         with _only_writer(partial, folder, keep):
-            put_back(target)
+            # A replacement that ended between its two renames is undone, and what it left goes.
+            if aside.exists() and target.exists():
+                shutil.rmtree(aside)
+            elif aside.exists():
+                aside.rename(target)
             refuse_others(folder, digest, command=command, force=force)
             if update:
                 take_over(target, partial, _outputs(target))
@@ -114,17 +106,13 @@ def replaced(
 
 def unfinished(folder: Path) -> Path:
     """Where a result is made until it is complete."""
-    return _beside(folder.resolve())[0]
-
-
-def _beside(target: Path) -> tuple[Path, Path]:
-    """Folders beside a results folder: the unfinished result, and the old one while it is replaced."""
-    return target.with_name(f".{target.name}.partial"), target.with_name(f".{target.name}.old")
+    target = folder.resolve()
+    return target.with_name(f".{target.name}.partial")
 
 
 @contextmanager
 def _only_writer(partial: Path, folder: Path, keep: str) -> Iterator[None]:
-    """Be the only process in an unfinished result, which begins empty and goes when the block fails."""
+    """Be the only process in an unfinished result; it begins, and after a failure ends, with `keep` alone."""
     lock = FileLock(partial / _LOCK)
     try:
         lock.acquire(timeout=0)
@@ -150,16 +138,6 @@ def _clear(partial: Path, keep: str) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def put_back(target: Path) -> None:
-    """Undo a replacement that was interrupted between its two renames, and remove what it left."""
-    aside = _beside(target.resolve())[1]
-    if aside.exists():
-        if target.exists():
-            shutil.rmtree(aside)
-        else:
-            aside.rename(target.resolve())
-
-
 def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
     """Give an unfinished result those files of an earlier one that it does not have."""
     for name in names:
@@ -169,7 +147,7 @@ def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
 
 
 def own_files(folder: Path) -> list[str]:
-    """Names of files in a results folder that its manifest does not list."""
+    """Files in a results folder that its manifest does not list."""
     listed = {MANIFEST, *_outputs(folder)}
     return [name for name in _files(folder) if name not in listed]
 
@@ -184,21 +162,13 @@ def _outputs(folder: Path) -> Mapping[str, str]:
 
 
 def refuse_others(folder: Path, digest: str, *, command: str, force: bool = False) -> None:
-    """Refuse to replace a folder that is not an earlier, unchanged result of the same.
-
-    Parameters
-    ----------
-    folder : Path
-        It may be missing; hidden files in it do not count.
-    digest, command : str
-        Of the configuration, and who writes.
-    force : bool
-        Refuse nothing.
+    """Refuse to replace a folder that is not an earlier, unchanged result of the same, unless `force`.
 
     Raises
     ------
     UsageError
-        If it holds other results, files that no manifest lists, or changed files.
+        If it holds results of another configuration (`digest`), command or version, files that no manifest
+        lists, or changed files; hidden ones do not count.
     """
     if force or not folder.exists():
         return
@@ -208,7 +178,7 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
 
 
 def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path, str]]:
-    """What would be lost if a folder were replaced: where, and why it is not this result's."""
+    """What a replacement would lose: where, and why it is not this result's."""
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         found = {
@@ -228,13 +198,7 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest of a results folder.
-
-    Raises
-    ------
-    DataMissingError
-        If there is none or it cannot be read.
-    """
+    """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
     path = folder / MANIFEST
     try:
         manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -245,18 +209,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def stored_traces(source: Path) -> TraceFile:
-    """Read the trace file that is named, or that of the results folder that is.
-
-    Raises
-    ------
-    DataMissingError
-        If it cannot be read.
-    """
+    """Traces of a file or of a results folder; a DataMissingError where they cannot be read."""
     return read_traces(source / TRACES if source.is_dir() else source)
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
-    """Raise a UsageError where a file is in the way of what an option names, unless `force`."""
+    """Raise a UsageError where a file is in the way, unless `force`."""
     if path.exists() and not force:
         message = "is there already"
         hint = f"choose another name with {option}, or overwrite it with --force"

@@ -1,4 +1,4 @@
-"""A study: from a configuration to numbers, and from these to every file and to the terminal."""
+"""A study: from a configuration to numbers, and from these to files and terminal."""
 
 from __future__ import annotations
 
@@ -20,23 +20,13 @@ from tendonrepro.results.tables import Table
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
 
-SCHEMA_VERSION = 1
-
 
 @dataclass(frozen=True)
 class Outcome:
     """What a study found.
 
-    Attributes
-    ----------
-    data : mapping
-        Numbers by the keys of ``--json``; there, what is not finite is null.
-    parts : sequence of Table or str
-        What the terminal shows; tables are written, too.
-    figures : mapping
-        Name -> function that draws it.
-    manifest : mapping
-        What only the manifest of this study says.
+    `data` are numbers by the keys of ``--json``; `parts` stand in the terminal, tables are written, too;
+    `manifest` is what only this study's manifest says.
     """
 
     data: Mapping[str, Any]
@@ -55,7 +45,7 @@ class Outcome:
         return "\n\n".join(part if isinstance(part, str) else part.text() for part in shown)
 
     def write_tables(self, folder: Path) -> None:
-        """Write the tables below a results folder."""
+        """Write the tables into a results folder."""
         for table in self.tables.values():
             table.write(folder / "tables")
 
@@ -78,29 +68,16 @@ def run_study(
     talk: Talk,
     keep: str = "",
 ) -> dict[str, Any]:
-    """Carry out a study and put its results into their folder.
+    """Carry out a study, put its results into their folder, and return what ``--json`` prints.
 
     Parameters
     ----------
     name : str
         Of the command.
-    loaded : LoadedConfig
-    request : Request
     study : callable
         Finds the numbers; not called in a dry run.
-    talk : Talk
     keep : str
-        Folder in the unfinished result in which the study keeps what an interruption must not lose.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
-
-    Raises
-    ------
-    TendonreproError
-        If the study fails or results cannot be written.
+        Folder in the unfinished result for what an interruption must not lose.
     """
     folder = request.folder(name)
     if request.dry_run:
@@ -120,11 +97,11 @@ def planned(name: str, loaded: LoadedConfig, folder: Path, request: Request, tal
     foretell(folder, loaded.sha256, name, request, talk)
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder), "text": text}
-    return {"schema_version": SCHEMA_VERSION, "command": name, **plan}
+    return {"schema_version": 1, "command": name, **plan}
 
 
 def foretell(folder: Path, digest: str, command: str, request: Request, talk: Talk) -> None:
-    """Say what would be refused; a dry run writes nothing, so it goes on."""
+    """Say what would be refused; a dry run goes on."""
     try:
         refuse_others(folder, digest, command=command, force=request.force)
     except TendonreproError as error:

@@ -1,4 +1,4 @@
-"""What a trace file shows, as plain numbers: sizes of errors in degrees, tensions, rankings."""
+"""Numbers of a trace file: sizes of errors in degrees, tensions, rankings."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.physics.metrics import windows
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.physics.metrics import mae, max_abs, rmse, windows
 from tendonrepro.physics.statics import slack_time, tendon_tension
-from tendonrepro.results.paper import of_paper
+from tendonrepro.results.paper import changed_readings, of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import error_sizes, saturated, statistics
+from tendonrepro.results.statistics import saturated, statistics
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
 """The compared runs, in the order in which the paper ranks them."""
@@ -26,7 +26,7 @@ LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_
 """The rows of Table 3 and their runs."""
 
 USER_LAW = "user law "
-"""Begins what a run says of its law where that is a user's."""
+"""Begins a run's ``law`` where that is a user's."""
 
 MEASURED = "measured"
 """Law of a run that was measured."""
@@ -37,29 +37,25 @@ Sizes: TypeAlias = dict[str, Array]
 
 
 def fitted_under(file: TraceFile) -> str | None:
-    """Reading under which a configuration was fitted to what the paper prints; None where it was not."""
+    """Reading under which the plant was fitted to the print; None where it was not."""
     if not _IDENTIFIED.search(file.config_yaml):
         return None
-    readings = next(iter(file.runs.values())).attributes["readings"]
-    changed = [axis for axis in AXES.values() if readings.get(axis.name, axis.printed) != axis.printed]
-    return "+".join(f"{axis.name}={readings[axis.name]}" for axis in changed) or PRINTED
+    return "+".join(changed_readings(next(iter(file.runs.values())))) or PRINTED
 
 
 def sizes_deg(e: Array) -> Sizes:
-    """Mean absolute, root mean square and largest error of each joint, degrees; see `error_sizes`.
+    """``mae``, ``rmse`` and ``max`` of each joint, degrees, (n,) each; missing samples are left out.
 
-    Parameters
-    ----------
-    e : array (T, n)
-        Error, rad.
+    `e` is the error, rad, (T, n).
     """
-    return error_sizes(np.rad2deg(e))
+    degrees = np.rad2deg(e)
+    return {"mae": mae(degrees), "rmse": rmse(degrees), "max": max_abs(degrees)}
 
 
 def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows` that is reached.
+    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`.
 
-    ``whole`` is always there. A diverged run has NaN in windows that go on to its end.
+    A diverged run has NaN in windows that go on to its end.
     """
     spans = windows(trace.time, trace.attributes["reference_period"])
     found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
@@ -70,12 +66,12 @@ def tracking_errors(trace: Trace) -> dict[str, Sizes]:
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
-    """Sizes of ``q_calculated - q_encoder``, as `sizes_deg`: the difference shown in Figs 10 to 12."""
+    """Sizes of ``q_calculated - q_encoder``, Figs 10 to 12, as `sizes_deg`."""
     return sizes_deg(trace["q_calculated"] - trace["q_encoder"])
 
 
 def tensions(file: TraceFile, trace: Trace) -> Array:
-    """Tension of each moving joint's tendon along a run, N, (T, n); NaN where torque or routing is unknown.
+    """Tension of each moving joint's tendon, N, (T, n); NaN where torque or routing is unknown.
 
     The compliance torque holds what tendon 4 adds.
     """
@@ -87,12 +83,9 @@ def tensions(file: TraceFile, trace: Trace) -> Array:
 
 
 def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """Smallest tension of each tendon, N, when that is, s, and how long it does not pull, s.
+    """``least_N``, the smallest tension of each tendon, ``at_s`` its time, ``slack_s`` how long it is slack.
 
-    Returns
-    -------
-    dict
-        By column, each (n,); without keys where tensions are unknown.
+    Empty where tensions are unknown.
     """
     found = tensions(file, trace)
     kept = np.isfinite(found).all(axis=1)
@@ -107,12 +100,9 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
 
 
 def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
-    """RMS, peak and step of the applied torque, N m, and the share of samples at the motor's limit.
+    """``rms_Nm``, ``peak_Nm`` and ``step_rms_Nm`` of the applied torque, (n,) each, as far as known.
 
-    Returns
-    -------
-    dict
-        By column, each (n,); without keys where unknown.
+    ``at_limit`` is the share of samples at the motor's limit.
     """
     if "tau_m" not in trace:
         return {}
@@ -126,22 +116,22 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
 
 
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
-    """Return the runs of Table 3 by the names of its rows; those of other laws begin with the law's name."""
+    """Runs of Table 3 by the names of its rows; rows of a user's law begin with the law's name."""
     found = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
-    for name in file.runs:
-        if name not in LOADS.values() and f"{name}{PAYLOAD}" in file.runs:
-            pair = file.runs[name], file.runs[f"{name}{PAYLOAD}"]
-            found |= {f"{name}_{load}": trace for load, trace in zip(LOADS, pair, strict=True)}
+    for name, trace in file.runs.items():
+        loaded = file.runs.get(f"{name}{PAYLOAD}")
+        if loaded is not None and name not in LOADS.values():
+            found |= {f"{name}_no_load": trace, f"{name}_with_load": loaded}
     return found
 
 
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
-    """Return the runs of Table 2: all but those with payload."""
+    """Runs of Table 2: all but those with payload."""
     return {name: trace for name, trace in file.runs.items() if not name.endswith(PAYLOAD)}
 
 
 def is_user_law(trace: Trace) -> bool:
-    """Whether a run is of a law that the user wrote."""
+    """Whether a run's law is a user's."""
     return str(trace.attributes["law"]).startswith(USER_LAW)
 
 
@@ -151,10 +141,13 @@ def run_title(trace: Trace) -> str:
 
 
 def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
-    """Order of all laws by size of error, best first, and whether the printed order 1 < 2 < 3 holds.
+    """Order of all laws by size of error, and whether the printed order 1 < 2 < 3 holds.
 
-    A diverged run comes last. Controllers that were not run are left out. Of another experiment than the
-    paper's ``agrees`` is None.
+    Returns
+    -------
+    dict
+        By joint and metric ``order``, names of the runs, best first and diverged ones last, and ``agrees``,
+        None of another experiment than the paper's.
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]

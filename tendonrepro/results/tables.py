@@ -13,15 +13,13 @@ from typing import Any, TypeAlias
 from tendonrepro.files import write_atomically
 
 TableRows: TypeAlias = Sequence[Mapping[str, Any]]
-"""Rows of a table by column name; a column without a value may be left out of a row, or be None."""
+"""Rows by column name; where there is no value a column is left out or None."""
 
 TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
-"""Name -> heading for a reader, and format of its floats."""
+"""Name -> heading, and format of floats."""
 
 NOTHING = "--"
-"""What a reader finds where there is no value."""
-
-SUFFIXES = ("csv", "md", "tex")
+"""Stands where there is no value."""
 
 _ROUNDED = ".4g"
 _TEX = str.maketrans(
@@ -38,16 +36,13 @@ class Table:
     Attributes
     ----------
     name : str
-        Of its files; its LaTeX label too.
-    caption : str
+        Of its files and of its LaTeX label.
     rows : sequence of mapping
         Numbers, texts, booleans, None, and lists of these, by column name.
     columns : mapping, optional
-        In order; every key of any row under its own name if not given.
+        In order; else all keys of the rows.
     terminal : sequence of str, optional
-        Columns shown there: all if not given, no table if empty.
-    suffixes : sequence of str
-        Files to write.
+        Columns shown there, else all; no table if empty.
     """
 
     name: str
@@ -55,16 +50,10 @@ class Table:
     rows: TableRows
     columns: TableColumns | None = None
     terminal: Sequence[str] | None = None
-    suffixes: Sequence[str] = SUFFIXES
+    suffixes: Sequence[str] = ("csv", "md", "tex")
 
     def write(self, folder: Path) -> list[Path]:
-        """Write its files into a folder.
-
-        Raises
-        ------
-        TendonreproError
-            When a file cannot be written.
-        """
+        """Write its files into a folder; a TendonreproError where one cannot be written."""
         paths = [folder / f"{self.name}.{suffix}" for suffix in self.suffixes]
         for suffix, path in zip(self.suffixes, paths, strict=True):
             write_atomically(path, getattr(self, suffix)())
@@ -74,13 +63,8 @@ class Table:
         """Caption and columns for a terminal."""
         heads, cells, numeric = self._shown(self.terminal)
         widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
-        lines = [
-            "  ".join(
-                cell.rjust(width) if number else cell.ljust(width)
-                for cell, width, number in zip(line, widths, numeric, strict=True)
-            ).rstrip()
-            for line in (heads, *cells)
-        ]
+        forms = [f"{'>' if number else '<'}{width}" for width, number in zip(widths, numeric, strict=True)]
+        lines = ["  ".join(map(format, line, forms)).rstrip() for line in (heads, *cells)]
         return "\n".join([self.caption, *lines])
 
     def csv(self) -> str:
@@ -101,16 +85,9 @@ class Table:
         return "\n".join([self.caption, "", *lines, ""])
 
     def tex(self) -> str:
-        """A ``table`` float that needs the package booktabs; its label is ``tab:<name>``."""
+        """A ``table`` float labelled ``tab:<name>``; it needs the package booktabs."""
         heads, cells, numeric = self._shown()
-        body = [
-            # A hyphen is not a minus sign.
-            [
-                cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
-                for cell, number in pairs
-            ]
-            for pairs in (zip(line, numeric, strict=True) for line in cells)
-        ]
+        body = [[_tex(cell, number) for cell, number in zip(line, numeric, strict=True)] for line in cells]
         lines = [
             r"\begin{table}",
             r"\centering",
@@ -141,13 +118,13 @@ class Table:
 
 
 def _is_numeric(rows: TableRows, name: str) -> bool:
-    """Whether a column holds numbers and nothing else."""
+    """Whether a column holds nothing but numbers."""
     held = [row[name] for row in rows if row.get(name) is not None]
     return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
 
 
 def rounded(value: Any, form: str = _ROUNDED) -> str:
-    """Text of a value for a reader; a float in a format."""
+    """Text of a value, a float in a format."""
     if isinstance(value, float):
         return format(value, form) if math.isfinite(value) else NOTHING
     if isinstance(value, bool):
@@ -155,6 +132,11 @@ def rounded(value: Any, form: str = _ROUNDED) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(rounded(item, form) for item in value) or NOTHING
     return NOTHING if value is None else str(value)
+
+
+def _tex(cell: str, number: bool) -> str:
+    """A cell in LaTeX, where a hyphen is not a minus sign."""
+    return cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Trace files: runs on disk as netCDF-4, which xarray, h5py, MATLAB and HDFView open."""
+"""Trace files: runs as netCDF-4, which xarray, h5py, MATLAB and HDFView open."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import (
     RESERVED,
@@ -24,27 +23,19 @@ from tendonrepro.results.records import (
 if TYPE_CHECKING:
     import xarray as xr
 
-# Mappings among a run's attributes are stored flat, since netCDF attributes do not nest.
+# netCDF attributes do not nest, so mappings among a run's are stored flat.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
 _PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
-_ROOT_TEXTS = [
-    field.name for field in fields(TraceFile) if field.name not in ("runs", "plant", "schema_version")
-]
+_ROOT = [field.name for field in fields(TraceFile) if field.name not in ("runs", "plant")]
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
-    """Write a trace file.
-
-    Raises
-    ------
-    OSError
-        When it cannot be written.
-    """
+    """Write a trace file; an OSError where it cannot be written."""
     import xarray as xr
 
-    attributes = {name: getattr(file, name) for name in _ROOT_TEXTS}
-    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "schema_version": file.schema_version})
+    attributes = {name: getattr(file, name) for name in _ROOT}
+    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes})
     nodes = {name: dataset_of(trace) for name, trace in file.runs.items()}
     tree = xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant)})
     encoding = {f"/{name}": dict.fromkeys(node.data_vars, _PACKED) for name, node in nodes.items()}
@@ -89,13 +80,7 @@ def _plant_dataset(plant: PlantRecord) -> xr.Dataset:
 
 
 def read_traces(path: Path) -> TraceFile:
-    """Read a trace file, bit for bit what `write_traces` wrote.
-
-    Raises
-    ------
-    DataMissingError
-        When it is absent, damaged, or of another layout.
-    """
+    """Read a trace file bit for bit; a DataMissingError where it is absent, damaged or of another layout."""
     import xarray as xr
 
     hint = "run tendonrepro compare or tendonrepro decouple to make one"
@@ -105,8 +90,6 @@ def read_traces(path: Path) -> TraceFile:
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_times=False) as tree:
             return _file_of(tree.load())
-    except DataMissingError:
-        raise
     except Exception as error:
         # What the library says of damage is of any type, and nothing but reading stands in this block.
         message = f"is not a sound trace file of tendonrepro: {error}"
@@ -116,17 +99,17 @@ def read_traces(path: Path) -> TraceFile:
 def _file_of(tree: xr.DataTree) -> TraceFile:
     found = int(tree.attrs["schema_version"])
     if found != SCHEMA_VERSION:
-        message = f"a trace file of layout version {found}; this tendonrepro reads version {SCHEMA_VERSION}"
-        raise DataMissingError(message, hint="make the traces again with this version")
-    texts = {name: tree.attrs[name] for name in _ROOT_TEXTS}
+        message = f"its layout has version {found}, this tendonrepro reads version {SCHEMA_VERSION}"
+        raise ValueError(message)
+    attributes = {name: tree.attrs[name] for name in _ROOT} | {"schema_version": found}
     runs = {name: _trace_of(name, node) for name, node in tree.children.items() if name != RESERVED}
-    return TraceFile(**texts, runs=runs, plant=_plant_of(tree[RESERVED]))
+    return TraceFile(**attributes, runs=runs, plant=_plant_of(tree[RESERVED]))
 
 
 def _trace_of(name: str, node: Any) -> Trace:
-    variables = {str(key): _array(item) for key, item in node.data_vars.items()}
-    joint = tuple(int(number) for number in node["joint"].values)
-    return Trace(name, _array(node["time"]), joint, variables, _attributes_of(node))
+    variables = {str(key): item.values for key, item in node.data_vars.items()}
+    joint = tuple(node["joint"].values.tolist())
+    return Trace(name, node["time"].values, joint, variables, _attributes_of(node))
 
 
 def _attributes_of(node: Any) -> dict[str, Any]:
@@ -142,9 +125,5 @@ def _attributes_of(node: Any) -> dict[str, Any]:
 
 
 def _plant_of(node: Any) -> PlantRecord:
-    values = {str(name): PlantValue(_array(item), **item.attrs) for name, item in node.data_vars.items()}
+    values = {str(name): PlantValue(item.values, **item.attrs) for name, item in node.data_vars.items()}
     return PlantRecord(values, dict(node.attrs))
-
-
-def _array(item: Any) -> Array:
-    return np.asarray(item.values, dtype=np.float64)

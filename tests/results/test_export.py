@@ -14,9 +14,11 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results import export
 from tendonrepro.results.difference import difference, difference_text
 from tendonrepro.results.export import export_traces
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
 FILE = make_compare_file(step=0.05, runs=("controller_1", "controller_2"))
+NAME, RUN = next(iter(FILE.runs.items()))
 
 
 @pytest.fixture(scope="module")
@@ -78,44 +80,44 @@ def test_what_is_refused(folder, monkeypatch):
     assert sorted(path.name for path in folder.iterdir()) == ["traces.csv", "traces.h5"]
 
 
-def changed(folder, **changes):
-    """Folder with another trace file, of one run changed."""
-    name, trace = next(iter(FILE.runs.items()))
-    variables = dict(trace.variables) | changes.pop("variables", {})
-    other = replace(
-        trace, variables=variables, attributes=dict(trace.attributes) | changes.pop("attributes", {})
-    )
-    write_traces(
-        folder / "other" / "traces.h5", replace(FILE, runs=dict(FILE.runs) | {name: other}, **changes)
-    )
-    return difference(folder, folder / "other")
+def between(folder, first, second):
+    """What differs between two files, or files of one run alone."""
+    for place, held in (("a", first), ("b", second)):
+        file = held if isinstance(held, TraceFile) else replace(FILE, runs={NAME: held})
+        write_traces(folder / place / "traces.h5", file)
+    return difference(folder / "a", folder / "b")
+
+
+def with_variables(run: Trace, **variables):
+    return replace(run, variables={**run.variables, **variables})
 
 
 def test_equal_results_differ_in_nothing(folder):
-    found = changed(folder)
+    found = between(folder, FILE, FILE)
     assert found["same"]
     assert not any(found[kind] for kind in ("config", "versions", "runs", "metrics", "traces"))
     assert "have the same" in difference_text(found)
 
 
 def test_one_changed_sample_is_found_in_trace_and_metric(folder):
-    name, trace = next(iter(FILE.runs.items()))
-    e = trace["e"].copy()
+    e = RUN["e"].copy()
     e[7, 1] += 1e-3
-    found = changed(folder, variables={"e": e})
+    found = between(folder, FILE, replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, e=e)}))
     assert not found["same"]
     (row,) = found["traces"]
-    assert (row["run"], row["variable"], row["from_s"]) == (name, "e", trace.time[7])
+    assert (row["run"], row["variable"], row["from_s"]) == (NAME, "e", RUN.time[7])
     assert row["largest"] == pytest.approx(1e-3)
-    assert {(row["joint"], row["metric"]) for row in found["metrics"]} >= {(trace.joint[1], "mae_deg")}
-    assert {row["joint"] for row in found["metrics"]} == {trace.joint[1]}
+    assert {(row["joint"], row["metric"]) for row in found["metrics"]} >= {(RUN.joint[1], "mae_deg")}
+    assert {row["joint"] for row in found["metrics"]} == {RUN.joint[1]}
     assert not found["config"]
     assert "metrics:" in difference_text(found)
 
 
 def test_changed_key_version_and_status_are_named(folder):
+    ringing = replace(RUN, attributes={**RUN.attributes, "status": "ringing"})
     text = FILE.config_yaml + "extra: {value: 3}\n"
-    found = changed(folder, config_yaml=text, tendonrepro_version="9.9", attributes={"status": "ringing"})
+    other = replace(FILE, config_yaml=text, tendonrepro_version="9.9", runs={**FILE.runs, NAME: ringing})
+    found = between(folder, FILE, other)
     assert found["config"] == [{"key": "extra.value", "first": None, "second": 3}]
     assert [row["key"] for row in found["versions"]] == ["tendonrepro"]
     assert [row["second"] for row in found["runs"]] == ["ringing"]
@@ -123,47 +125,36 @@ def test_changed_key_version_and_status_are_named(folder):
 
 
 def test_missing_runs_variables_and_samples_are_told(folder):
-    name, trace = next(iter(FILE.runs.items()))
-    short = replace(
-        trace, time=trace.time[:-3], variables={k: v[:-3] for k, v in trace.variables.items() if k != "s"}
-    )
-    write_traces(folder / "other" / "traces.h5", replace(FILE, runs={name: short}))
-    found = difference(folder / "other", folder)
-    assert {row["key"] for row in found["runs"]} == set(FILE.runs) - {name}
+    kept = {name: values[:-3] for name, values in RUN.variables.items() if name != "s"}
+    short = replace(RUN, time=RUN.time[:-3], variables=kept)
+    found = between(folder, short, FILE)
+    assert {row["key"] for row in found["runs"]} == set(FILE.runs) - {NAME}
     shapes = {row["variable"]: (row["shape_first"][0], row["shape_second"][0]) for row in found["traces"]}
-    assert shapes["s"] == (0, len(trace.time))
-    assert shapes["e"] == (len(short.time), len(trace.time))
+    assert shapes["s"] == (0, len(RUN.time))
+    assert shapes["e"] == (len(short.time), len(RUN.time))
 
 
 @pytest.mark.parametrize(
-    ("change", "variable"),
-    [(lambda run: {"time": run.time + 0.5}, "time"), (lambda _: {"joint": (1, 2)}, "joint")],
-    ids=["time", "joint"],
+    ("change", "variable"), [({"time": RUN.time + 0.5}, "time"), ({"joint": (1, 2)}, "joint")]
 )
 def test_equal_values_at_other_times_or_of_other_joints_differ(folder, change, variable):
-    name, trace = next(iter(FILE.runs.items()))
-    run = replace(trace, variables={"tau_m": trace["tau_m"]})
-    for place, one in (("a", run), ("b", replace(run, **change(run)))):
-        write_traces(folder / place / "traces.h5", replace(FILE, runs={name: one}))
-    (row,) = difference(folder / "a", folder / "b")["traces"]
+    (row,) = between(folder, RUN, replace(RUN, **change))["traces"]
     assert row["variable"] == variable
 
 
 def test_exit_code_says_whether_anything_differs(folder):
     assert answer("diff", ".", ".", cwd=folder)["same"] is True
-    changed(folder, tendonrepro_version="9.9")
+    write_traces(folder / "other" / "traces.h5", replace(FILE, tendonrepro_version="9.9"))
     assert answer("diff", ".", "other", cwd=folder, code=1)["same"] is False
 
 
 def test_missing_samples_are_equal_and_hide_no_change(folder):
-    name, trace = next(iter(FILE.runs.items()))
-    ours = trace["tau_m"].copy()
+    ours = RUN["tau_m"].copy()
     ours[3] = np.nan
     theirs = ours.copy()
     theirs[9, 0] += 0.5
-    for place, values in (("a", ours), ("b", ours), ("c", theirs)):
-        run = replace(trace, variables={"tau_m": values, "e": np.where(np.isnan(values), np.nan, 0.0)})
-        write_traces(folder / place / "traces.h5", replace(FILE, runs={name: run}))
-    assert difference(folder / "a", folder / "b")["same"]
-    (row,) = difference(folder / "a", folder / "c")["traces"]
-    assert (row["largest"], row["from_s"]) == (pytest.approx(0.5), trace.time[9])
+    e = np.where(np.isnan(ours), np.nan, 0.0)
+    first, second = (with_variables(RUN, tau_m=values, e=e) for values in (ours, theirs))
+    assert between(folder, first, first)["same"]
+    (row,) = between(folder, first, second)["traces"]
+    assert (row["largest"], row["from_s"]) == (pytest.approx(0.5), RUN.time[9])

@@ -10,7 +10,7 @@ import pytest
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.records import Trace
-from tendonrepro.results.statistics import error_sizes, saturated, statistics
+from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -35,15 +35,6 @@ def test_a_trace_has_the_statistics_of_the_batch() -> None:
         np.testing.assert_allclose(
             found[statistic], batch.statistics[statistic][0], rtol=near, err_msg=statistic
         )
-
-
-def test_missing_samples_are_left_out_one_by_one() -> None:
-    e = np.array([[1.0, np.nan], [-3.0, 2.0], [np.nan, np.nan]])
-    sizes = error_sizes(e)
-    np.testing.assert_allclose(sizes["mae"], [2.0, 2.0])
-    np.testing.assert_allclose(sizes["rmse"], [np.sqrt(5.0), 2.0])
-    np.testing.assert_allclose(sizes["max"], [3.0, 2.0])
-    assert np.isnan(error_sizes(e[:0])["mae"]).all()
 
 
 def test_without_a_motion_there_are_no_phases() -> None:

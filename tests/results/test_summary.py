@@ -42,6 +42,14 @@ class TestSizes:
         assert sizes["rmse"] == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
         assert sizes["max"] == pytest.approx([4.0, 1.0])
 
+    def test_missing_samples_are_left_out_one_by_one(self) -> None:
+        e = np.deg2rad([[1.0, math.nan], [-3.0, 2.0], [math.nan, math.nan]])
+        sizes = sizes_deg(e)
+        assert sizes["mae"] == pytest.approx([2.0, 2.0])
+        assert sizes["rmse"] == pytest.approx([math.sqrt(5.0), 2.0])
+        assert sizes["max"] == pytest.approx([3.0, 2.0])
+        assert np.isnan(sizes_deg(e[:0])["mae"]).all()
+
     def test_windows_use_the_period_of_the_run(self) -> None:
         trace = make_compare_file().runs["controller_1"]
         e = np.zeros_like(trace["e"])

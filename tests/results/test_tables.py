@@ -27,7 +27,7 @@ from tendonrepro.results.paper_tables import (
     motor_rows,
     table_data,
 )
-from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.records import PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.summary import ranking, tracking_errors
 from tendonrepro.results.tables import Table, rounded
 
@@ -190,10 +190,17 @@ def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
     assert all("mae_low_deg" not in row and row["mae_printed_deg"] > 0.0 for row in read_otherwise)
 
 
-def test_motors_have_torque_and_tension() -> None:
-    frame = frame_of(motor_rows, make_compare_file())
+def test_motors_have_torque_tension_and_a_limit_by_their_joints() -> None:
+    file = make_compare_file()
+    limit = PlantValue(np.array([0.0, 4.0, 5.0]), "N m", "test", "limit")
+    plant = PlantRecord({**file.plant.values, "actuator_torque_limit": limit}, {})
+    frame = frame_of(motor_rows, dataclasses.replace(file, plant=plant))
     assert {"rms_Nm", "least_N", "at_s", "slack_s"} <= set(frame.columns)
     assert len(frame) == 8
+    # Power is the same, so motors 2 and 3 give S' tau.
+    motors = np.abs(file.runs["controller_1"]["tau_m"] @ S[1:, 1:])
+    assert frame["at_limit"][:2].tolist() == [(motors[:, 0] >= 4.0).mean(), (motors[:, 1] >= 5.0).mean()]
+    assert (frame["at_limit"] > 0.0).all()
 
 
 def test_table_of_the_decoupling_experiment() -> None:
@@ -253,6 +260,8 @@ class TestTypesetting:
             "| 1.235 | yes | -- |",
             "| -- | -- | 1, 2 |",
         ]
+        shown = ["  a b  fits  seeds", "1.235  yes   --", "   --  --    1, 2"]
+        assert Table("x", "x", rows).text().splitlines()[1:] == shown
 
 
 class TestData:

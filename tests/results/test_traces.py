@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -46,27 +46,13 @@ def assert_same(a: TraceFile, b: TraceFile) -> None:
         assert (p.units, p.source, p.long_name) == (q.units, q.source, q.long_name)
 
 
-def one_run(values: Mapping[str, Array], time: Array, joint: tuple[int, ...]) -> TraceFile:
-    attributes = {"law": "x", "gains": {}, "readings": {}, "status": "ok"}
-    attributes |= {"status_time": 0.0, "payload_mass": 0.0, "reference_period": 0.0}
-    run = Trace("controller_1", time, joint, values, attributes)
-    return dataclasses.replace(make_compare_file(runs=()), runs={"controller_1": run})
-
-
-FILES = {
-    "compare_path": make_compare_file(diverged={"controller_2": 7.3}),
-    "decouple_path": make_decouple_file(),
-}
+COMPARE = make_compare_file(diverged={"controller_2": 7.3})
+both = pytest.mark.parametrize("file", [COMPARE, make_decouple_file()], ids=["compare", "decouple"])
 
 
 @pytest.fixture(scope="module")
 def compare_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_traces_to(tmp_path_factory.mktemp("compare"), FILES["compare_path"])
-
-
-@pytest.fixture(scope="module")
-def decouple_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_traces_to(tmp_path_factory.mktemp("decouple"), FILES["decouple_path"])
+    return write_traces_to(tmp_path_factory.mktemp("compare"), COMPARE)
 
 
 def write_traces_to(folder: Path, file: TraceFile) -> Path:
@@ -74,14 +60,10 @@ def write_traces_to(folder: Path, file: TraceFile) -> Path:
     return folder / "traces.h5"
 
 
-def assert_round_trip(folder: Path, file: TraceFile) -> None:
-    assert_same(read_traces(write_traces_to(folder, file)), file)
-
-
 class TestRoundTrip:
-    @pytest.mark.parametrize("which", ["compare_path", "decouple_path"])
-    def test_what_is_written_is_read(self, which: str, request: pytest.FixtureRequest) -> None:
-        assert_same(read_traces(request.getfixturevalue(which)), FILES[which])
+    @both
+    def test_what_is_written_is_read(self, file: TraceFile, tmp_path: Path) -> None:
+        assert_same(read_traces(write_traces_to(tmp_path, file)), file)
 
     @settings(max_examples=10)
     @given(
@@ -94,14 +76,15 @@ class TestRoundTrip:
         self, tmp_path_factory: pytest.TempPathFactory, x: Array, gains: dict[str, list[float]]
     ) -> None:
         joint = tuple(range(2, 2 + x.shape[1]))
-        file = one_run({"q": x, "tau_m": -x}, np.arange(len(x)) * 1e-3, joint)
-        file.runs["controller_1"].attributes["gains"].update(gains)  # type: ignore[index]
-        assert_round_trip(tmp_path_factory.mktemp("bits"), file)
+        attributes = {**COMPARE.runs["controller_1"].attributes, "gains": gains}
+        run = Trace("mine", np.arange(len(x)) * 1e-3, joint, {"q": x, "tau_m": -x}, attributes)
+        file = dataclasses.replace(COMPARE, runs={"mine": run})
+        assert_same(read_traces(write_traces_to(tmp_path_factory.mktemp("bits"), file)), file)
 
 
 class TestFile:
     def test_equal_contents_give_equal_bytes(self, compare_path: Path, tmp_path: Path) -> None:
-        again = write_traces_to(tmp_path, FILES["compare_path"])
+        again = write_traces_to(tmp_path, COMPARE)
         assert sha256_of(again) == sha256_of(compare_path)
 
     def test_root_attributes_are_those_of_the_contract(self, compare_path: Path) -> None:
@@ -136,12 +119,12 @@ class TestFile:
             assert (plant["mass"].attrs["units"], plant["mass"].attrs["source"]) == ("kg", "assumed: test")
 
 
-@pytest.mark.parametrize("which", ["compare_path", "decouple_path"])
-def test_netcdf4_reads_it(which: str, request: pytest.FixtureRequest) -> None:
+@both
+def test_netcdf4_reads_it(file: TraceFile, tmp_path: Path) -> None:
     """Warnings are errors throughout the suite, so this also shows that nothing warns."""
-    with netCDF4.Dataset(request.getfixturevalue(which)) as root:
-        assert root.title == FILES[which].title
-        for run in FILES[which].runs.values():
+    with netCDF4.Dataset(write_traces_to(tmp_path, file)) as root:
+        assert root.title == file.title
+        for run in file.runs.values():
             group = root[run.name]
             assert set(group.dimensions) == {"time", "joint"}
             assert np.array_equal(group["q"][:], run["q"])
@@ -171,15 +154,13 @@ def test_another_layout_is_named(tmp_path: Path) -> None:
         read_traces(path)
 
 
-class TestTrace:
-    def test_a_variable_that_was_not_recorded(self) -> None:
-        trace = make_compare_file(without=["s"]).runs["controller_1"]
-        assert "s" not in trace
-        assert "e" in trace
-        with pytest.raises(DataMissingError, match="'controller_1' holds no variable 's'"):
-            trace["s"]
-        runs = FILES["compare_path"].runs
-        assert (runs["controller_1"].status, runs["controller_2"].status) == ("ok", "diverged")
+def test_a_variable_that_was_not_recorded() -> None:
+    trace = make_compare_file(without=["s"]).runs["controller_1"]
+    assert "s" not in trace
+    assert "e" in trace
+    with pytest.raises(DataMissingError, match=r"controller_1.*'s'"):
+        trace["s"]
+    assert [COMPARE.runs[name].status for name in ("controller_1", "controller_2")] == ["ok", "diverged"]
 
 
 class TestPlantRecord:

@@ -9,10 +9,10 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from PIL import Image
 
@@ -31,7 +31,7 @@ RATE = 10
 """Pictures per second of a film."""
 
 MOST_PICTURES = 1000
-"""Of a film, all of which are held in memory."""
+"""Of a film; all are held in memory."""
 
 _DPI = 110
 
@@ -45,26 +45,18 @@ def animate(
     out: Path | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Draw the arm of a stored run, its tendons coloured by tension, beside its angles and errors.
+    """Draw the arm of a stored run as a film, and return what ``--json`` prints.
 
     Parameters
     ----------
     source : Path
         Trace file, or a results folder.
-    talk : Talk
     run : str, optional
-        The first one if not given.
+        Else the first one.
     speed : float
         Seconds of the run in one second of the film.
     out : Path, optional
-        File to write, ending in .gif, else beside the traces by the run's name.
-    force : bool
-        Overwrite a file.
-
-    Returns
-    -------
-    dict
-        What ``--json`` prints.
+        Ends in .gif; else beside the traces by the run's name.
 
     Raises
     ------
@@ -85,7 +77,7 @@ def animate(
     with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
         figure, show = draw_scene(scene, origin_of(file))
         figure.set_dpi(_DPI)
-        canvas: Any = FigureCanvasAgg(figure)
+        canvas: Any = figure.canvas
         for place in places:
             show(place)
             canvas.draw()
@@ -108,7 +100,7 @@ def _places(time: Array, speed: float) -> list[int]:
 
 
 def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]]:
-    """Draw a scene under the journal style, and return what brings it to one of its samples."""
+    """Draw a scene, and return what brings it to one of its samples."""
     figure = open_figure(PAGE_MM, 90.0)
     panels = figure.subplot_mosaic([["arm", "q_encoder"], ["arm", "e"]], width_ratios=(1.35, 1.0))
     arm, time = panels["arm"], scene.trace.time
@@ -125,7 +117,10 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     for disc in discs:
         arm.add_patch(disc)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
-    cursors = [_draw_curves(panels[name], scene, name) for name in ("q_encoder", "e")]
+    labels = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
+    cursors = [_draw_curves(panels[name], scene, name, label) for name, label in labels.items()]
+    panels["q_encoder"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    panels["e"].set_xlabel("Time (s)")
     imprint(figure, origin)
 
     def show(place: int) -> None:
@@ -162,16 +157,12 @@ def _draw_frame(axes: Axes, scene: Scene) -> None:
     axes.text(left + 0.05, bottom + 0.01, "0.1 m", ha="center", va="bottom", fontsize=7)
 
 
-def _draw_curves(axes: Axes, scene: Scene, name: str) -> Any:
+def _draw_curves(axes: Axes, scene: Scene, name: str, label: str) -> Line2D:
     """Angles or errors of all joints, and a line that moves along them."""
     trace = scene.trace
-    axes.set_ylabel("Joint angle (deg)" if name == "q_encoder" else "Tracking error (deg)")
+    axes.set_ylabel(label)
     for place, joint in enumerate(trace.joint):
         x, y = thin(trace.time, np.rad2deg(trace[name][:, place]))
         axes.plot(x, y, **stroke_of(joint).line, label=f"Joint {joint}")
-    if name == "q_encoder":
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
-    else:
-        axes.set_xlabel("Time (s)")
     axes.set_xlim(trace.time[0], max(trace.time[-1], trace.time[0] + 1e-3))
     return axes.axvline(trace.time[0], color="#444444", linewidth=0.7)

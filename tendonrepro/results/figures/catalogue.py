@@ -1,4 +1,4 @@
-"""Every figure drawn from traces, by name: what it shows, what it needs, and how it is drawn."""
+"""Every figure drawn from traces: what it shows, what it needs, and how it is drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tendonrepro.results.figures import compare, decouple
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import PAYLOAD, fitted_under
+from tendonrepro.results.summary import compared_runs, fitted_under
 
 _LONGEST_CHANGES = 60
 _MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
@@ -24,8 +24,8 @@ _ERRORS = "Where errors are of the size of encoder steps, their mean in a band o
 class FigureSpec:
     """What a figure shows and needs.
 
-    `runs` are its runs by name; none stands for all of the comparison without payload. Of them those are
-    drawn that hold all `joints` and all variables it `needs`, or `some`; the plant record must hold `plant`.
+    Of its `runs`, by default the comparison's without payload, those are drawn that hold all `joints` and all
+    variables it `needs`, or `some`. The plant record must hold `plant`.
     """
 
     draw: Callable[[TraceFile, list[Trace]], Canvas]
@@ -37,12 +37,12 @@ class FigureSpec:
     joints: tuple[int, ...] = ()
 
     def traces(self, file: TraceFile) -> list[Trace]:
-        """Pick the runs of a file that can be drawn; there are none when the figure cannot be."""
-        unloaded = [name for name in file.part("compare").runs if not name.endswith(PAYLOAD)]
+        """Runs of a file that can be drawn; none when the figure cannot be."""
+        names = self.runs or compared_runs(file.part("compare"))
         enough = any if self.some else all
         return [
             trace
-            for trace in (file.runs[name] for name in self.runs or unloaded if name in file.runs)
+            for trace in (file.runs[name] for name in names if name in file.runs)
             if enough(variable in trace for variable in self.needs)
             and set(self.joints) <= set(trace.joint)
             and set(self.plant) <= set(file.plant.values)
@@ -50,13 +50,7 @@ class FigureSpec:
 
 
 def name_of(figure: str | int) -> str:
-    """Name of a figure by itself, or by its number in the paper.
-
-    Raises
-    ------
-    UsageError
-        When there is no such figure.
-    """
+    """Name of a figure by name or number in the paper; a UsageError where there is none."""
     name = f"fig{int(figure):02d}" if str(figure).isdecimal() else str(figure)
     if name not in FIGURES:
         message = f"there is no figure {figure}"
@@ -65,7 +59,7 @@ def name_of(figure: str | int) -> str:
 
 
 def available(file: TraceFile) -> list[str]:
-    """Names of the figures that can be drawn from a trace file, in the order of the registry."""
+    """Names of the figures that can be drawn from a trace file."""
     return [name for name, spec in FIGURES.items() if spec.traces(file)]
 
 
@@ -75,15 +69,7 @@ def shown(name: str, file: TraceFile) -> TraceFile:
 
 
 def draw(figure: str | int, file: TraceFile) -> FigureArtists:
-    """Draw a figure by its name or number.
-
-    Raises
-    ------
-    UsageError
-        When there is no such figure.
-    DataMissingError
-        When the file does not hold what it shows.
-    """
+    """Draw a figure by name or number; a DataMissingError where the file does not hold what it shows."""
     name = name_of(figure)
     spec = FIGURES[name]
     traces = spec.traces(file)
@@ -95,12 +81,12 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
 
 
 def redrawn(file: TraceFile, folder: Path, name: str) -> list[Path]:
-    """Draw one figure and write it as PDF, SVG and PNG of its name."""
+    """Draw one figure and write it."""
     return save_drawing(draw(name, file), folder)
 
 
 def origin_of(file: TraceFile) -> str:
-    """One line for a picture: simulated or measured, and by which configuration with which changes."""
+    """Simulated or measured, and by which configuration with which changes."""
     if file.source == "measured":
         return "Measured"
     manifest = json.loads(file.manifest_json or "{}")
@@ -177,4 +163,4 @@ FIGURES: dict[str, FigureSpec] = {
         some=True,
     ),
 }
-"""Every figure that can be drawn; those of the paper are named by their numbers."""
+"""By name; those of the paper are named by their numbers."""

@@ -50,17 +50,17 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
         label = f"{name}, $S^{{-1}}$ × "
         canvas.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{label}expected")
         canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{label}measured")
-        canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke, label="")
+        canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke)
     return canvas
 
 
 def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 14, a column a joint: trajectories above, tracking errors below, MAE beside that of Table 2."""
+    """Figure 14, a column a joint: trajectories above, errors below, MAE beside that of Table 2."""
     return _tracking(file, _controller_runs(traces))
 
 
 def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 16: as Figure 14, of Controller 1 without and with a payload, beside Table 3."""
+    """Figure 16, as 14: Controller 1 without and with a payload, beside Table 3."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
@@ -70,12 +70,8 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
 
 
 def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m from near."""
-    rows = {
-        "s": r"$s$ (rad/s)",
-        "H_hat": r"Estimate $\hat{H}$ (N m)",
-        "tau_m": r"Torque $\tau_m$ (N m)",
-    }
+    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m."""
+    rows = {"s": r"$s$ (rad/s)", "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": r"Torque $\tau_m$ (N m)"}
     near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
     runs = _controller_runs(traces)
     joints = _joints(runs)
@@ -101,10 +97,10 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
 
 def _bound_of_s(runs: list[_DrawnRun], joint: int) -> str:
     """Bound of section 4.3 on s of Controller 1: max |epsilon| over lambda."""
-    for run in runs:
+    for run in _holding(runs, "epsilon", joint):
         # Of a measured run the gains are not known.
         gains = run.trace.attributes["gains"]
-        if run.trace.name == "controller_1" and run.holds("epsilon", joint) and "lam" in gains:
+        if run.trace.name == "controller_1" and "lam" in gains:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
             bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
@@ -128,9 +124,6 @@ class _DrawnRun:
     def diverged(self) -> bool:
         return self.trace.status == "diverged"
 
-    def holds(self, variable: str, joint: int) -> bool:
-        return variable in self.trace and joint in self.trace.joint
-
     def values(self, variable: str, joint: int) -> Array:
         """Shape (T,), angles in degrees."""
         found = self.trace[variable][:, self.trace.joint.index(joint)]
@@ -138,13 +131,13 @@ class _DrawnRun:
 
 
 def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
-    """Name and dress the runs: Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
+    """Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
     names = [*CONTROLLERS, *(trace.name for trace in traces if trace.name not in CONTROLLERS)]
     return [_DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
 
 
 def _holding(runs: list[_DrawnRun], variable: str, joint: int) -> list[_DrawnRun]:
-    return [run for run in runs if run.holds(variable, joint)]
+    return [run for run in runs if variable in run.trace and joint in run.trace.joint]
 
 
 def _joints(runs: list[_DrawnRun]) -> list[int]:
@@ -154,7 +147,7 @@ def _joints(runs: list[_DrawnRun]) -> list[int]:
 def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
     joints = _joints(runs)
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
-    fuzzy = {joint for joint in joints if any(_is_fuzzy(run, joint) for run in runs)}
+    fuzzy = {joint for joint in joints for run in _holding(runs, "e", joint) if _is_fuzzy(run, joint)}
     averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
     labels = [
         [(f"Joint {joint}{averaged if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
@@ -174,44 +167,41 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
 
 
 def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
-    """Whether much of an error is from sample to sample; raw, one run's counts would cover the others."""
-    if run.diverged or not run.holds("e", joint):
-        return False
+    """Whether much of an error is from sample to sample; raw, one run would cover the others."""
     error = run.values("e", joint)
     _, _, ripple = averaged_curve(run.trace.time, error)
-    return bool(rmse(ripple) > _FUZZY * rmse(error))
+    return not run.diverged and bool(rmse(ripple) > _FUZZY * rmse(error))
 
 
 def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
-    """MAE of the runs, what the paper prints, and what plausible plants do."""
+    """MAE of the runs, of the paper, and of plausible plants."""
     ours = "ours" if file.source == "simulated" else "measured"
-    names: list[str] = []
     rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
-    for run in _holding(runs, "e", joint):
-        names.append(run.name.rpartition(", ")[2].replace("Controller ", "C"))
-        place, columns = run.trace.joint.index(joint), error_columns(file, run.trace)
-        size, printed, low, high = (
-            float(columns[f"mae{end}_deg"][place]) if f"mae{end}_deg" in columns else np.nan
-            for end in ("", "_printed", "_low", "_high")
-        )
-        rows[ours].append(rounded(size, "z.3f"))
-        rows["paper"].append(rounded(printed, "z.3f"))
+    holding = _holding(runs, "e", joint)
+    for run in holding:
+        place = run.trace.joint.index(joint)
+        sizes = {name: float(held[place]) for name, held in error_columns(file, run.trace).items()}
+        low, high = (sizes.get(f"mae_{end}_deg", np.nan) for end in ("low", "high"))
+        rows[ours].append(rounded(sizes["mae_deg"], "z.3f"))
+        rows["paper"].append(rounded(sizes.get("mae_printed_deg"), "z.3f"))
         rows["plausible"].append(NOTHING if np.isnan(low) else f"{low:.2g}–{high:.2g}")
+    names = " / ".join(run.name.rpartition(", ")[2].replace("Controller ", "C") for run in holding)
     lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
-    return "\n".join([f"MAE (deg) of {' / '.join(names)}", *lines]) if lines else ""
+    return "\n".join([f"MAE (deg) of {names}", *lines]) if lines else ""
 
 
 def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
     if holding := _holding(runs, "q_d", joint):
         longest = max(holding, key=lambda run: run.trace.time[-1])
-        canvas.curve(letter, "Desired", longest.trace.time, longest.values("q_d", joint), REFERENCE)
+        values = longest.values("q_d", joint)
+        canvas.curve(letter, "Desired", longest.trace.time, values, REFERENCE, label="Desired")
 
 
 def _curves(
     canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int, *, averaged: bool
 ) -> None:
-    """Draw a variable of every run that holds it, as it is or as a mean over the band of its ripple."""
+    """Draw a variable of every run, as it is or as a mean over the band of its ripple."""
     for run in _holding(runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         if averaged:
@@ -222,7 +212,7 @@ def _curves(
 
 
 def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
-    """Span of time to look at from near: where the desired angle of the longest run rises fastest."""
+    """Span of time where the desired angle of the longest run rises fastest."""
     longest = max((run.trace for run in runs), key=lambda trace: float(trace.time[-1]))
     time, start = longest.time, float(longest.time[0])
     if "q_d" in longest and joint in longest.joint and len(time) > 1:
@@ -242,18 +232,13 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: s
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
         diverged = run.diverged and time[-1] <= end
-        canvas.curve(letter, run.name, time[inside], values, stroke, label="", diverged=diverged, held=True)
+        canvas.curve(letter, run.name, time[inside], values, stroke, diverged=diverged, held=True)
 
 
 def averaged_curve(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Mean of the samples (T,) that are there over `MEAN_WINDOW`, and RMS about it over `RIPPLE_WINDOW`.
+    """Times, mean over `MEAN_WINDOW` of the samples (T,) that are there, RMS about it over `RIPPLE_WINDOW`.
 
-    Both once a mean's window and at the end: more often would draw the beat of encoder counts.
-
-    Returns
-    -------
-    tuple of array
-        Times, means and RMS.
+    Once a mean's window and at the end: more often would draw the beat of encoder counts.
     """
     known = np.isfinite(values)
     time, values = time[known], values[known]

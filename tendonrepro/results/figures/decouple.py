@@ -21,9 +21,8 @@ def draw_angles(file: TraceFile, traces: list[Trace], *, variables: Sequence[str
     """Figures 6 and 9: angles of all motors; where motor 1 turns alone those of all joints, too."""
     (trace,) = traces
     names = [_ANGLES[variable] for variable in variables]
-    canvas = Canvas(
-        COLUMN_MM, 18.0 + 40.0 * len(names), [[(f"{name}s", f"{name} angle (deg)")] for name in names]
-    )
+    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in names]
+    canvas = Canvas(COLUMN_MM, 18.0 + 40.0 * len(names), labels)
     for letter, name, variable in zip(canvas.axes, names, variables, strict=True):
         for joint in trace.joint:
             values, label = _degrees(trace, variable, joint), f"{'/'.join(names).capitalize()} {joint}"
@@ -55,7 +54,7 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
     canvas.zero_line("b")
     difference = calculated - encoder
-    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1), label="")
+    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1))
     beside = "\nthe paper gives no value" if of_paper(file) else ""
     canvas.note("b", f"MAE {rounded(float(mae(difference)), '.4f')}°{beside}")
     return canvas

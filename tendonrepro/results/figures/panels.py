@@ -25,13 +25,7 @@ _INSIDE, _EDGE = 0.85, 0.35
 
 @dataclass(frozen=True)
 class FigureArtists(Drawing):
-    """A figure drawn from traces, its panels by letter.
-
-    Attributes
-    ----------
-    lines, bands : dict
-        By panel letter and name, such as ``("c", "Controller 1")``.
-    """
+    """A figure drawn from traces; lines and bands by panel and name: ``("c", "Controller 1")``."""
 
     lines: dict[tuple[str, str], Line2D]
     bands: dict[tuple[str, str], Polygon]
@@ -40,9 +34,8 @@ class FigureArtists(Drawing):
 class Canvas:
     """A figure under construction, width and height in mm printed.
 
-    Labels are (title, y label) in rows, the grid of panels, which share the time axis. Panels get letters.
-    The last rows may have an x axis of their own, shared within a column: `apart` are their labels. `places`
-    are row and title, up to a comma, of every panel.
+    `labels` are (title, y label) of the grid's panels, which share the time axis. The last rows may have x
+    axes of their own, shared within a column, labelled `apart`. `places` are row and title, up to a comma.
     """
 
     def __init__(
@@ -82,11 +75,11 @@ class Canvas:
         values: Array,
         stroke: Stroke,
         *,
-        label: str | None = None,
+        label: str = "",
         diverged: bool = False,
         held: bool = False,
     ) -> None:
-        """Draw a curve (T,), in the panel's units, under the key `name`; `held` samples as steps.
+        """Draw a curve (T,) under the key `name`; `held` samples as steps.
 
         The legend lists equal labels once, an empty one not at all. A diverged run ends in a mark and does
         not set the range of the y axis.
@@ -94,19 +87,18 @@ class Canvas:
         x, y = thin(time, values)
         (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
         self.lines[letter, name] = line
-        text = name if label is None else label
-        if text:
-            line.set_label(text)
-            self._legend.setdefault(text, line)
+        if label:
+            line.set_label(label)
+            self._legend.setdefault(label, line)
         if not diverged:
             self._framing[letter].append(y)
         elif len(y):
             self._diverged[letter].append(line)
 
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
-        """Draw the band between a lower and an upper edge (T,), below all curves.
+        """Draw the band between two edges (T,), below all curves.
 
-        Bands are opaque, the first on top, so colours do not mix; edges lie above all of them.
+        Bands are opaque, the first on top; edges lie above all bands.
         """
         low, high = edges
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
@@ -125,15 +117,15 @@ class Canvas:
         self.axes[letter].axhline(0.0, color="#999999", linewidth=0.4, zorder=0.9)
 
     def note(self, letter: str, text: str) -> None:
-        """Write a remark above a panel, at its right end."""
+        """Write a remark at the right above a panel."""
         self.axes[letter].set_title(text, loc="right", fontsize="small", linespacing=1.35)
 
     def explain_bands(self, label: str) -> None:
-        """Add a legend entry that stands for the bands of all curves."""
+        """Add a legend entry for the bands of all curves."""
         self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
 
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
-        """Set ranges, legend and imprint, and lay out the figure of a name once for all formats."""
+        """Set ranges, legend and imprint, and lay the figure out for all formats."""
         drawn = {letter for letter, _ in self.lines}
         for letter, axes in self.axes.items():
             if letter not in drawn:
@@ -149,7 +141,7 @@ class Canvas:
         return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
 
     def _draw_legend(self) -> None:
-        """Use as few rows as the width allows; matplotlib itself does not wrap a legend."""
+        """Use as few rows as the width allows."""
         handles, labels = list(self._legend.values()), list(self._legend)
         for rows in range(1, len(labels) + 1):
             columns = -(-len(labels) // rows)
@@ -160,7 +152,7 @@ class Canvas:
 
 
 def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> None:
-    """Fit the y axis to values, else to the diverged runs, and mark where these end."""
+    """Fit the y axis to values, else to the diverged runs, and mark the ends of these."""
     courses = [np.array(line.get_data()) for line in diverged]
     shown = np.concatenate([np.zeros(0), *(framing or [values for _, values in courses])])
     if shown.size:
@@ -175,9 +167,8 @@ def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> N
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
-    """Reduce a curve to what can be seen, keeping every spike.
+    """Reduce a curve to what can be seen: the extremes of equal groups of samples, and both ends.
 
-    Of each of equal groups of samples the extremes stay, at their own times, and both ends of the curve.
     Non-finite samples are dropped.
     """
     finite = np.isfinite(values)

@@ -1,14 +1,13 @@
-"""The canvas of every figure: journal style, sizes, strokes that survive grey print, letters, and files.
+"""What all figures share: journal style, sizes, strokes that survive grey print, letters, and files.
 
-A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`, and written by `save_drawing`. The
-same figure gives the same bytes.
+A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the same gives the same bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
@@ -28,12 +27,10 @@ COLUMN_MM = 85.0
 PAGE_MM = 175.0
 """Width of two journal columns."""
 
-_MM_PER_INCH = 25.4
-
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a curve looks: colour in hexadecimal RGB, dash and gap in line widths, width in pt."""
+    """Look of a curve: colour in hexadecimal RGB, dash and gap in line widths, width in pt."""
 
     colour: str
     dashes: tuple[float, ...] = ()
@@ -46,7 +43,7 @@ class Stroke:
 
     @property
     def line(self) -> dict[str, Any]:
-        """All of it as matplotlib's settings of a line."""
+        """All of it as settings of a matplotlib line."""
         return {"color": self.colour, "linestyle": self.linestyle, "linewidth": self.width}
 
 
@@ -58,49 +55,45 @@ SERIES = (
     Stroke("#777777", (9.0, 2.5)),
     Stroke("#228833", (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
 )
-"""Strokes of controllers, joints and motors in the order of their numbers, then of further laws.
+"""Strokes of controllers, joints and motors by number, then of further laws.
 
 The first three colours are told apart by any kind of colour vision, and by lightness in grey print.
 """
 
 
 def stroke_of(number: int) -> Stroke:
-    """Stroke of the joint, motor or law with a number, counted from 1; they repeat when there are many."""
+    """Stroke of a joint, motor or law by its number from 1; strokes repeat."""
     return SERIES[(number - 1) % len(SERIES)]
 
 
 REFERENCE = Stroke("#BEBEBE", (), 2.6)
-"""Wide and pale, drawn below the curve that is meant to cover it."""
+"""Wide and pale, below the curve that is meant to cover it."""
 
 
 def paler(colour: str, white: float) -> str:
-    """Mix a colour with a share of white; opaque, so that what lies below does not change it."""
+    """Mix a colour with a share of white; opaque, so that nothing below shines through."""
     red, green, blue = (share + white * (1.0 - share) for share in to_rgb(colour))
     return to_hex((red, green, blue))
 
 
-@contextmanager
-def journal_style() -> Iterator[None]:
-    """Put the project's style in force, whatever the user's own matplotlib settings are."""
-    with style.context(Path(__file__).with_name("tendonrepro.mplstyle"), after_reset=True):
-        yield
+journal_style = partial(style.context, Path(__file__).with_name("tendonrepro.mplstyle"), after_reset=True)
+"""Puts the project's style in force, whatever the user's own matplotlib settings are."""
 
 
 def open_figure(width_mm: float, height_mm: float) -> Figure:
     """Empty figure of a printed size, mm; its layout keeps texts apart."""
-    size = (width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def imprint(figure: Figure, text: str) -> None:
-    """Say below all panels where a figure comes from; a caption gets lost when a picture is passed on."""
+    """Say below all panels where a figure comes from; captions get lost when pictures are passed on."""
     figure.supxlabel(text, x=0.995, ha="right", fontsize="x-small", color="#555555")
 
 
 def settle(figure: Figure) -> None:
-    """Lay a figure out once, under the journal style; without its engine no format computes it again."""
+    """Lay a figure out once, under the journal style; without its engine no format does it again."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -108,7 +101,7 @@ def settle(figure: Figure) -> None:
 
 
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
-    """Entitle panels with "(a) ...", "(b) ...", unless there is one alone, and return them by letter.
+    """Entitle panels with "(a) ...", unless there is one alone, and return them by letter.
 
     After (z) comes (aa), then (bb).
     """
@@ -122,19 +115,9 @@ def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Ax
 
 @dataclass(frozen=True)
 class Drawing:
-    """A finished figure.
+    """A finished figure, and its panels.
 
-    Attributes
-    ----------
-    stem : str
-        Name of its files, and their title.
-    figure : Figure
-    axes : mapping or sequence of Axes
-        Its panels.
-    caption : str
-        Kept in the files.
-    origin : str
-        Printed below the panels.
+    `stem` is the name of its files, which hold the `caption`; the `origin` is printed below the panels.
     """
 
     stem: str
@@ -145,19 +128,13 @@ class Drawing:
 
 
 def title_of(name: str) -> str:
-    """The paper's title of a figure, or the name of one that is not the paper's."""
+    """Title of a figure, its name where it is not the paper's."""
     number = name.removeprefix("fig")
     return f"Figure {int(number)}" if number.isdecimal() else name
 
 
 def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
-    """Write a figure as PDF, SVG and PNG, title and caption in the files, an origin below the panels.
-
-    Raises
-    ------
-    TendonreproError
-        When a file cannot be written.
-    """
+    """Write a figure as PDF, SVG and PNG; a TendonreproError where a file cannot be written."""
     title, caption = title_of(drawn.stem), drawn.caption
     metadata: dict[str, dict[str, Any]] = {
         "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
