@@ -49,7 +49,6 @@ def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, 
     ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
     slots = {
         "first_fine": percent(readings[FINE_STEPS]["first_best"]["share"]),
-        "worst": percent(printed["first_worst"]["share"]),
         "tie": percent(printed["last_two_tie"]["share"]),
         "behind": percent(1.0 - ahead),
         "plants": f"{summary['populations']['box']['plants']:,}",

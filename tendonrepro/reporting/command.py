@@ -26,13 +26,11 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     """
     path = out or folder / "report.html"
     if not folder.is_dir():
-        hint = "run tendonrepro reproduce, or name another one"
-        raise DataMissingError("there is no such folder", where=str(folder), hint=hint)
+        raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     if path.is_dir():
         raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
     if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
-        message = "exists and is no report of tendonrepro"
-        raise UsageError(message, where=str(path), hint="choose another --out, or say --force")
+        raise UsageError("exists and is no report", where=str(path), hint="choose another --out, or --force")
     from tendonrepro.reporting.page import page
     from tendonrepro.reporting.stored import stored_under
 

@@ -102,14 +102,11 @@ def slow(values: Array, newest: float) -> Array:
 
     `newest` is the weight of the newest sample.
     """
-
-    # scipy.signal would do the same, but takes 30 MB.
-    def follow(before: float, value: float) -> float:
-        return newest * value + (1.0 - newest) * before
-
     found = np.full_like(values, np.nan)
     for i, column in enumerate(values.T):
         there = np.isfinite(column)
         known = column[there].tolist()
-        found[there, i] = [*accumulate(known, follow, initial=known[0])][1:] if known else []
+        # scipy.signal would do the same, but takes 30 MB.
+        course = accumulate([*known[:1], *known], lambda old, new: newest * new + (1.0 - newest) * old)
+        found[there, i] = [*course][1:]
     return found
