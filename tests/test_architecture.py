@@ -77,7 +77,7 @@ BUDGETS = {
     "tuning": 700,
     "verdicts": 1_640,
     "validation": 397,
-    "reporting": 500,
+    "reporting": 499,
     "api": 338,
     "cli": 499,
 }

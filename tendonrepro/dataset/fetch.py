@@ -129,7 +129,7 @@ def _described(site: str, number: str) -> dict[str, Any]:
 
 
 def _session() -> Session:
-    """It asks a busy site again, no sooner than that says."""
+    """A session that asks a busy site again, no sooner than it says."""
     session = Session()
     session.headers.update({"User-Agent": AGENT, "Accept-Encoding": "identity"})
     busy = (429, 500, 502, 503, 504)
@@ -181,7 +181,7 @@ def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> 
 
 
 def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:
-    """From where an earlier try ended."""
+    """Get a file of `size` bytes, from where an earlier try ended."""
     part.touch()
     for _ in range(_TRIES):
         start = part.stat().st_size

@@ -115,7 +115,7 @@ def _around(name: str) -> list[str]:
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
-    """What a name says; role and quantity else of the names around."""
+    """What a name says, with role and quantity of the names around if it has none."""
     if said.says & (KINDS | ROLES):
         return said.says
     wanted = ROLES | {"torque", "motor"}
@@ -212,7 +212,7 @@ def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str)
 
 
 def _columns_of(guesses: Sequence[Guess]) -> Lines:
-    """With the table where two share the name of a column."""
+    """Lines of a run, with the table where two share a column's name."""
     found: Lines = {}
     for guess in guesses:
         others = [one for one in guesses if one.column == guess.column and one.use != guess.use]

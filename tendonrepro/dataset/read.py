@@ -109,7 +109,7 @@ def read_file(path: Path, name: str) -> list[Source]:
 
 
 def _tables(path: Path) -> dict[str, Columns]:
-    """By their place in it; its first bytes go before its name."""
+    """Tables of a file by their place in it; its first bytes go before its name."""
     from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook

@@ -48,7 +48,7 @@ class Assembly:
         Raises
         ------
         ConfigError
-            Where it does not fit the tables.
+            Where the mapping does not fit the tables.
         DataMissingError
             If a file of it was not read.
         """
@@ -172,7 +172,7 @@ def _rows(source: Source, run: Run) -> pd.DataFrame:
 
 
 def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
-    """In s, NaN beyond the part to keep."""
+    """Times of rows, s, NaN beyond the part to keep."""
     column = next((column for column, use in uses.items() if use.variable == "time"), None)
     if column is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"

@@ -150,7 +150,7 @@ def _are_units(row: Sequence[str]) -> bool:
 
 
 def _groups(row: Sequence[str]) -> list[str]:
-    """An empty cell belongs to the name before it.
+    """Group of every column: an empty cell belongs to the name before it.
 
     A title stands alone at the left, and numbers are settings; these name no groups.
     """

@@ -34,8 +34,8 @@ class Timing(NamedTuple):
 class Tried:
     """One way of averaging, the same for all runs.
 
-    `sizes` are errors, deg, by id, over one of `spans`, less their mean if `offset_removed`. `agree` are the
-    ids of printed numbers that they give.
+    `sizes` are MAE and RMSE, deg, by id, over one of `spans`; with `offset_removed` after the error's mean was
+    taken off. `agree` are the ids of printed numbers that they give.
     """
 
     window: str
@@ -53,7 +53,8 @@ class Tried:
 class PrintedTables:
     """All ways of averaging, the whole motion as it is first.
 
-    `left_out` counts missing samples by run; `chance` is that of as many agreements by accident.
+    `left_out` counts missing samples by run; `chance` is that of as many agreements by accident in as many
+    tries.
     """
 
     tried: tuple[Tried, ...]

@@ -105,7 +105,7 @@ def docs(page: str) -> str:
 
 
 def section(page: str, heading: str) -> str:
-    """Text of a section of it."""
+    """Text of a section of a page of docs."""
     return docs(page).split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
 
 

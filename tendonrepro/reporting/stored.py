@@ -24,7 +24,6 @@ _ORDERS = {
     "in_order": "share_c1_lt_c2_lt_c3",
     "in_reverse": "share_c3_lt_c2_lt_c1",
     "first_best": "share_c1_best",
-    "first_worst": "share_c1_worst",
     "last_two_tie": "share_c2_ties_c3",
 }
 """What is kept of the rankings, and its name in an ensemble's ``summary.json``."""
@@ -34,8 +33,8 @@ _ORDERS = {
 class Stored:
     """Everything a page is made of, from the `folder` above the results.
 
-    `manifests` are of experiments that were run; `summary` is as `thinned` leaves it; `ledger` that of
-    ``claims --json``. `origins` of parts: ``run``, ``shipped`` with the package, or ``missing``.
+    `manifests` are of experiments that were run; `summary` is as `thinned` leaves it; `ledger` is
+    that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with the package, or ``missing``.
     """
 
     folder: Path
@@ -52,7 +51,7 @@ _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
 def stored_under(folder: Path) -> Stored:
     """Read all there is under a results folder.
 
-    The ensemble is the user's own where `claims` has judged one of the paper's arm.
+    The ensemble is the user's own where `claims` has judged one of the paper's arm, else the shipped one.
 
     Raises
     ------

@@ -74,9 +74,14 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
 
 
 def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Write the recovered motion, and a configuration of the comparison on it.
+    """Write the recovered motion and a configuration on it; return its path, and when reruns begin, s.
 
     Of `base` only the reference changes, and payloads measured with other masses.
+
+    Raises
+    ------
+    DataMissingError
+        If no motion was recovered.
     """
     reference, runs = measured.reference, measured.compare.runs
     if reference is None:
@@ -95,9 +100,14 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
 
 
 def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """The same of the decoupling run; its motors drive the rerun, else the joints' encoders.
+    """Do the same for the decoupling run; its motors drive the rerun, else the joints' encoders.
 
     If `base` is of the comparison, the shipped model takes over its manipulator and seed.
+
+    Raises
+    ------
+    DataMissingError
+        If joints 1 to 3 were not recorded.
     """
     trace = measured.file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):

@@ -44,7 +44,7 @@ def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
-    """A percentage by how it would be printed, others by the printed interval."""
+    """Judge a percentage by how it would be printed, others by the printed interval."""
     tables, formula = measured.tables, formula_of(paper, identifier)
     window: Evidence = {"window": tables.window}
     sizes: list[Any] = []

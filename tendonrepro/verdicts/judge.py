@@ -51,8 +51,8 @@ class Sources:
 class Verdict:
     """One line of the ledger, with the keys of ``claims --json``.
 
-    `ours` is a claim's share, or the number of the nominal run, else its median. What `repeats` another entry
-    is not counted. `shipped` is from the package's ensemble.
+    `ours` is a claim's share, or the number of the nominal run, else its median over the box. What `repeats`
+    another entry is not counted. `shipped` is from the package's ensemble.
     """
 
     id: str
@@ -115,7 +115,7 @@ def judge_all(
 def _over_the_box(
     data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
 ) -> dict[str, Judged]:
-    """With one reading in memory at a time."""
+    """Judge by an ensemble, one reading in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
     if data is None or PRINTED not in data.readings or not names:
         return {}
@@ -168,7 +168,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
 
 
 def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
-    """Of the nominal run, in printed units."""
+    """Numbers of the nominal run, in printed units."""
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
         whole = tracking_errors(trace)["whole"]

@@ -49,7 +49,7 @@ class Formula(NamedTuple):
 
     @property
     def errors(self) -> list[ErrorOf]:
-        """The same errors."""
+        """Errors that `names` are of."""
         return [error_of(name) for name in self.names]
 
 

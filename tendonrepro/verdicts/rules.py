@@ -95,7 +95,7 @@ def of_number(printed: Ends, found: Spread, direction: Share | None, power: floa
 def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
     """Share of the decade around a printed number that would also be inside, 0 to 1.
 
-    It is of what exceeds `least`, the smallest possible number.
+    The decade is of what exceeds `least`, the smallest possible number.
     """
     low, high = printed
     value, half = 0.5 * (low + high) - least, 0.5 * (high - low)

@@ -43,8 +43,8 @@ class Statement:
 class Findings:
     """What a rule finds, and the plants that it judges and ranks; a diverged law ranks last.
 
-    `opposite`, where given, replaces that no statement holds. `beside` does not count. `untestable` says why
-    no plant can tell.
+    `opposite`, where given, replaces that no statement holds. `beside` does not count. `chance` is from
+    `_by_chance`. `untestable` says why no plant can tell.
     """
 
     statements: Sequence[Statement]
@@ -58,7 +58,7 @@ class Findings:
 
     @property
     def measures(self) -> Mapping[str, Sequence[Statement]]:
-        """Statements by measure; a claim holds where all of one measure do."""
+        """Statements by measure; a claim holds by one where all of its statements do."""
         names = dict.fromkeys(statement.measure for statement in self.statements)
         return {name: [one for one in self.statements if one.measure == name] for name in names}
 
@@ -75,7 +75,7 @@ def _over(plants: Plants, runs: Sequence[str], statements: Sequence[Statement], 
 
 
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
-    """From a mask (N, n)."""
+    """One statement a joint, from a mask (N, n)."""
     return [
         Statement(f"joint {joint}: {text}", holds[:, i], measure) for i, joint in enumerate(plants.joints)
     ]
@@ -84,7 +84,7 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
 def _of_runs(
     plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
 ) -> list[Statement]:
-    """The same, failing where a run diverged."""
+    """One statement a joint, which fails where a run diverged."""
     return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
@@ -148,7 +148,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
 
 
 def joints_alike(plants: Plants, paper: Published) -> Findings:
-    """F2: joint 3 over joint 2 errs at least as in the paper."""
+    """F2: joint 3 over joint 2 errs at least as much as in the paper."""
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
     runs = (*CONTROLLERS, LOADED)

@@ -80,7 +80,7 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
 
 
 def _tense(margin: float, machines: Machines, route: Mechanism) -> Mask:
-    """Whether every tendon pulls in all postures `margin` deg from the edges, (N,).
+    """Whether every tendon pulls in all postures at least `margin` deg from the edges, (N,).
 
     Tension is linear in the sines of the angles, so their extremes tell.
     """

@@ -135,9 +135,10 @@ def test_picture_of_the_map(readings: dict[str, Any]) -> None:
         if joint == 2:
             ratios = [[0.261 / 0.289, 0.289 / 0.305], [0.311 / 0.375, 0.375 / 0.436]]
             assert stars == pytest.approx(np.array(ratios))
-        closest = [line.get_xydata()[0] for line in panel.lines if line.get_marker() == "D"]
-        mae = [row["mae_deg"] for row in stored("closest") if row["joint"] == joint]
-        assert closest[0] == pytest.approx(np.array([mae[0] / mae[1], mae[1] / mae[2]]))
+        closest = np.array([line.get_xydata()[0] for line in panel.lines if line.get_marker() == "D"])
+        rows = [row for row in stored("closest") if row["joint"] == joint]
+        errors = np.array([[row[f"{metric}_deg"] for row in rows] for metric in ("mae", "rmse")])
+        assert closest == pytest.approx(errors[:, :2] / errors[:, 1:])
 
 
 def test_picture_of_the_ranges(readings: dict[str, Any]) -> None:
