@@ -34,7 +34,7 @@ class Timing(NamedTuple):
 class Tried:
     """One way of averaging, the same for all runs.
 
-    `sizes` are MAE and RMSE, deg, by id, over one of `spans`; with `offset_removed` after the error's mean was
+    `sizes` are MAE and RMSE, deg, by id, over one of `spans`; with `offset_removed` after the error's mean is
     taken off. `agree` are the ids of printed numbers that they give.
     """
 

@@ -78,7 +78,8 @@ def load_at_rest(q: Array, plant: Plant) -> Array:
 def holding_torque(q: Array, plant: Plant) -> Array:
     """Motor torque (n,) that holds the arm at rest, N m in joint coordinates.
 
-    A transmission error changes the motors' share of the load, and a tendon that would have to push has none.
+    A transmission error changes the motors' share of the load. A one-way tendon that would have to push has
+    none.
     """
     load, drive = load_at_rest(q, plant), plant.drive
     ahead = lever(theta_at_rest(q, load, drive), drive) - 1.0

@@ -19,7 +19,7 @@ class TendonPath(NamedTuple):
     Attributes
     ----------
     centre : array (T, m, 2)
-        Of winch, guide pulleys, and the last joint's winch or pulley, m.
+        Of winch, guide pulleys, and the winch or pulley where it ends, m.
     radius : array (m,)
         Signed, m; zero lets the tendon pass the centre.
     direction : array (T, m)

@@ -16,7 +16,7 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.console import Talk
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
-from tendonrepro.evidence.hypotheses import LINEAR, without_rounding
+from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
 from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered, read_logs, recovered
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
@@ -183,22 +183,29 @@ def test_the_command_writes_its_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("M_bar", "gain", "half", "answer"),
+    ("M_bar", "half", "gain", "gain_half", "answer"),
     [
-        (0.01, 1.0, 0.4, RECOVERED),
-        (0.01, 1.0, 0.6, UNTOLD),
-        (0.01, 0.25, 0.19, NONE),
-        (0.01, 2.2, 2.9, UNTOLD),
-        (0.01, 3.0, 0.9, NONE),
-        (0.003, 1.0, 0.0, NONE),
-        (0.01 * np.rad2deg(1.0), 1.0, 0.0, RECOVERED),
+        (0.01, 0.0, 1.0, 0.4, RECOVERED),
+        (0.01, 0.0, 1.0, 0.6, UNTOLD),
+        (0.01, 0.0, 1.8, 0.3, UNTOLD),
+        (0.01, 0.0, 0.25, 0.19, NONE),
+        (0.01, 0.0, 2.2, 2.9, UNTOLD),
+        (0.01, 0.0, 3.0, 0.9, NONE),
+        (0.02, 1e-12, 2.0, 1e-12, RECOVERED),
+        (0.01, 0.006, 1.0, 0.0, UNTOLD),
+        (0.003, 0.0, 1.0, 0.0, NONE),
+        (0.4, 0.0, 1.0, 0.0, RECOVERED),
+        (0.01 * np.rad2deg(1.0), 0.0, 1.0, 0.0, RECOVERED),
     ],
 )
-def test_loose_gains_cannot_tell(M_bar: float, gain: float, half: float, answer: str) -> None:
+def test_loose_gains_cannot_tell(
+    M_bar: float, half: float, gain: float, gain_half: float, answer: str
+) -> None:
     """A 90 % interval has to lie inside a factor of two of the published gain, or outside."""
     one = joints(run())[0]
-    gains = {"position_gain": gain, "position_gain_half": half}
-    best = replace(one.best, parameters=np.array([0.9, 0.1, M_bar, 8.0, 1.5]), **gains)
+    parameters, halves = np.array([0.9, 0.1, M_bar, 8.0, 1.5]), np.array([0.0, 0.0, half, 0.0, 0.0])
+    gains = {"position_gain": gain, "position_gain_half": gain_half}
+    best = replace(one.best, parameters=parameters, half=halves, **gains)
     assert replace(one, found=[best]).answer == answer
 
 
@@ -208,3 +215,11 @@ def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
         assert one.best.position_gain == pytest.approx(one.best.parameters[4] / 16.0)
         assert one.best.position_gain_half == pytest.approx(one.best.half[4] / 16.0)
         assert one.best.position_gain_half > 0.0
+
+
+def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
+    found = fit._position_gain(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
+    assert found == pytest.approx(2.0)
+    values = np.random.default_rng(1).normal(size=16)
+    left_out = np.array([np.delete(values, k).mean() for k in range(16)])
+    assert fit._half(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)

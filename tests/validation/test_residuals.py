@@ -207,7 +207,8 @@ def test_the_decoupling_motion_is_that_of_what_was_recorded(drives, variable, tm
     trace = file.runs["decouple"]
     kept = {name: trace[name] for name in ("q_encoder", variable)}
     measured = measured_of(with_runs(file, decouple=replace(trace, variables=kept)), published())
-    base = load_config(None, "compare", overrides=["manipulator.gravity=9.7", "seed=5", "reference.periods=2"])
+    changed = ["manipulator.gravity=9.7", "seed=5", "reference.periods=2"]
+    base = load_config(None, "compare", overrides=changed)
     write_decouple(measured, base, "SYNTHETIC.h5", tmp_path)
     knots = thinned(recorded(trace, variable))
     time, angles = read_samples(tmp_path / "decouple_reference.csv")
