@@ -70,7 +70,7 @@ BUDGETS = {
     "results": 1_902,
     "experiments": 1_350,
     "analysis": 628,
-    "evidence": 1_004,
+    "evidence": 1_005,
     "monte_carlo": 1_150,
     "identification": 638,
     "dataset": 1_689,

@@ -86,9 +86,10 @@ class Recovered:
         balance = abs(self.best.parameters[:2].sum() - 1.0)
         balanced = balance <= CLOSE + self.best.half[:2].sum()
         fine = self.rounding <= COARSE
+        allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
         if self.best.bias > CLOSE:
             return UNTOLD
-        if balanced and self.unexplained <= max(FAITHFUL, 3.0 * self.rounding * fine):
+        if balanced and self.unexplained <= allowed:
             return self.by_gains
         if not fine or not self.sampled_as_run:
             return UNTOLD

@@ -1,6 +1,9 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
-A row has one number of each experiment.
+A row is ``LANES`` neighbouring numbers, one of each experiment: of a variable, such as the angle of joint 2,
+or of a parameter. A function of physics gets symbols for rows, so it writes its operations on a tape: ``k *
+(q - r)`` becomes ``x3 = x1 - x2``, ``x4 = x0 * x3``. The tape becomes machine code that works on whole rows.
+What depends on parameters alone is worked out once.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ class LaneTape(Tape):
         return super().binary(operator, left, right)
 
     def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
-        """Symbols of numbers some places behind where each lane's pointer leads."""
+        """Symbols of numbers at places after the one that each lane's pointer points to."""
         return np.array([self.write("load", pointer, float(place)) for place in places], dtype=object)
 
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
