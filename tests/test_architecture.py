@@ -67,7 +67,7 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_594,
-    "results": 1_902,
+    "results": 1_898,
     "experiments": 1_350,
     "analysis": 628,
     "evidence": 1_005,

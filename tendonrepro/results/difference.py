@@ -97,9 +97,5 @@ def difference_text(found: Mapping[str, Any]) -> str:
     """Words for a terminal."""
     if found["same"]:
         return "The two results have the same configuration, versions, metrics and traces."
-    parts = [
-        Table(kind, f"{kind}: {len(rows)}", rows).text()
-        for kind, rows in found.items()
-        if isinstance(rows, list) and rows
-    ]
-    return "\n\n".join(parts)
+    kinds = {kind: rows for kind, rows in found.items() if isinstance(rows, list) and rows}
+    return "\n\n".join(Table(kind, f"{kind}: {len(rows)}", rows).text() for kind, rows in kinds.items())

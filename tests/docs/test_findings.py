@@ -53,7 +53,14 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
     misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
     applied = misfits["Delta_unit=deg+stored_torque=applied"]
     assert len(stored("predict")["experiments"]) == 14
+    share = "share.controller_1_of_2"
+    published_shares = [
+        published().number(f"{share}.{metric}.joint_{joint}") / 100.0
+        for metric in ("mae", "rmse")
+        for joint in (2, 3)
+    ]
     pairs = [
+        ("docs/findings.md", f"ratios are {min(published_shares):.2f} to {max(published_shares):.2f}"),
         ("README.md", f"On a third of {slots['plants']} plausible arms"),
         ("README.md", f"On {slots['behind']} of these Controller 1"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),

@@ -1,9 +1,9 @@
 """Code for many experiments at once, on arrays (rows, lanes).
 
 A row is ``LANES`` neighbouring numbers, one of each experiment: of a variable, such as the angle of joint 2,
-or of a parameter. A function of physics gets symbols for rows, so it writes its operations on a tape: ``k *
-(q - r)`` becomes ``x3 = x1 - x2``, ``x4 = x0 * x3``. The tape becomes machine code that works on whole rows.
-What depends on parameters alone is worked out once.
+or of a parameter. A function of physics gets symbols for rows, so it writes its operations on a tape:
+``k * (q - r)`` becomes ``x3 = x1 - x2``, ``x4 = x0 * x3``. The tape becomes machine code that works on whole
+rows. What depends on parameters alone is worked out once.
 """
 
 from __future__ import annotations
