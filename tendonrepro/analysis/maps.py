@@ -24,7 +24,10 @@ _HALVINGS = 10
 
 @dataclass(frozen=True)
 class TendonMap:
-    """Distance (F, F) of every run from its border, over factors (F,) on stiffness, across, and damping."""
+    """Distance (F, F) of every run from its border, in the logarithm of the damping, positive if stable.
+
+    `factors` (F,) are on stiffness, across, and on damping.
+    """
 
     factors: Array
     distance: Mapping[str, Array]

@@ -96,7 +96,7 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
     """Points (count, P) of a scrambled Sobol sequence in the unit cube, from number `first` on, from 0.
 
-    Seed and replicate make the scrambling.
+    Each depends on its number, seed and replicate alone.
     """
     from scipy.stats import qmc
 

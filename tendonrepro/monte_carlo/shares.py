@@ -104,7 +104,7 @@ def _half_width(values: Array) -> float:
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is one plant's value, so infinite values do no harm. What is undefined is None.
+    A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is None.
     """
     result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
     result |= {"lowest": None, "highest": None, "plants": len(values)}

@@ -152,7 +152,7 @@ def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[d
 
 
 def _branches(loop: Loop) -> Hashable:
-    """What the code of a sample depends on."""
+    """What the code of a sample depends on, besides zeros and ones."""
     law = loop.controller.law
     if isinstance(law, Law) and law.surface != Surface.NTSM:
         # There is no phi in it.

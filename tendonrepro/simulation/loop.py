@@ -48,7 +48,7 @@ class Loop:
     cold
         A brake held the arm until the start, and the controller has seen no torque; else its own did.
     seed
-        Of the instruments' noise.
+        Of the instruments' noise, the same in all runs.
     """
 
     plant: Plant

@@ -34,7 +34,10 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True)
 class CompiledPart:
-    """Compiled code that loops share; ``start`` holds first values (rows, N), ``column`` places in them."""
+    """Compiled code that loops share.
+
+    ``start`` holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
+    """
 
     code: LaneCode
     rows: LaneRows

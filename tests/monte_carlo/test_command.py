@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
 
 from tendonrepro import files
@@ -14,6 +15,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.monte_carlo.command import load_study, run_ensemble
 from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
+from tendonrepro.results.figures.style import Drawing
 
 QUIET = Talk(quiet=True)
 
@@ -22,6 +24,15 @@ def test_jobs_do_not_matter(unbroken, tmp_path):
     summary = run_ensemble_of(tmp_path, jobs=2)
     assert results(tmp_path) == results(unbroken)
     assert summary["resumed_from"] == 0
+
+
+def test_figures_are_written(tmp_path, monkeypatch):
+    def draw():
+        return Drawing("one", Figure(), [], "")
+
+    monkeypatch.setattr("tendonrepro.monte_carlo.command.ensemble_figures", lambda *_: {"one": draw})
+    run_ensemble_of(tmp_path)
+    assert (tmp_path / "figures" / "one.svg").exists()
 
 
 class Stop(KeyboardInterrupt):

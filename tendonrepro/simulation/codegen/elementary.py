@@ -1,4 +1,7 @@
-"""Elementary functions from plain arithmetic, of floats, arrays and symbols."""
+"""Elementary functions from plain arithmetic, of floats, arrays and symbols.
+
+A library call would end work on several lanes at a time.
+"""
 
 from __future__ import annotations
 

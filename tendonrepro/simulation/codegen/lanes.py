@@ -226,7 +226,10 @@ Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
 def lane_code(
     name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
 ) -> str:
-    """Source of ``<name>(rows, k)``, and of ``prepare_<name>`` for what depends on parameters alone."""
+    """Source of ``<name>(rows, k)``, and of ``prepare_<name>`` for what depends on parameters alone.
+
+    The latter has to run first. Results are by row.
+    """
     stores = list(stores)
     fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}
