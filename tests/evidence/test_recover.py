@@ -211,10 +211,12 @@ def test_loose_gains_cannot_tell(
 
 def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
     """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
-    for one in joints(rounded(run(controller=3), torque=0.003)):
-        assert one.best.position_gain == pytest.approx(one.best.parameters[4] / 16.0)
-        assert one.best.position_gain_half == pytest.approx(one.best.half[4] / 16.0)
-        assert one.best.position_gain_half > 0.0
+    ((_, log, _),) = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
+    for joint in (0, 1):
+        found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0))
+        assert found.position_gain == pytest.approx(found.parameters[4] / 16.0)
+        assert found.position_gain_half == pytest.approx(found.half[4] / 16.0)
+        assert found.position_gain_half > 0.0
 
 
 def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
