@@ -51,6 +51,7 @@ RECORDS = {
     "every second sample": {"every": 2},
 }
 SAMPLES = 4000
+RIGHT, WEIGHTS, WRONG = "right", "weights alone right", "wrong"
 
 
 def logs(plants: int) -> list[tuple[str, Log]]:
@@ -128,7 +129,7 @@ def log_of(trace, run) -> Log:
 
 
 def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
-    """``right``, ``wrong``, or what `recover` says, for each joint."""
+    """`RIGHT`, `WEIGHTS`, `WRONG`, or what `recover` says, for each joint."""
 
     def coarse(values, step):
         return np.round(values / step) * step if step else values
@@ -150,18 +151,19 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
         )
         weights = "extrapolating" if "extrapolating" in name else "interpolating"
         names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
-        is_right = (
-            one.found and one.weights == weights and name.replace(f"weights={weights}", "printed") in names
-        )
-        answers.append(one.answer if one.answer != RECOVERED else "right" if is_right else "wrong")
+        found = one.answer
+        if found == RECOVERED:
+            is_among = name.replace(f"weights={weights}", "printed") in names
+            found = WRONG if one.weights != weights or name in FOREIGN else RIGHT if is_among else WEIGHTS
+        answers.append(found)
     return answers
 
 
 def main() -> None:
     plants = int(sys.argv[1]) if len(sys.argv) > 1 else 8
     for runs, keys in (
-        (logs(plants), ("right", UNTOLD, NONE, "wrong")),
-        (foreign_logs(plants), (NONE, UNTOLD, "wrong")),
+        (logs(plants), (RIGHT, WEIGHTS, UNTOLD, NONE, WRONG)),
+        (foreign_logs(plants), (NONE, UNTOLD, WRONG)),
     ):
         print(f"| record | joints | {' | '.join(keys)} |\n|---|---:|{'---:|' * len(keys)}")
         for title, record in RECORDS.items():
@@ -171,7 +173,7 @@ def main() -> None:
             cells = [f"{100 * counts[key] / total:.0f} %" for key in keys]
             print(f"| {title} | {total} | {' | '.join(cells)} |", flush=True)
             for (name, _), answers in zip(runs, found, strict=True):
-                if "wrong" in answers:
+                if WRONG in answers:
                     print(f"{title}: {name} is wrong", file=sys.stderr)
 
 
