@@ -18,7 +18,7 @@ from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, par
 from tendonrepro.simulation.codegen.machine import LaneCode, assembled, callable_code
 from tendonrepro.simulation.kernel import LoopNumbers, advance_code, sample_code, slope_code
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.resolution import HIGHEST, PACES, plant_modes, steps_needed
+from tendonrepro.simulation.resolution import HIGHEST, plant_modes, steps_needed
 from tendonrepro.simulation.sampled import Hardware, measure, start
 
 CHUNK = 128
@@ -72,10 +72,9 @@ def plant_parts(
     key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
     single = {key[place]: loop for place, loop in loops.items()}
     angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
-    far = {name: np.abs(q_d).max(axis=0) for name, q_d in angles.items()}
+    far = {name: streaming.peak(q_d) for name, q_d in angles.items()}
     plant, stroke = stacked([(loop.plant, far[id(loop.reference.q_d)]) for loop in single.values()])
-    slices = [slice(first, first + CHUNK) for first in range(0, len(single), CHUNK)]
-    chunks = [part_of((plant, stroke), chosen) for chosen in slices]
+    chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
     periods = {loop.L for loop in loops.values()}
     found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
     counts = {L: np.hstack([part[L] for part in found]) for L in periods}
@@ -115,7 +114,7 @@ def _steps(
     plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
 ) -> dict[float, NDArray[np.int64]]:
     """Steps per sample of stacked plants, (levels, N), by sampling period."""
-    modes = [plant_modes(*plants, pace) for pace in PACES]
+    modes = plant_modes(*plants)
     return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
 
@@ -128,23 +127,19 @@ def sample_part(
     record: bool,
 ) -> CompiledPart:
     """Compile a sample of loops alike in command and branches; errors are summed up over ``block(L)``."""
-    ordered = {place: (loop, rest[place]) for place, loop in loops.items()}
-    numbers = _numbers([*ordered.values()], block)
+    ordered = [(loop, rest[place]) for place, loop in loops.items()]
+    numbers = _numbers(ordered, block)
     command = next(iter(loops.values())).controller.command or control.command
     source, rows = sample_code(numbers, statistics, record, command)
     code = LaneCode(*assembled(source, "prepare_sample", "sample"))
-    starts = [_start(*one) for one in ordered.values()]
-    start = {name: np.stack([one[name] for one in starts], axis=-1) for name in starts[0]}
-    return CompiledPart(code, rows, start, {place: k for k, place in enumerate(ordered)})
+    return CompiledPart(code, rows, _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
 
 
 def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LoopNumbers:
     phases: dict[int, streaming.Thresholds] = {}
-    for loop, _ in loops:
-        if id(loop.reference) not in phases:
-            reference = loop.reference
-            period = round(reference.period / loop.L)
-            phases[id(reference)] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
+    for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
+        reference, period = loop.reference, round(loop.reference.period / loop.L)
+        phases[name] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
     numbers: LoopNumbers = stacked(
         [
             LoopNumbers(
@@ -168,21 +163,25 @@ def hardware_of(loop: Loop, rest: Rest) -> Hardware:
     return Hardware(*encoders, theta, loop.actuator, drive.S, drive.S_inv, limit)
 
 
-def memory_of(loop: Loop, rest: Rest) -> tuple[Any, Array]:
-    """Memory of the law by the start-up rule, and the torque before."""
-    tau = np.zeros_like(rest.tau) if loop.cold else rest.tau
-    noise, law = unit_noise(loop)(1)[0] if is_noisy(loop) else np.zeros(3 * tau.size), loop.controller.law
-    return start(measure(rest.state, noise, law, hardware_of(loop, rest)), tau, law), tau
+def torque_before(loop: Loop, rest: Rest) -> Array:
+    """Torque (n,) that the law has seen before its start."""
+    return np.zeros_like(rest.tau) if loop.cold else rest.tau
 
 
-def _start(loop: Loop, rest: Rest) -> dict[str, Array]:
-    memory, tau = memory_of(loop, rest)
+def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LoopNumbers) -> dict[str, Array]:
+    """First values of rows, (rows, N), by the start-up rule."""
+    noise = {seed: unit_noise(loop)(1)[0] for seed, loop in {loop.seed: loop for loop, _ in loops}.items()}
+    found = [(rest.state, noise[loop.seed], torque_before(loop, rest)) for loop, rest in loops]
+    state, first, tau = stacked(found)
+    # Where an encoder is ideal there is no step to divide by.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        memory = start(measure(state, first, numbers.law, numbers.hardware), tau, numbers.law)
     return {
-        "memory": np.concatenate([np.ravel(part) for part in memory]),
-        "pending": np.tile(tau, loop.actuator.delay),
+        "memory": np.concatenate([part.reshape(-1, len(loops)) for part in memory]),
+        "pending": np.tile(tau, (numbers.hardware.actuator.delay, 1)),
         "tau_before": tau,
         "H_before": tau,
-        "live": np.ones(1),
+        "live": np.ones((1, len(loops))),
     }
 
 

@@ -60,28 +60,27 @@ def demand(before: Array, after: Array, plant: Plant) -> Any:
     return most
 
 
-def plant_modes(plant: Plant, stroke: Array, pace: float = 0.0) -> NDArray[np.complex128]:
-    """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n).
+def plant_modes(plant: Plant, stroke: Array) -> list[NDArray[np.complex128]]:
+    """Eigenvalues of stacked plants, friction included, s⁻¹, (N, cases, 4 n), at each of `PACES`.
 
-    Postures lie along the stroke, rad, (n, N). The pace is in units of the velocity over which friction
-    turns. Where the Stribeck effect falls steepest counts too, if that is beyond the pace.
+    Postures lie along the stroke, rad, (n, N). A pace is in units of the velocity over which friction turns.
+    Where the Stribeck effect falls steepest counts too, if that is beyond the pace.
     """
     q = np.linspace(0.0, 1.0, POSTURES)[:, np.newaxis] * stroke[:, np.newaxis]
     # A slack tendon is gentle: what a plant needs while taut will do.
     plants = _spread(both_ways(plant))
-    modes = np.concatenate([_modes_at(q, plants, speed) for speed in _speeds(plants, pace)])
-    return modes.swapaxes(0, 1)
+    rest = rest_state(q, plants), holding_torque(q, plants)
+    modes = [[_modes_at(*rest, plants, speed) for speed in _speeds(plants, pace)] for pace in PACES]
+    return [np.concatenate(cases).swapaxes(0, 1) for cases in modes]
 
 
 def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
     """Velocities of joints and winches, (n, 1, N)."""
     laws = plant.link_friction, plant.drive.friction
     edge = [pace * law.smoothing_velocity for law in laws]
-    if pace == 0.0:
-        return [edge]
     steepest = [law.stribeck_velocity / np.sqrt(2.0) for law in laws]
     faster = [np.maximum(*pair) for pair in zip(edge, steepest, strict=True)]
-    return [edge] if all(map(np.array_equal, edge, faster)) else [edge, faster]
+    return [edge] if pace == 0.0 or all(map(np.array_equal, edge, faster)) else [edge, faster]
 
 
 def _spread(record: Any) -> Any:
@@ -91,9 +90,9 @@ def _spread(record: Any) -> Any:
     return np.expand_dims(record, -2)
 
 
-def _modes_at(q: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
-    """Eigenvalues (P, N, 4 n) at postures (n, P, N) and velocities of joints and winches."""
-    state, tau, n = rest_state(q, plant), holding_torque(q, plant), q.shape[0]
+def _modes_at(rest: Array, tau: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:
+    """Eigenvalues (P, N, 4 n) at states of rest (4 n, P, N) set to velocities of joints and winches."""
+    state, n = rest.copy(), tau.shape[0]
     state[n : 2 * n], state[3 * n :] = speed[0], times(plant.drive.S, speed[1])
     nudges = NUDGE * np.hstack([np.eye(4 * n), -np.eye(4 * n)])
     nudged = state[:, np.newaxis] + nudges[..., np.newaxis, np.newaxis]
@@ -116,14 +115,15 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
     weight = 1.0 / (np.maximum(1.0, np.abs(z)) ** 2 * growth)
     needed = np.zeros(z.shape[0], dtype=np.int64)
     # A plant at rest may drift away slowly, upright ones do; what must not grow is the fast end.
-    fast = np.abs(z) > 1.0
-    for steps in reversed(STEPS):
-        ratio = _amplification(z / steps)
+    bounded = (np.abs(z) > 1.0) & (growth == 1.0)
+    for steps in STEPS:
+        left = np.flatnonzero(needed == 0)
+        ratio = _amplification(z[left] / steps)
         # A step far too long grows beyond all numbers, and then it is not within the tolerance.
         with np.errstate(over="ignore", invalid="ignore"):
-            error = weight * np.abs(ratio**steps - truth)
-            growing = (fast & (growth == 1.0) & (np.abs(ratio) > 1.0)).any(axis=1)
-        needed[(error.max(axis=1) <= tolerance) & ~growing] = steps
+            error = weight[left] * np.abs(ratio**steps - truth[left])
+            growing = (bounded[left] & (np.abs(ratio) > 1.0)).any(axis=1)
+        needed[left[(error.max(axis=1) <= tolerance) & ~growing]] = steps
     return needed
 
 

@@ -17,9 +17,9 @@ from tendonrepro.simulation.parts import (
     Rest,
     hardware_of,
     is_noisy,
-    memory_of,
     sample_part,
     slope_part,
+    torque_before,
     unit_noise,
 )
 
@@ -86,8 +86,9 @@ class PlainLaw:
     def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
         self._loop, self._arm, self._trace = loop, arm, trace
         self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
-        self._memory, tau = memory_of(loop, arm.rest)
-        self._pending = [tau] * loop.actuator.delay
+        tau, law = torque_before(loop, arm.rest), loop.controller.law
+        measured = sampled.measure(arm.rest.state, self._noise[0], law, self._hardware)
+        self._memory, self._pending = sampled.start(measured, tau, law), [tau] * loop.actuator.delay
 
     def __call__(self, k: int) -> bool:
         """Set the arm's torque at sample k; whether the run goes on."""

@@ -101,9 +101,15 @@ limit, ``fast_share`` the share of the error's power above the ringing frequency
 
 def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thresholds:
     """Thresholds of a reference (T, n); the period is in samples, 0 for the whole motion."""
-    speed, acceleration = MOVING * np.abs(dq_d).max(axis=0), RAPID * np.abs(ddq_d).max(axis=0)
+    speed, acceleration = MOVING * peak(dq_d), RAPID * peak(ddq_d)
     newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
     return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))
+
+
+def peak(signal: Array) -> Array:
+    """Largest magnitude, (n,), of a signal (T, n)."""
+    # Along short rows NumPy takes ten times as long.
+    return np.asarray(np.abs(signal.T, order="C").max(axis=1))
 
 
 def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
