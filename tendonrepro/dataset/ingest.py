@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.published import coupling_of, published, table_1
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files

@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import LoadedConfig, load_config
+from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError

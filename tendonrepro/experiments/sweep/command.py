@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.fields.strict_yaml import Node, load
 from tendonrepro.configuration.load import LoadedConfig, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, build_law
