@@ -57,8 +57,8 @@ OWNERS = {
     "SALib": ["verdicts/sensitivity.py"],
     "cma": ["monte_carlo/box.py"],
     "rich": ["console.py"],
-    "jinja2": ["reporting/page.py"],
-    "markdown_it": ["reporting/page.py"],
+    "jinja2": ["reporting/command.py"],
+    "markdown_it": ["reporting/command.py"],
     "typer": ["cli/*"],
 }
 
@@ -67,19 +67,19 @@ BUDGETS = {
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_595,
-    "results": 1_898,
-    "experiments": 1_356,
-    "analysis": 628,
+    "results": 1_891,
+    "experiments": 1_351,
+    "analysis": 625,
     "evidence": 1_005,
     "monte_carlo": 1_142,
     "identification": 637,
-    "dataset": 1_672,
+    "dataset": 1_663,
     "tuning": 699,
     "verdicts": 1_654,
-    "validation": 396,
-    "reporting": 499,
+    "validation": 389,
+    "reporting": 493,
     "api": 338,
-    "cli": 499,
+    "cli": 493,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 

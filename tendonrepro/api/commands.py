@@ -103,7 +103,7 @@ def statics(
 ) -> Result:
     """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
-    from tendonrepro.experiments.statics.command import study_statics
+    from tendonrepro.experiments.statics import study_statics
 
     return _studied("statics", loaded, study_statics(loaded), started)
 
@@ -131,7 +131,7 @@ def sweep(
     `over` has them by dotted key: ``{"sampling_period": [0.5, 1, 2]}``. The others are as of `compare`.
     """
     request, started = _request({**locals()}), time.perf_counter()
-    from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
+    from tendonrepro.experiments.sweep import load_sweep, study_sweep
 
     keys = [
         f"{key}={','.join(json.dumps(_plain(value)) for value in values)}" for key, values in over.items()

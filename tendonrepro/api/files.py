@@ -21,7 +21,7 @@ def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool 
 
 def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool = False) -> dict[str, Any]:
     """Tell what is in files; with `mapping`, write a mapping file to edit."""
-    from tendonrepro.dataset.inspection import run_inspect
+    from tendonrepro.dataset.command import run_inspect
 
     target = None if mapping is None else Path(mapping)
     return run_inspect([*map(Path, paths)], target, force=force)
@@ -35,7 +35,7 @@ def ingest(
     force: bool = False,
 ) -> dict[str, Any]:
     """Convert measured data to a trace file; `confirm` says that the mapping is right."""
-    from tendonrepro.dataset.ingest import run_ingest
+    from tendonrepro.dataset.command import run_ingest
 
     files = [*map(Path, paths)]
     return run_ingest(

@@ -22,8 +22,7 @@ from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
-from tendonrepro.validation.rerun import reruns
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of, read_measured
 

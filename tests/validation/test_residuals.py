@@ -14,8 +14,15 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import recorded, thinned
 from tendonrepro.results.records import Trace
 from tendonrepro.validation import rerun
-from tendonrepro.validation.rerun import aligned, departure, reruns, write_compare, write_decouple
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.rerun import (
+    aligned,
+    comparison_rows,
+    coupling_rows,
+    departure,
+    reruns,
+    write_compare,
+    write_decouple,
+)
 from tendonrepro.verdicts.measured import measured_of
 
 STEP = 0.005

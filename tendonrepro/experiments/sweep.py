@@ -71,7 +71,7 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
 
 def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
     """Simulate a sweep."""
-    from tendonrepro.experiments.sweep.figures import draw_sweep
+    from tendonrepro.experiments.figures import draw_sweep
 
     data = simulate_sweep(sweep, talk)
     manifest = {"solver": {"name": COMPILED_STEPPER}, "over": list(over), "points": len(sweep.points)}
