@@ -181,7 +181,8 @@ def code_lines(path: Path) -> int:
 def test_each_package_keeps_its_budget() -> None:
     sizes: Counter[str] = Counter()
     for file in FILES:
-        sizes[room_of(file) if "/" in file else "ground"] += code_lines(PACKAGE / file)
+        room = "api" if file == "__init__.py" else room_of(file) if "/" in file else "ground"
+        sizes[room] += code_lines(PACKAGE / file)
     over = {name: (size, BUDGETS[name]) for name, size in sizes.items() if size > BUDGETS[name]}
     assert not over, f"package: (code lines, budget) {over}"
 
