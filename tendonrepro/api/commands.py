@@ -322,8 +322,7 @@ def open(folder: str | Path) -> Result:
     manifest = json.loads(file.manifest_json)
     if not isinstance(manifest.get("config"), dict):
         raise DataMissingError("was measured, and no command made it", where=str(folder))
-    growing = manifest.get("growing_hz", {})
-    return Result(file.experiment, outcome_of(file, growing), manifest, file)
+    return Result(file.experiment, outcome_of(file), manifest, file)
 
 
 def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool = False) -> dict[str, Any]:
@@ -424,10 +423,9 @@ def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | N
         for name in names:
             traces.append(simulate_run(loaded, own, name))
             progress(1)
-    growing_hz = growing(loaded)
-    manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing_hz}
+    manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing(loaded)}
     file = trace_file(loaded, traces, manifest)
-    return Result(loaded.config.experiment, outcome_of(file, growing_hz), manifest, file)
+    return Result(loaded.config.experiment, outcome_of(file), manifest, file)
 
 
 def _studied(command: str, loaded: LoadedConfig, outcome: Outcome, started: float) -> Result:

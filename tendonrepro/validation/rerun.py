@@ -18,7 +18,7 @@ from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
-from tendonrepro.parallel import each
+from tendonrepro.parallel import counted, workers
 from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
@@ -71,8 +71,8 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
     chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
-    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
-        traces = each(partial(simulate_run, loaded, ()), chosen, progress)
+    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress, workers(len(chosen)) as start:
+        traces = list(counted(start(partial(simulate_run, loaded, ()), chosen), progress))
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
         write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)

@@ -98,8 +98,8 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
     if found:
         from tendonrepro.results.figures.style import save_drawing
 
-        origin = f"Simulated, {len(data)} plants of the box"
-        save_drawing(draw_influences(found), result.path / "figures", origin)
+        drawn = replace(draw_influences(found), origin=f"Simulated, {len(data)} plants of the box")
+        save_drawing(drawn, result.path / "figures")
 
 
 def judged(
