@@ -63,22 +63,22 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 223,
+    "ground": 187,
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_594,
-    "results": 1_898,
-    "experiments": 1_350,
+    "results": 1_902,
+    "experiments": 1_358,
     "analysis": 628,
     "evidence": 1_005,
     "monte_carlo": 1_150,
     "identification": 638,
     "dataset": 1_689,
-    "tuning": 700,
+    "tuning": 699,
     "verdicts": 1_640,
     "validation": 397,
     "reporting": 499,
-    "api": 338,
+    "api": 378,
     "cli": 499,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
