@@ -63,7 +63,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 228,
+    "ground": 187,
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_595,
@@ -78,7 +78,7 @@ BUDGETS = {
     "verdicts": 1_654,
     "validation": 389,
     "reporting": 493,
-    "api": 331,
+    "api": 372,
     "cli": 493,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
