@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tendonrepro.api.commands import *
-    from tendonrepro.api.files import *
     from tendonrepro.api.result import Result
 
 __version__ = "0.1.0"
@@ -51,9 +50,9 @@ def __getattr__(name: str) -> Any:
     """Load the interface when it is used: it imports much."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from tendonrepro.api import commands, files
+    from tendonrepro.api import commands
 
-    return getattr(commands if hasattr(commands, name) else files, name)
+    return getattr(commands, name)
 
 
 def __dir__() -> list[str]:

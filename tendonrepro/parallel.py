@@ -7,14 +7,18 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
-from typing import TypeVar
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from contextlib import contextmanager
+from typing import Any, TypeAlias, TypeVar
 
 from tendonrepro.errors import TendonreproError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+Start: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+"""Begins to apply a function to items, and yields the results in order."""
 
 MOST_WORKERS = 4
 """Each worker needs some 150 MB; the paper's experiments have four runs."""
@@ -23,71 +27,75 @@ LOOK_SECONDS = 1.0
 """How often a worker looks whether the process that started it is still there."""
 
 
-def each(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    progress: Callable[[int], None] = lambda _: None,
-) -> list[Result]:
-    """Apply a function to every item, each in a process of its own while there are processors.
+@contextmanager
+def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
+    """Keep processes for a block of work, `most` of them, while there are processors.
 
-    Parameters
-    ----------
-    function : callable
-        One that can be pickled.
-    items : sequence
-    progress : callable, optional
-        Called with 1 whenever an item is done.
-
-    Returns
-    -------
-    list
-        Results in the order of the items.
+    Yields
+    ------
+    callable
+        Begins to apply a function to items, and yields the results in order. Where there is one process,
+        this one, it works when a result is asked for.
 
     Raises
     ------
     TendonreproError
         If a worker process dies.
     """
-    found = []
-    jobs = min(len(items), os.cpu_count() or 1, MOST_WORKERS)
-    with closing(as_ready(function, items, jobs, ordered=True)) as ready:
-        for result in ready:
-            found.append(result)
-            progress(1)
-    return found
+    jobs = min(most, os.cpu_count() or 1)
+    if jobs < 2:
+        yield map
+        return
+    with _processes(jobs) as executor:
+        yield executor.map
+
+
+def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Iterator[Result]:
+    """Yield results, and call `progress` with 1 after each."""
+    for result in results:
+        progress(1)
+        yield result
 
 
 def as_ready(
-    function: Callable[[Item], Result], items: Sequence[Item], jobs: int, *, ordered: bool = False
+    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
 ) -> Generator[Result, None, None]:
-    """Yield results as they become ready, or in order; with one job all work is done in this process.
+    """Yield results as they become ready.
+
+    With one job all work is done in this process; -1 is one job for each processor.
 
     Raises
     ------
     TendonreproError
         If a worker process dies.
     """
-    if jobs == 1 or len(items) < 2:
+    jobs = min(len(items), jobs if jobs > 0 else os.cpu_count() or 1)
+    if jobs < 2:
         yield from map(function, items)
         return
-    from joblib import Parallel, delayed
-    from joblib.externals.loky import get_reusable_executor
+    with _processes(jobs) as executor:
+        for done in as_completed([executor.submit(function, item) for item in items]):
+            yield done.result()
+
+
+@contextmanager
+def _processes(jobs: int) -> Iterator[Executor]:
+    """Start processes, and end them with the block, whatever they are at."""
+    from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    order = "generator" if ordered else "generator_unordered"
-    begin = {"initializer": _end_with, "initargs": (os.getpid(),)}
-    pool = Parallel(jobs, "loky", return_as=order, batch_size=1, max_nbytes=None, **begin)
+    executor = ProcessPoolExecutor(jobs, initializer=_end_with, initargs=(os.getpid(),))
     try:
         with _interrupts_blocked():
-            ready = pool(delayed(function)(item) for item in items)
-        yield from ready
+            executor.submit(int)
+        yield executor
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
         hint = "look at free memory, and at the limits that ulimit -a shows; fewer --jobs need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
-        # Idle workers would stay for minutes, and after an interrupt nobody waits for the rest.
-        get_reusable_executor(reuse=True).shutdown(kill_workers=True)
+        # After an interrupt nobody waits for the rest.
+        executor.shutdown(kill_workers=True)
 
 
 @contextmanager

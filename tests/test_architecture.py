@@ -37,7 +37,7 @@ OWNERS = {
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
-    "yaml": ["configuration/fields/strict_yaml.py", "configuration/shipped.py"],
+    "yaml": ["configuration/strict_yaml.py", "configuration/shipped.py"],
     "xarray": ["results/traces.py", "api/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": [
@@ -53,33 +53,33 @@ OWNERS = {
     "urllib3": ["dataset/fetch.py"],
     "filelock": ["results/store.py", "dataset/fetch.py"],
     "joblib": ["parallel.py", "dataset/read.py"],
-    "distributed": ["monte_carlo/cluster.py"],
+    "distributed": ["monte_carlo/command.py"],
     "SALib": ["verdicts/sensitivity.py"],
-    "cma": ["monte_carlo/evolution.py"],
+    "cma": ["monte_carlo/box.py"],
     "rich": ["console.py"],
-    "jinja2": ["reporting/page.py"],
-    "markdown_it": ["reporting/page.py"],
+    "jinja2": ["reporting/command.py"],
+    "markdown_it": ["reporting/command.py"],
     "typer": ["cli/*"],
 }
 
 BUDGETS = {
-    "ground": 223,
+    "ground": 187,
     "physics": 893,
     "simulation": 1_699,
-    "configuration": 1_594,
-    "results": 1_898,
-    "experiments": 1_350,
-    "analysis": 628,
+    "configuration": 1_595,
+    "results": 1_895,
+    "experiments": 1_359,
+    "analysis": 625,
     "evidence": 1_005,
-    "monte_carlo": 1_150,
-    "identification": 638,
-    "dataset": 1_689,
-    "tuning": 700,
-    "verdicts": 1_640,
-    "validation": 397,
-    "reporting": 499,
-    "api": 338,
-    "cli": 499,
+    "monte_carlo": 1_142,
+    "identification": 637,
+    "dataset": 1_663,
+    "tuning": 698,
+    "verdicts": 1_654,
+    "validation": 389,
+    "reporting": 493,
+    "api": 372,
+    "cli": 493,
 }
 """Code lines that a package may have: no comment, docstring or blank. What one needs, another gives."""
 
@@ -181,7 +181,8 @@ def code_lines(path: Path) -> int:
 def test_each_package_keeps_its_budget() -> None:
     sizes: Counter[str] = Counter()
     for file in FILES:
-        sizes[room_of(file) if "/" in file else "ground"] += code_lines(PACKAGE / file)
+        room = "api" if file == "__init__.py" else room_of(file) if "/" in file else "ground"
+        sizes[room] += code_lines(PACKAGE / file)
     over = {name: (size, BUDGETS[name]) for name, size in sizes.items() if size > BUDGETS[name]}
     assert not over, f"package: (code lines, budget) {over}"
 

@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import pytest
 from support.command import hear_interrupts
 
 from tendonrepro.errors import ConfigError, TendonreproError
-from tendonrepro.parallel import each
+from tendonrepro.parallel import as_ready, counted, workers
 
 
 @pytest.fixture(params=[1, 2])
@@ -27,6 +29,11 @@ def work(offset: int, item: int) -> tuple[int, int]:
     return item + offset, os.getpid()
 
 
+def run(function: Callable[[int], int], items: Sequence[int]) -> Iterator[int]:
+    with workers() as start:
+        yield from start(function, items)
+
+
 def fail(item: int) -> int:
     message = "cannot"
     raise ConfigError(message, where=f"item {item}", hint="do not")
@@ -34,30 +41,51 @@ def fail(item: int) -> int:
 
 def test_results_are_in_order_and_progress_adds_up(processors: int) -> None:
     told: list[int] = []
-    results = each(partial(work, 100), [3, 1, 2], told.append)
+    with workers() as start:
+        results = list(counted(start(partial(work, 100), [3, 1, 2]), told.append))
+        again = list(start(partial(work, 0), [7]))
     assert [result for result, _ in results] == [103, 101, 102]
-    assert ({process for _, process in results} == {os.getpid()}) == (processors == 1)
+    assert again[0][0] == 7
+    assert ({process for _, process in results + again} == {os.getpid()}) == (processors == 1)
     assert sum(told) == 3
-    assert each(fail, []) == []
+
+
+def test_work_begins_before_a_result_is_asked_for(tmp_path: Path, processors: int) -> None:
+    with workers() as start:
+        results = start(Path.touch, [tmp_path / "a"])
+        for _ in range(600):
+            if processors == 1 or (tmp_path / "a").exists():
+                break
+            time.sleep(0.1)
+        assert (tmp_path / "a").exists() == (processors == 2)
+        assert list(results) == [None]
+
+
+@pytest.mark.parametrize("jobs", [1, 2, -1])
+def test_results_come_as_they_are_ready(jobs: int, processors: int) -> None:
+    found = list(as_ready(partial(work, 0), range(5), jobs))
+    assert sorted(result for result, _ in found) == [*range(5)]
+    assert ({process for _, process in found} == {os.getpid()}) == ((jobs if jobs > 0 else processors) == 1)
+    assert list(as_ready(fail, [], 2)) == []
 
 
 def test_errors_arrive_whole(processors: int) -> None:
-    del processors
-    with pytest.raises(ConfigError) as caught:
-        each(fail, [7, 7])
-    assert (caught.value.where, caught.value.hint, caught.value.message) == ("item 7", "do not", "cannot")
+    for results in (as_ready(fail, [7, 7], processors), run(fail, [7, 7])):
+        with pytest.raises(ConfigError) as caught:
+            list(results)
+        error = caught.value
+        assert (error.where, error.hint, error.message) == ("item 7", "do not", "cannot")
 
 
-def test_a_worker_that_dies_is_an_error_not_a_wait(processors: int) -> None:
-    if processors == 2:
-        with pytest.raises(TendonreproError, match="died"):
-            each(os._exit, [1, 1])
+def test_a_worker_that_dies_is_an_error_not_a_wait() -> None:
+    with pytest.raises(TendonreproError, match="died"):
+        list(as_ready(os._exit, [1, 1], 2))
 
 
 # Neither a main guard nor an importable function: a script or a console has none.
 SLEEPERS = """
 import os, time
-from tendonrepro.parallel import each
+from tendonrepro.parallel import workers
 
 
 def work(item):
@@ -66,7 +94,8 @@ def work(item):
 
 
 os.cpu_count = lambda: 2
-each(work, [1, 2])
+with workers() as start:
+    list(start(work, [1, 2]))
 """
 
 

@@ -10,14 +10,15 @@ from typing import Any, get_args
 import numpy as np
 
 from tendonrepro.analysis.loads import Loads, loads
-from tendonrepro.analysis.maps import TendonMap, tendon_map
 from tendonrepro.analysis.margins import (
     ChannelMargins,
+    TendonMap,
     angle_grid,
     channel,
     channel_margins,
     disk_margin,
     response,
+    tendon_map,
 )
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig

@@ -1,4 +1,4 @@
-"""The commands that run something, as functions; see docs/python.md."""
+"""The commands as functions: those that run something, then those around files; see docs/python.md."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ from tendonrepro.results.study import Outcome
 
 Changes = Mapping[str, Any]
 """New values by dotted key, such as ``{"control.gains.lam": 6}``."""
+
+RECORD = "19467931"
+"""Number of the paper's record."""
 
 
 def _plain(value: Any) -> Any:
@@ -103,7 +106,7 @@ def statics(
 ) -> Result:
     """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
-    from tendonrepro.experiments.statics.command import study_statics
+    from tendonrepro.experiments.statics import study_statics
 
     return _studied("statics", loaded, study_statics(loaded), started)
 
@@ -131,7 +134,7 @@ def sweep(
     `over` has them by dotted key: ``{"sampling_period": [0.5, 1, 2]}``. The others are as of `compare`.
     """
     request, started = _request({**locals()}), time.perf_counter()
-    from tendonrepro.experiments.sweep.command import load_sweep, study_sweep
+    from tendonrepro.experiments.sweep import load_sweep, study_sweep
 
     keys = [
         f"{key}={','.join(json.dumps(_plain(value)) for value in values)}" for key, values in over.items()
@@ -319,8 +322,92 @@ def open(folder: str | Path) -> Result:
     manifest = json.loads(file.manifest_json)
     if not isinstance(manifest.get("config"), dict):
         raise DataMissingError("was measured, and no command made it", where=str(folder))
-    growing = manifest.get("growing_hz", {})
-    return Result(file.experiment, outcome_of(file, growing), manifest, file)
+    return Result(file.experiment, outcome_of(file), manifest, file)
+
+
+def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool = False) -> dict[str, Any]:
+    """Download a record and verify it; a second call needs no network."""
+    from tendonrepro.dataset.fetch import run_fetch
+
+    return run_fetch(record, Path(out), None, force, False, Talk())
+
+
+def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool = False) -> dict[str, Any]:
+    """Tell what is in files; with `mapping`, write a mapping file to edit."""
+    from tendonrepro.dataset.command import run_inspect
+
+    target = None if mapping is None else Path(mapping)
+    return run_inspect([*map(Path, paths)], target, force=force)
+
+
+def ingest(
+    *paths: str | Path,
+    mapping: str | Path = "data/mapping.yaml",
+    out: str | Path = "data/measured.h5",
+    confirm: bool = False,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Convert measured data to a trace file; `confirm` says that the mapping is right."""
+    from tendonrepro.dataset.command import run_ingest
+
+    files = [*map(Path, paths)]
+    return run_ingest(
+        files, Path(mapping), Path(out), force=force, dry_run=False, talk=Talk(), confirm=confirm
+    )
+
+
+def figures(out: str | Path = "reports", names: Sequence[str] = (), *, force: bool = False) -> list[Path]:
+    """Draw figures again from stored traces, all or those named."""
+    from tendonrepro.experiments.command import redraw
+
+    return redraw(Path(out), list(names) or None, force=force)
+
+
+def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:
+    """Write tables again from stored traces."""
+    from tendonrepro.experiments.command import rewrite_tables
+
+    return rewrite_tables(Path(out), force=force)
+
+
+def export(
+    file: str | Path, form: str = "csv", out: str | Path | None = None, *, force: bool = False
+) -> Path:
+    """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
+    from tendonrepro.results.export import export_traces
+
+    return export_traces(Path(file), form, None if out is None else Path(out), force=force)
+
+
+def animate(
+    file: str | Path,
+    out: str | Path | None = None,
+    *,
+    run: str | None = None,
+    speed: float = 1.0,
+    force: bool = False,
+) -> list[str]:
+    """Film the arm, its tendons coloured by tension, and return the files."""
+    from tendonrepro.results.figures.animation import animate as make
+
+    target = None if out is None else Path(out)
+    found = make(Path(file), Talk(), run=run, speed=speed, out=target, force=force)
+    return list(found["files"])
+
+
+def diff(first: str | Path, second: str | Path) -> dict[str, Any]:
+    """Tell what differs between two results; ``same`` is True where nothing does."""
+    from tendonrepro.results.difference import difference
+
+    return difference(Path(first), Path(second))
+
+
+def report(results: str | Path = "reports", out: str | Path | None = None, *, force: bool = False) -> Path:
+    """Write one HTML file of all that was run."""
+    from tendonrepro.reporting.command import run_report
+
+    found = run_report(Path(results), None if out is None else Path(out), force=force)
+    return Path(found["path"])
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
@@ -336,10 +423,9 @@ def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | N
         for name in names:
             traces.append(simulate_run(loaded, own, name))
             progress(1)
-    growing_hz = growing(loaded)
-    manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing_hz}
+    manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing(loaded)}
     file = trace_file(loaded, traces, manifest)
-    return Result(loaded.config.experiment, outcome_of(file, growing_hz), manifest, file)
+    return Result(loaded.config.experiment, outcome_of(file), manifest, file)
 
 
 def _studied(command: str, loaded: LoadedConfig, outcome: Outcome, started: float) -> Result:

@@ -117,12 +117,12 @@ class Result:
         with replaced(target, self._digest, command=self.command, force=force) as result:
             self._outcome.save(result, self.command)
             if self._file is not None:
-                from tendonrepro.results.figures.catalogue import available, redrawn
+                from tendonrepro.results.figures.catalogue import available, begin_drawing
                 from tendonrepro.results.traces import write_traces
 
                 write_traces(result.path / TRACES, self._file)
-                for name in available(self._file):
-                    redrawn(self._file, result.path / "figures", name)
+                folder, file = result.path / "figures", self._file
+                list(begin_drawing((file, folder, name) for name in available(file)))
             result.manifest = self.manifest
         return target
 

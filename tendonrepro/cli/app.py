@@ -18,9 +18,8 @@ from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
-from tendonrepro.cli.data import data_app
 from tendonrepro.cli.options import Terminal, command
-from tendonrepro.cli.study import study_app
+from tendonrepro.cli.study import data_app, study_app
 from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
 

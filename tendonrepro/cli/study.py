@@ -1,4 +1,4 @@
-"""Commands beyond the paper's own runs."""
+"""Commands beyond the paper's own runs, and those around its data set."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tendonrepro.cli.options import Terminal, command, options_of
 from tendonrepro.configuration.request import Request
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
+data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
 
 
 @command(study_app, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"', without=())
@@ -22,7 +23,7 @@ def sweep(request: Request, terminal: Terminal, *, over: list[str]) -> int:
     over : KEY=A,B,C
         A key and its values; once or twice.
     """
-    from tendonrepro.experiments.sweep.command import run_sweep
+    from tendonrepro.experiments.sweep import run_sweep
 
     return terminal.show(run_sweep(request, over, terminal.talk))
 
@@ -156,7 +157,7 @@ def explain(request: Request, terminal: Terminal) -> None:
 @command(study_app, "tendonrepro statics --set manipulator.tensioner.force=30")
 def statics(request: Request, terminal: Terminal) -> None:
     """Tension of every tendon over the working half-plane."""
-    from tendonrepro.experiments.statics.command import run_statics
+    from tendonrepro.experiments.statics import run_statics
 
     terminal.show(run_statics(request, terminal.talk))
 
@@ -234,3 +235,106 @@ def report(
 
     found = run_report(results, out, force=force)
     terminal.show(found, report_text(found))
+
+
+@command(data_app, "tendonrepro fetch --out data/zenodo")
+def fetch(
+    terminal: Terminal,
+    record: str = "19467931",
+    *,
+    out: Path = Path("data/zenodo"),
+    base_url: str | None = None,
+    dry_run: bool = False,
+    force: bool = False,
+) -> None:
+    """Download the paper's data set and verify it.
+
+    A second run needs no network.
+
+    Parameters
+    ----------
+    record
+        Number, DOI or address of the record.
+    out
+        Folder for the files.
+    base_url
+        Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo].
+    dry_run
+        List the record, download nothing.
+    force
+        Replace altered files, or another record's.
+    """
+    from tendonrepro.dataset.fetch import fetch_text, run_fetch
+
+    found = run_fetch(record, out, base_url, force, dry_run, terminal.talk)
+    terminal.show(found, fetch_text(found))
+
+
+@command(data_app, "tendonrepro inspect data/zenodo --suggest")
+def inspect(
+    terminal: Terminal,
+    paths: list[Path],
+    *,
+    suggest: bool = False,
+    mapping: Path = Path("data/mapping.yaml"),
+    force: bool = False,
+) -> None:
+    """What is in files of any format, and what it seems to mean.
+
+    Parameters
+    ----------
+    paths
+        Files, folders or archives.
+    suggest
+        Write a mapping file to edit.
+    force
+        Overwrite the mapping file.
+    """
+    from tendonrepro.dataset.command import inspect_text, run_inspect
+
+    found = run_inspect(paths, mapping if suggest else None, force=force)
+    terminal.show(found, inspect_text(found))
+
+
+@command(data_app, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
+def ingest(
+    terminal: Terminal,
+    paths: list[Path],
+    *,
+    mapping: Path = Path("data/mapping.yaml"),
+    out: Path = Path("data/measured.h5"),
+    confirm: bool = False,
+    dry_run: bool = False,
+    force: bool = False,
+) -> None:
+    """Convert measured data to the layout of simulated traces.
+
+    Parameters
+    ----------
+    paths
+        Files, folders or archives.
+    out
+        Trace file to write.
+    confirm
+        The mapping is right: delete every CHECK in it.
+    dry_run
+        Check everything, write nothing.
+    """
+    from tendonrepro.dataset.command import ingest_text, run_ingest
+
+    found = run_ingest(paths, mapping, out, force=force, dry_run=dry_run, talk=terminal.talk, confirm=confirm)
+    terminal.show(found, ingest_text(found))
+
+
+@command(data_app, "tendonrepro validate data/measured.h5")
+def validate(request: Request, terminal: Terminal, measured: Path = Path("data/measured.h5")) -> int:
+    """Compare measured data with the paper and with the model.
+
+    Parameters
+    ----------
+    measured
+        Trace file written by ingest.
+    """
+    from tendonrepro.validation.command import run_validate
+
+    return terminal.show(run_validate(measured, request, terminal.talk))

@@ -9,15 +9,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.fields.quantity import Scalar, positive, whole
-from tendonrepro.configuration.fields.strict_yaml import Key, dump
 from tendonrepro.configuration.load import Draft, LoadedConfig, Source, config_digest, load_config, with_seed
 from tendonrepro.configuration.models.box import WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
 from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.quantity import Scalar, positive, whole
+from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
+from tendonrepro.configuration.strict_yaml import Key, dump
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 

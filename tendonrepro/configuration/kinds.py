@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 from pydantic import TypeAdapter
 
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.fields.strict_yaml import dump, load
 from tendonrepro.configuration.load import MANIPULATOR, MODELS, Draft, LoadedConfig, find_source, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.strict_yaml import dump, load
 from tendonrepro.errors import UsageError
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator

@@ -15,13 +15,13 @@ from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.configuration.fields.model import Model, describe
-from tendonrepro.configuration.fields.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
 from tendonrepro.configuration.messages import did_you_mean, explain
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import apply_overrides, parse_override
 from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
+from tendonrepro.configuration.strict_model import Model, describe
+from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.files import sha256_of
 

@@ -10,9 +10,9 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tendonrepro.configuration.fields.model import describe
-from tendonrepro.configuration.fields.quantity import SOURCE_PATTERN
-from tendonrepro.configuration.fields.strict_yaml import Document, Key, holds
+from tendonrepro.configuration.quantity import SOURCE_PATTERN
+from tendonrepro.configuration.strict_model import describe
+from tendonrepro.configuration.strict_yaml import Document, Key, holds
 from tendonrepro.errors import ConfigError
 
 _MAPPING = "must be a mapping of keys"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
-from tendonrepro.configuration.fields.strict_yaml import Document, Key, Node, Place, holds, load
 from tendonrepro.configuration.messages import did_you_mean
+from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, holds, load
 from tendonrepro.errors import ConfigError, UsageError
 
 COMMAND_LINE = "assumed: set on the command line"

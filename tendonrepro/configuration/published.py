@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field, StrictInt
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model, Number
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.strict_model import Model, Number
+from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 

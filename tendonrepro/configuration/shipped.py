@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.configuration.messages import did_you_mean
+from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped, write_atomically
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.reference import FEWEST
 from tendonrepro.configuration.published import COMPARED
-from tendonrepro.configuration.trajectory_file import FEWEST
 from tendonrepro.dataset.windows import Timing
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.trajectory import sampled

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
+from tendonrepro.configuration.strict_yaml import load, read_text
 
 FACTORS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},

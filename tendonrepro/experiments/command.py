@@ -19,11 +19,11 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
-from tendonrepro.parallel import each
+from tendonrepro.parallel import workers
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper_tables import made_tables
-from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import MANIFEST, TRACES, read_manifest, replaced, stored_traces
+from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.store import MANIFEST, TRACES, NewResult, read_manifest, replaced, stored_traces
 from tendonrepro.results.study import planned
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
@@ -67,9 +67,6 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     asked = [_load(order, talk) for order in orders]
     if orders[0].request.dry_run:
         return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
-    from tendonrepro.results.figures.catalogue import available
-
-    found: dict[str, dict[str, Any]] = {}
     with ExitStack() as stack:
         results = [
             stack.enter_context(
@@ -77,24 +74,45 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             )
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
-        simulated = simulate_all(asked, talk, orders[0].solver)
-        figures: list[tuple[TraceFile, Path, str]] = []
-        for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True):
-            for trace in traces:
-                talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
-            result.manifest = make_manifest(loaded, result.seconds)
-            if order.solver == "compiled":
-                result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-            file = trace_file(loaded, traces, result.manifest)
-            write_traces(result.path / TRACES, file)
-            outcome = outcome_of(file, growing(loaded))
-            outcome.write_tables(result.path)
-            figures += [(file, result.path / "figures", name) for name in available(file)]
-            ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
-            text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
-            found[order.name] = {**outcome.data, "text": text, **ends}
-        _draw(figures)
+        start = stack.enter_context(workers())
+        # It takes a second, as the workers do to start.
+        from tendonrepro.results.figures.catalogue import available, begin_drawing
+
+        simulated = simulate_all(asked, talk, orders[0].solver, start)
+        made = [
+            (order, _recorded(order, loaded, traces, result, talk), result)
+            for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True)
+        ]
+        figures = [
+            (file, result.path / "figures", name) for _, file, result in made for name in available(file)
+        ]
+        # Later figures first, for they have more panels.
+        drawn = begin_drawing(figures[::-1], start)
+        # This process writes the rest meanwhile.
+        found = {order.name: _written(order, file, result) for order, file, result in made}
+        list(drawn)
     return found
+
+
+def _recorded(
+    order: Order, loaded: LoadedConfig, traces: Sequence[Trace], result: NewResult, talk: Talk
+) -> TraceFile:
+    for trace in traces:
+        talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
+    result.manifest = make_manifest(loaded, result.seconds) | {"growing_hz": growing(loaded)}
+    if order.solver == "compiled":
+        result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
+    return trace_file(loaded, traces, result.manifest)
+
+
+def _written(order: Order, file: TraceFile, result: NewResult) -> dict[str, Any]:
+    """Write traces and tables; return what is printed."""
+    write_traces(result.path / TRACES, file)
+    outcome = outcome_of(file)
+    outcome.write_tables(result.path)
+    ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
+    text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
+    return {**outcome.data, "text": text, **ends}
 
 
 def diverged(found: dict[str, Any]) -> bool:
@@ -172,7 +190,7 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
     force : bool
         Keep a user's own files, and make changed ones again.
     """
-    from tendonrepro.results.figures.catalogue import available, name_of
+    from tendonrepro.results.figures.catalogue import available, begin_drawing, name_of
 
     files = _stored(out)
     every = {name for file in files.values() for name in available(file)}
@@ -184,9 +202,11 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
             raise DataMissingError(message, where=str(out), hint=hint)
 
     def make(file: TraceFile, path: Path) -> list[Path]:
-        return _draw([(file, path / "figures", name) for name in available(file) if name in asked])
+        figures = [(file, path / "figures", name) for name in available(file) if name in asked]
+        return [one for paths in begin_drawing(figures, start) for one in paths]
 
-    return _make_again(files, make, force=force)
+    with workers(len(asked)) as start:
+        return _make_again(files, make, force=force)
 
 
 def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
@@ -224,16 +244,6 @@ def _make_again(
             made = make(file, result.path)
         found += [folder / path.relative_to(result.path) for path in made]
     return found
-
-
-def _draw(figures: Sequence[tuple[TraceFile, Path, str]]) -> list[Path]:
-    """Draw by traces, folder and name; later figures first, for they have more panels."""
-    from tendonrepro.results.figures.catalogue import redrawn, shown
-
-    # Another process gets a copy.
-    items = [(shown(name, file), folder, name) for file, folder, name in figures[::-1]]
-    drawn = each(lambda figure: redrawn(*figure), items)
-    return [path for paths in reversed(drawn) for path in paths]
 
 
 def _load(order: Order, talk: Talk) -> tuple[LoadedConfig, list[UserLaw]]:

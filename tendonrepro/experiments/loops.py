@@ -12,9 +12,15 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
-from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled, Single
+from tendonrepro.configuration.models.reference import (
+    InTurns,
+    PerJoint,
+    ReferenceConfig,
+    Sampled,
+    Single,
+    read_samples,
+)
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, own_loops

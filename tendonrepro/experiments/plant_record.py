@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tendonrepro.configuration.fields.model import Model
-from tendonrepro.configuration.fields.quantity import UNITS, Matrix, Physical, Scalar, Vector
 from tendonrepro.configuration.load import Config
+from tendonrepro.configuration.quantity import UNITS, Matrix, Physical, Scalar, Vector
+from tendonrepro.configuration.strict_model import Model
 from tendonrepro.experiments.rig import build_drive
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.results.records import PlantRecord, PlantValue

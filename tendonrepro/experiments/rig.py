@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.quantity import Vector
 from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
+from tendonrepro.configuration.quantity import Vector
 from tendonrepro.physics import disturbance
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.drive import Drive

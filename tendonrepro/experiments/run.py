@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.plant_record import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
-from tendonrepro.parallel import each
+from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
@@ -33,6 +34,7 @@ def simulate_all(
     asked: Sequence[tuple[LoadedConfig, Sequence[UserLaw]]],
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
+    start: Start = map,
 ) -> list[list[Trace]]:
     """Simulate every run of every configuration; one that diverged ends early."""
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
@@ -44,9 +46,8 @@ def simulate_all(
         return [_simulate_together(one[0], named, talk) for one, named in zip(asked, loops, strict=True)]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
     with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        traces = each(lambda run: simulate_run(*run), runs, progress)
-    rest = iter(traces)
-    return [[next(rest) for _ in named] for named in loops]
+        traces = counted(start(lambda run: simulate_run(*run), runs), progress)
+        return [[next(traces) for _ in named] for named in loops]
 
 
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
@@ -133,13 +134,13 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
     )
 
 
-def outcome_of(file: TraceFile, growing_hz: dict[str, float]) -> Outcome:
-    """Numbers, tables and notes of an experiment; `growing_hz` is as of `loops.growing`."""
+def outcome_of(file: TraceFile) -> Outcome:
+    """Numbers, tables and notes of an experiment."""
     joints = list(next(iter(file.runs.values())).joint)
     data: dict[str, Any] = {"schema_version": 1, "experiment": file.experiment, "joints": joints}
     data |= table_data(file)
     if file.experiment == "compare":
-        data["growing_hz"] = growing_hz
+        data["growing_hz"] = json.loads(file.manifest_json).get("growing_hz", {})
     return Outcome(data, [*made_tables(file), *_notes(file, data)])
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.files import write_atomically
 from tendonrepro.identification.misfit import METRICS, Printed, Simulated
 from tendonrepro.identification.search import switched_by

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.files import atomic_path
-from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.evolution import evolution
+from tendonrepro.monte_carlo.box import Box, evolution
 
 
 class Evaluated(NamedTuple):

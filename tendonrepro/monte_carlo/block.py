@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Model
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import under
+from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_encoder

@@ -1,20 +1,21 @@
-"""Draws from the box of plausible plants, and their configurations."""
+"""The box of plausible plants: draws from its unit cube, a search in it, and configurations of points."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import EnsembleConfig
-from tendonrepro.configuration.fields.quantity import UNITS, to_si
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import as_printed
+from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.monte_carlo.draw import drawn_tree
 
 
@@ -108,6 +109,23 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
         # A block is a part of a power of two, not one itself.
         warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
         return np.asarray(engine.random(count), dtype=np.float64)
+
+
+def evolution(start: Array, width: float, population: int, generator: np.random.Generator) -> Any:
+    """CMA-ES in the unit cube, from a point (P,) with a first standard deviation.
+
+    A ``cma.CMAEvolutionStrategy`` with random numbers of its own.
+    """
+    import cma
+
+    options = {
+        "bounds": [0.0, 1.0],
+        "popsize": population,
+        "randn": lambda *shape: generator.standard_normal(shape),
+        "seed": np.nan,  # else it would seed a generator that all of NumPy shares
+        "verbose": -9,
+    }
+    return cma.CMAEvolutionStrategy(start, width, options)
 
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:

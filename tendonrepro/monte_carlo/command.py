@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -14,16 +14,15 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.cluster import on_cluster
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
-from tendonrepro.parallel import as_ready
+from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import refuse_others, replaced, take_over
@@ -153,6 +152,34 @@ def run_study(
         result.manifest = _manifest(study, seconds)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder)}
+
+
+def on_cluster(
+    function: Callable[[Item], Result], items: Sequence[Item], address: str
+) -> Generator[Result, None, None]:
+    """Yield results of a dask.distributed cluster as they become ready.
+
+    A dying worker's items are given to another.
+    """
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        hint = "pip install 'tendonrepro[dask]'"
+        raise UsageError("dask.distributed is not installed", where="--dask", hint=hint) from error
+    try:
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise TendonreproError(f"no scheduler answers at {address}", where="--dask") from error
+    with client:
+        try:
+            waiting = client.map(function, items, pure=False, retries=2)
+            for future in as_completed(waiting):  # type: ignore[no-untyped-call]
+                yield future.result()
+                future.release()
+        except KilledWorker as error:
+            message = "workers died again and again on the same block; finished blocks are kept"
+            raise TendonreproError(message, where="--dask") from error
 
 
 def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.configuration.ensemble import FAST_PERIOD
-from tendonrepro.configuration.fields.quantity import to_si
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.quantity import to_si
 from tendonrepro.physics.trajectory import trapezoid_times
 
 GRID = 0.01

@@ -1,15 +1,36 @@
-"""What ``tendonrepro report`` does."""
+"""What ``tendonrepro report`` does: one HTML file that needs nothing else."""
 
 from __future__ import annotations
 
+import base64
+import re
+from html import unescape
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import jinja2
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import shipped, write_atomically
+from tendonrepro.reporting import answer, assumed, claims
+from tendonrepro.reporting.figures import draw_orders
+from tendonrepro.reporting.stored import PARTS, Stored, stored_under
+from tendonrepro.results.figures.style import journal_style
+from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.rules import VERDICTS
 
 _MARK = b'<meta name="generator" content="tendonrepro'
 """What every page has near its beginning."""
+_INCONSISTENCY = re.compile(r"^\*\*(\d+\. .*?)\.?\*\*(.*?)\n\n", re.S | re.M)
+"""One of those that docs list: ``**1. Title.** Text``."""
+_COLUMN_PT = 300.0
+"""Figures narrower than this stand side by side."""
+# A picture could be a request to a server.
+_READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
 def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]:
@@ -31,9 +52,6 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
         raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
     if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
         raise UsageError("exists and is no report", where=str(path), hint="choose another --out, or --force")
-    from tendonrepro.reporting.page import page
-    from tendonrepro.reporting.stored import stored_under
-
     found = stored_under(folder)
     content = page(found).encode()
     write_atomically(path, content)
@@ -48,3 +66,100 @@ def report_text(found: dict[str, Any]) -> str:
         names = [name for name, whence in found["parts"].items() if whence == origin]
         lines += [f"{words}: {', '.join(names)}"] if names else []
     return "\n".join(lines)
+
+
+def page(found: Stored) -> str:
+    """Make the page; equal contents give equal text."""
+    loader, strict = jinja2.FileSystemLoader(answer.TEMPLATES), jinja2.StrictUndefined
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
+    environment.filters |= {"md": line, "text": text}
+    slots = answer.numbers(found.summary, found.ledger)
+    entries = {entry["id"]: entry for entry in found.ledger["claims"]}
+    days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
+    return environment.get_template("page.html").render(
+        found=found,
+        version=__version__,
+        date=max(days)[:10],
+        answer=answer.filled("answer", slots),
+        why=answer.filled("why", slots),
+        picture=orders_picture(found),
+        main=[entries[name] for name in MAIN],
+        others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
+        verdicts=VERDICTS,
+        in_words=in_words,
+        claims=claims,
+        heads=answer.HEADS,
+        robustness=answer.robustness(found.summary),
+        parts=[part(found, name) for name in PARTS],
+        inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
+        questions=section("slips.md", "Questions to the authors"),
+        predictions=section("predictions.md", "What the bench finds, and what it means"),
+        assumed=assumed,
+        values=assumed.values([held["config"]["tree"] for held in found.manifests.values()]),
+    )
+
+
+def part(found: Stored, name: str) -> dict[str, Any]:
+    """Figures and tables of an experiment; none if it was not run."""
+    (title, tables), folder = PARTS[name], found.folder / name
+    paths = [folder / "tables" / f"{table}.md" for table in tables]
+    return {
+        "name": name,
+        "title": title,
+        "pictures": [plate(path) for path in sorted(folder.glob("figures/*.svg"))],
+        "tables": [path.read_text(encoding="utf-8") for path in paths if path.exists()],
+    }
+
+
+def plate(path: Path) -> dict[str, Any]:
+    """A figure with the caption that it holds; narrow ones stand side by side."""
+    svg = path.read_text(encoding="utf-8")
+    kept = re.search(r"<dc:description>([^<]*)<", svg)
+    width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
+    return {
+        "address": address(svg.encode()),
+        # What made a figure stands in the picture too.
+        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else path.stem,
+        "narrow": width is not None and float(width[1]) < _COLUMN_PT,
+    }
+
+
+def orders_picture(found: Stored) -> str:
+    """Address of the picture of the answer."""
+    content = BytesIO()
+    with journal_style():
+        draw_orders(found.summary).figure.savefig(content, format="svg", metadata={"Date": None})
+    return address(content.getvalue())
+
+
+def address(svg: bytes) -> str:
+    """Address that holds the picture itself, which so can neither run nor load anything."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+
+
+def docs(page: str) -> str:
+    """Text of a page of docs."""
+    return (shipped("docs") / page).read_text(encoding="utf-8")
+
+
+def section(page: str, heading: str) -> str:
+    """Text of a section of a page of docs."""
+    return docs(page).split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+
+
+def text(markdown: str) -> Markup:
+    """Markdown as HTML; HTML in it is shown, not obeyed, and links become text."""
+    html = _unbroken(_READER.render(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", markdown)))
+    return Markup(html.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>"))
+
+
+def line(markdown: str) -> Markup:
+    """One line of Markdown as HTML; long names may break."""
+    html = _unbroken(_READER.renderInline(markdown))
+    return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
+
+
+def _unbroken(html: Any) -> str:
+    """A unit stays with its number, and a line may end between two numbers."""
+    html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
+    return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.configuration.fields.strict_yaml import Node, load
+from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import stored_traces
 from tendonrepro.results.summary import tracking_errors

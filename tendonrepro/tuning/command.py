@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -127,7 +126,7 @@ def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Ta
     states.mkdir(exist_ok=True)
     paths = {number: states / f"{number}.json" for number in numbers}
     missing = [number for number, path in paths.items() if not path.exists()]
-    stream = as_ready(task.tuned, missing, jobs if jobs > 0 else os.cpu_count() or 1)
+    stream = as_ready(task.tuned, missing, jobs)
     with talk.resumable(), talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
         for one in stream:
             write_atomically(paths[one["draw"]], to_json(one))

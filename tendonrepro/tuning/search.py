@@ -18,8 +18,7 @@ from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
-from tendonrepro.monte_carlo.evolution import evolution
+from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
 from tendonrepro.tuning.bench import ALL_RUNS, CLASSES, Candidate, Plants, measure, plants_of, published
 from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 

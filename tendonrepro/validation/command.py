@@ -14,7 +14,6 @@ from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import read_measured
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
@@ -23,10 +22,9 @@ from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
-from tendonrepro.validation.rerun import reruns
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
-from tendonrepro.verdicts.measured import Measured, measured_of
+from tendonrepro.verdicts.measured import Measured, measured_of, read_measured
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},

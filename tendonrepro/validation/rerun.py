@@ -1,8 +1,8 @@
-"""A measurement run again by the model on the measured motion."""
+"""A measurement run again by the model on the measured motion, and what the rerun does not explain."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,16 +11,18 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.load import LoadedConfig, load_config
+from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
-from tendonrepro.parallel import each
+from tendonrepro.parallel import counted, workers
+from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.measured import Measured
 
@@ -30,6 +32,10 @@ _Prepared: TypeAlias = tuple[Path, dict[str, float]]
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
+
+_METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
+_SMOOTH = 0.05
+"""Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
 
 def reruns(
@@ -65,8 +71,8 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
     chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
-    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress:
-        traces = each(partial(simulate_run, loaded, ()), chosen, progress)
+    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress, workers(len(chosen)) as start:
+        traces = list(counted(start(partial(simulate_run, loaded, ()), chosen), progress))
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
         write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
@@ -179,3 +185,100 @@ def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
         known = values[np.isfinite(values)]
         starts[joint] = float(known[0]) if len(known) else 0.0
     return np.array([starts.get(joint, 0.0) for joint in joints])
+
+
+def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
+    """Put a measured run beside its simulation on the measured axes: a row for each joint.
+
+    The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*`` are measured less simulated;
+    ``lag_s`` is positive where the measurement is late.
+    """
+    joints = [joint for joint in measured.joint if joint in simulated.joint]
+    ours, model = measured.of_joints(joints), simulated.of_joints(joints)
+    edge = 1e-9 + 1e-6 * (model.time[1] - model.time[0])
+    inside = (ours.time >= model.time[0] - edge) & (ours.time <= model.time[-1] + edge)
+    time = ours.time[inside]
+    both = [name for name in ("e", "q_encoder", "q_d", "q_calculated") if name in ours and name in model]
+    first = {name: ours[name][inside] for name in both}
+    # Where the measurement has a gap, the simulation is left out too.
+    second = {name: np.where(np.isfinite(first[name]), at(model, name, time), np.nan) for name in both}
+    apart = {name: first[name] - second[name] for name in both}
+    columns: Sizes = {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if "e" in both:
+            sizes = [sizes_deg(errors["e"])["mae"] for errors in (first, second)]
+            columns |= {"measured_mae_deg": sizes[0], "simulated_mae_deg": sizes[1]}
+            columns |= {"mae_ratio": sizes[0] / sizes[1], "e_samples": np.isfinite(apart["e"]).sum(axis=0)}
+            columns |= _differences("e_", apart["e"])
+            columns["e_correlation"] = _correlation(first["e"], second["e"])
+        if "q_encoder" in both:
+            columns["q_samples"] = np.isfinite(apart["q_encoder"]).sum(axis=0)
+            columns |= _differences("q_", apart["q_encoder"])
+            columns["lag_s"] = _lag(-apart["q_encoder"], _rate(model, time))
+    if "q_d" in both:
+        columns["q_d_max_deg"] = sizes_deg(apart["q_d"])["max"]
+    if {"q_calculated", "q_encoder"} <= {*both}:
+        columns["measured_calculated_mae_deg"] = decoupling_errors(ours)["mae"]
+        columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae"]
+    for place, joint in enumerate(joints):
+        yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
+
+
+def at(trace: Trace, name: str, time: Array) -> Array:
+    """A variable at times (T,), s: (T, n), interpolated, held beyond both ends."""
+    return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
+
+
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
+    """Numbers of a joint, None where one cannot be told."""
+    values = {name: column[place] for name, column in columns.items()}
+    return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
+
+
+def _differences(prefix: str, apart: Array) -> Sizes:
+    sizes = sizes_deg(apart)
+    return {f"{prefix}{name}_deg": sizes[key] for name, key in _METRICS.items()}
+
+
+def _correlation(first: Array, second: Array) -> Array:
+    first, second = first - mean(first), second - mean(second)
+    return np.asarray(mean(first * second) / np.sqrt(mean(first**2) * mean(second**2)))
+
+
+def _rate(trace: Trace, time: Array) -> Array:
+    """Velocity of the simulated joints, rad/s.
+
+    In a gradient the encoder's steps would count as motion, and the lag as shorter.
+    """
+    before, after = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
+    travel = at(trace, "q_encoder", after) - at(trace, "q_encoder", before)
+    return np.asarray(travel / (after - before)[:, np.newaxis])
+
+
+def _lag(behind: Array, rate: Array) -> Array:
+    """Shift that, with an offset, explains most of the difference to first order, s."""
+    rate = np.where(np.isfinite(behind), rate, np.nan)
+    behind, rate = behind - mean(behind), rate - mean(rate)
+    return np.asarray(mean(behind * rate) / mean(rate**2))
+
+
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
+    """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
+
+    Differences are in degrees, as they are and less that at the start.
+    """
+    if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
+        return
+    motor, encoder = trace["q_motor_encoder"], trace["q_encoder"]
+    S, S_inv = (plant.matrix(name, trace.joint) for name in ("S", "S_inv"))
+    differences = {
+        "joint angle, S q_motor less encoder": motor @ S.T - encoder,
+        "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
+    }
+    for what, apart in differences.items():
+        known = np.isfinite(apart).all(axis=1)
+        if known.any():
+            shifted = apart - start_level(trace.time[known], apart[known])
+            columns = _differences("", apart[known]) | _differences("shifted_", shifted[known])
+            for place, number in enumerate(trace.joint):
+                yield {"what": what, "number": number} | _row(columns, place)

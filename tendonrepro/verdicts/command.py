@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 from tendonrepro import __version__
 from tendonrepro.console import Talk
-from tendonrepro.dataset.measured_file import MEASURED, read_measured
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
@@ -20,6 +19,7 @@ from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
+from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
@@ -98,8 +98,8 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
     if found:
         from tendonrepro.results.figures.style import save_drawing
 
-        origin = f"Simulated, {len(data)} plants of the box"
-        save_drawing(draw_influences(found), result.path / "figures", origin)
+        drawn = replace(draw_influences(found), origin=f"Simulated, {len(data)} plants of the box")
+        save_drawing(drawn, result.path / "figures")
 
 
 def judged(

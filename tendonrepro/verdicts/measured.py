@@ -1,10 +1,11 @@
-"""A measured comparison as an ensemble of one plant."""
+"""A measured trace file, and its comparison as an ensemble of one plant."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,20 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.dataset.motion import Reference, derivatives, recover, timing_of
 from tendonrepro.dataset.windows import PrintedTables, try_windows
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.statistics import statistics
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.numbers import ErrorOf
+
+MEASURED = Path("data") / "measured.h5"
+"""Where ``tendonrepro ingest`` writes the measured trace file by default."""
+
+_THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
@@ -33,6 +40,26 @@ _SIGNALS = dict.fromkeys(("mae", "rmse", "max"), ("e", "deg")) | {
     "H": ("H_hat", "N_m"),
 }
 """What a statistic is of and its unit as evidence, by the first word of its name."""
+
+
+def read_measured(path: Path) -> TraceFile:
+    """Read a measured trace file.
+
+    Raises
+    ------
+    DataMissingError
+        If there is none or it cannot be read.
+    UsageError
+        If it is simulated.
+    """
+    try:
+        file = read_traces(path)
+    except DataMissingError as error:
+        message = error.message if path.exists() else "there is no measured trace file"
+        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
+    if file.source != "measured":
+        raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
+    return file
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.configuration.fields.strict_yaml import dump
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, Table

@@ -14,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.experiments.statics.command import COURSES, Mechanism, mechanism
+from tendonrepro.experiments.statics import COURSES, Mechanism, mechanism
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.draw import put_links

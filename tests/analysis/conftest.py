@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from tendonrepro.analysis import maps
+from tendonrepro.analysis import margins
 
 
 @pytest.fixture(scope="package", autouse=True)
 def _coarse_map() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(maps, "MAP_POINTS", 5)
+        patch.setattr(margins, "MAP_POINTS", 5)
         yield

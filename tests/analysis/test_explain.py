@@ -9,8 +9,7 @@ import pytest
 
 from tendonrepro.analysis.analysis import explain, run_margins, run_views, worst
 from tendonrepro.analysis.command import run_explain
-from tendonrepro.analysis.maps import border_distance, with_tendons
-from tendonrepro.analysis.margins import ChannelMargins
+from tendonrepro.analysis.margins import ChannelMargins, border_distance, with_tendons
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk

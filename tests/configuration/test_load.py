@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from tendonrepro.configuration.fields.quantity import Quantity
-from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.kinds import checked, json_schema
 from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.quantity import Quantity
 from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")

@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import pytest
 
-from tendonrepro.configuration.fields.strict_yaml import load, read_text
 from tendonrepro.configuration.published import (
     PrintedNumber,
     PrintedQuotient,
@@ -13,6 +12,7 @@ from tendonrepro.configuration.published import (
     PrintedText,
     published,
 )
+from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.files import shipped
 
 JOINTS = (2, 3)

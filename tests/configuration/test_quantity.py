@@ -10,8 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from tendonrepro.configuration.fields.model import Model
-from tendonrepro.configuration.fields.quantity import (
+from tendonrepro.configuration.quantity import (
     UNITS,
     Joints,
     Matrix,
@@ -19,8 +18,9 @@ from tendonrepro.configuration.fields.quantity import (
     Pair,
     Physical,
     Scalar,
+    wrong_sizes,
 )
-from tendonrepro.configuration.fields.sizes import wrong_sizes
+from tendonrepro.configuration.strict_model import Model
 
 SOURCE = "assumed: for a test"
 

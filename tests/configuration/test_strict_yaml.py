@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.fields.strict_yaml import Key, Node, dump, load, read_text
+from tendonrepro.configuration.strict_yaml import Key, Node, dump, load, read_text
 from tendonrepro.errors import ConfigError
 
 

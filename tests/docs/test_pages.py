@@ -22,9 +22,9 @@ from typer.main import get_command
 import tendonrepro
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.fields.quantity import UNITS
 from tendonrepro.configuration.kinds import json_schema
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.quantity import UNITS
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk

@@ -8,15 +8,15 @@ import pandas as pd
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
 
-from tendonrepro.configuration.fields.strict_yaml import read_text
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.experiments import sweep
+from tendonrepro.experiments.figures import draw_sweep
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.experiments.sweep import command as sweep
-from tendonrepro.experiments.sweep.figures import draw_sweep
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import read_manifest
 from tendonrepro.simulation.batch import simulate_batch

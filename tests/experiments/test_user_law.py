@@ -112,7 +112,7 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
     np.testing.assert_allclose(held["tau_cmd"][0], gravity_torque(held["q_encoder"][0], plant.arm))
     assert file.runs["PD-law_payload"].attributes["payload_mass"] > 0.0
     assert held.attributes["law"] == "user law PD-law"
-    data = outcome_of(file, {}).data
+    data = outcome_of(file).data
     assert list(data["table2"]) == ["controller_1", "PD-law", "away"]
     assert {"no_load", "PD-law_no_load", "PD-law_with_load", "away_with_load"} <= data["table3"].keys()
     assert data["status"]["away"] == "diverged"

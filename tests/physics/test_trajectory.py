@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.trajectory_file import read_samples
+from tendonrepro.configuration.models.reference import read_samples
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,

@@ -9,7 +9,7 @@ from reporting.conftest import LIKE_HTML
 
 from tendonrepro.reporting import answer, claims
 from tendonrepro.reporting.answer import percent
-from tendonrepro.reporting.page import page
+from tendonrepro.reporting.command import page
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import MAIN, in_words

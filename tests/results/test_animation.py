@@ -12,11 +12,10 @@ from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene
+from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene, scene_of
 from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.style import journal_style
 from tendonrepro.results.records import PlantRecord, PlantValue, TraceFile
-from tendonrepro.results.scene import scene_of
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)

@@ -223,8 +223,8 @@ def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
     )
     under_said = "phi_branch=power+weights=extrapolating"
     assert under_said in draw(14, fitted).figure.get_supxlabel()
-    assert under_said in outcome_of(fitted, {}).text()
-    assert "phi_branch" not in outcome_of(file, {}).text()
+    assert under_said in outcome_of(fitted).text()
+    assert "phi_branch" not in outcome_of(file).text()
 
 
 def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:

@@ -8,14 +8,21 @@ from support.measured_synthetic import measured_trace, moved, with_runs
 from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.reference import read_samples
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.trajectory_file import read_samples
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import recorded, thinned
 from tendonrepro.results.records import Trace
 from tendonrepro.validation import rerun
-from tendonrepro.validation.rerun import aligned, departure, reruns, write_compare, write_decouple
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.rerun import (
+    aligned,
+    comparison_rows,
+    coupling_rows,
+    departure,
+    reruns,
+    write_compare,
+    write_decouple,
+)
 from tendonrepro.verdicts.measured import measured_of
 
 STEP = 0.005

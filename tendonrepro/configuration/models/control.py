@@ -7,8 +7,8 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model
-from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive
+from tendonrepro.configuration.quantity import Moving, Physical, Scalar, nonneg, positive
+from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 ALPHA = ("controller_1", "controller_1_payload")

@@ -6,12 +6,20 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, StrictInt
 
-from tendonrepro.configuration.fields.model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.fields.quantity import Joints, Moving, Pair, Physical, Scalar, nonneg, positive
-from tendonrepro.configuration.fields.sizes import wrong_sizes
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled
+from tendonrepro.configuration.quantity import (
+    Joints,
+    Moving,
+    Pair,
+    Physical,
+    Scalar,
+    nonneg,
+    positive,
+    wrong_sizes,
+)
+from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
 
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""

@@ -6,9 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tendonrepro.configuration.fields.model import Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.fields.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive
-from tendonrepro.configuration.fields.sizes import wrong_sizes
+from tendonrepro.configuration.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive, wrong_sizes
+from tendonrepro.configuration.strict_model import Mistakes, Model, SchemaVersion
 
 
 class Routing(Model):

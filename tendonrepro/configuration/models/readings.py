@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar, get_args
 
-from tendonrepro.configuration.fields.model import Model
-from tendonrepro.configuration.fields.quantity import Scalar
 from tendonrepro.configuration.models.control import At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.quantity import Scalar
+from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import UsageError
 
 PRINTED = "printed"

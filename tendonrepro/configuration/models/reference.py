@@ -1,16 +1,20 @@
-"""Reference motions, told apart by their ``kind``."""
+"""Reference motions, told apart by their ``kind``, and the samples of a file that holds one."""
 
 from __future__ import annotations
 
 import math
+import re
 from abc import abstractmethod
+from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field, StrictInt
 
-from tendonrepro.configuration.fields.model import Mistakes, Model
-from tendonrepro.configuration.fields.quantity import Moving, Physical, Scalar, nonneg, positive, whole
-from tendonrepro.configuration.fields.sizes import wrong_sizes
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.quantity import Moving, Physical, Scalar, nonneg, positive, whole, wrong_sizes
+from tendonrepro.configuration.strict_model import Mistakes, Model
+from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Moving, Physical("rad", "largest angle of each joint")]
@@ -146,3 +150,44 @@ class PerJoint(Model):
 ReferenceConfig: TypeAlias = Annotated[
     RaisedCosine | MinimumJerk | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
 ]
+
+FEWEST = 6
+"""Fewest rows of a sampled motion: a quintic spline with its ends at rest passes through them."""
+
+
+def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
+    """Read columns ``time_s`` and ``q<joint>_deg``.
+
+    Returns
+    -------
+    time : array (N,)
+        s.
+    angles : dict of array (N,)
+        By the paper's joint number, rad.
+    """
+    try:
+        header, *rest = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from None
+    names = [name.strip() for name in header.split(",")]
+    joints = [int(name[1]) for name in names if re.fullmatch("q[1-9]_deg", name)]
+    if not joints or names != ["time_s", *(f"q{joint}_deg" for joint in dict.fromkeys(joints))]:
+        message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
+        raise ConfigError(message, where=f"{path}:1")
+    lines = [line for line, text in enumerate(rest, 2) if text.partition("#")[0].strip()]
+    if len(lines) < FEWEST:
+        raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(lines)}", where=str(path))
+    try:
+        table = np.loadtxt(rest, delimiter=",", ndmin=2)
+        time, *angles = table.T
+        if len(angles) != len(joints):
+            raise ValueError(f"{table.shape[1]} in each row")
+        found = {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}
+    except ValueError as error:
+        message = f"rows must hold {len(names)} numbers with commas between: {error}"
+        raise ConfigError(message, where=str(path)) from None
+    wrong = ~np.isfinite(table).all(axis=1) | (np.diff(time, prepend=-np.inf) <= 0.0)
+    if wrong.any():
+        message = "numbers must be finite, and time must increase from row to row"
+        raise ConfigError(message, where=f"{path}:{lines[np.argmax(wrong)]}")
+    return time, found

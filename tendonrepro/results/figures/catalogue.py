@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.parallel import Start
 from tendonrepro.results.figures import compare, decouple
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
@@ -80,8 +81,14 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         return spec.draw(file, traces).finish(name, _caption(name, file, traces), origin_of(file))
 
 
-def redrawn(file: TraceFile, folder: Path, name: str) -> list[Path]:
-    """Draw one figure and write it."""
+def begin_drawing(figures: Iterable[tuple[TraceFile, Path, str]], start: Start = map) -> Iterable[list[Path]]:
+    """Begin to draw and write figures, by traces, folder and name; yield the paths of each."""
+    # Another process gets a copy.
+    return start(_drawn, [(shown(name, file), folder, name) for file, folder, name in figures])
+
+
+def _drawn(figure: tuple[TraceFile, Path, str]) -> list[Path]:
+    file, folder, name = figure
     return save_drawing(draw(name, file), folder)
 
 

@@ -133,7 +133,7 @@ def title_of(name: str) -> str:
     return f"Figure {int(number)}" if number.isdecimal() else name
 
 
-def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
+def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
     """Write a figure as PDF, SVG and PNG; a TendonreproError where a file cannot be written."""
     title, caption = title_of(drawn.stem), drawn.caption
     metadata: dict[str, dict[str, Any]] = {
@@ -143,8 +143,8 @@ def save_drawing(drawn: Drawing, folder: Path, origin: str = "") -> list[Path]:
     }
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
     with journal_style():
-        if origin or drawn.origin:
-            imprint(drawn.figure, origin or drawn.origin)
+        if drawn.origin:
+            imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             # Made in memory: the writer of PDF does not survive a full disk.

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, NoReturn, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.strict_yaml import Key
 
 Mistakes: TypeAlias = Iterable[tuple[Key, str]]
 """Places below the value being validated, each with words."""

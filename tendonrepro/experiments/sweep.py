@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.fields.strict_yaml import Node, load
 from tendonrepro.configuration.load import LoadedConfig, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, build_law
@@ -71,7 +71,7 @@ def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, An
 
 def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
     """Simulate a sweep."""
-    from tendonrepro.experiments.sweep.figures import draw_sweep
+    from tendonrepro.experiments.figures import draw_sweep
 
     data = simulate_sweep(sweep, talk)
     manifest = {"solver": {"name": COMPILED_STEPPER}, "over": list(over), "points": len(sweep.points)}

@@ -13,8 +13,8 @@ from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.fields.model import Mistakes, Model, Number, describe, refuse, refuse_all
-from tendonrepro.configuration.fields.strict_yaml import Key
+from tendonrepro.configuration.strict_model import Mistakes, Model, Number, describe, refuse, refuse_all
+from tendonrepro.configuration.strict_yaml import Key
 
 
 class _Unit(NamedTuple):
@@ -136,6 +136,21 @@ PER_ENTRY: Mapping[Size, str] = {
     "joints": "one per joint of the manipulator",
     "moving": "one per moving joint",
 }
+
+
+def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
+    """Mistakes of all vectors and matrices in a model or dict; `sizes` holds what is known."""
+    if isinstance(part, Quantity) and part.size in sizes:
+        lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
+        if lengths != {sizes[part.size]}:
+            found = " and ".join(map(str, sorted(lengths)))
+            yield ("value",), f"must have {sizes[part.size]} entries, {PER_ENTRY[part.size]}, found {found}"
+    elif isinstance(part, Model | dict) and not isinstance(part, Quantity):
+        for name, item in part.items() if isinstance(part, dict) else part:
+            for place, words in wrong_sizes(item, sizes):
+                yield (name, *place), words
+
+
 # Name of a limit in the JSON schema, and what it admits.
 _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
     "above": ("exclusiveMinimum", operator.gt),

@@ -114,7 +114,7 @@ def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
 
 def study_statics(loaded: LoadedConfig) -> Outcome:
     """Survey the tensions of a configuration."""
-    from tendonrepro.experiments.statics.figures import draw_margin
+    from tendonrepro.experiments.figures import draw_margin
 
     found = survey(loaded)
     figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}

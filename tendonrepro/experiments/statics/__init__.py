@@ -1,1 +1,0 @@
-"""Tension of every tendon over the working half-plane."""

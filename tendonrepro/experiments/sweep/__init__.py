@@ -1,1 +1,0 @@
-"""One experiment over values of one or two keys."""
