@@ -75,7 +75,8 @@ def vector_code(
     read = {row: turn[x] for x, row in reads.items()}
     for row, value in results.items():
         place = f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}"
-        write = f"store {V} {_text(value)}, ptr %end{row}, align {ALIGNED}"
+        # Else LLVM stores by masks where a value may stay as it was, which takes AVX2 long.
+        write = f"store volatile {V} {_text(value)}, ptr %end{row}, align {ALIGNED}"
         pieces.append((max(turn.get(value, 0.0), read.get(row, 0.0)) + 0.25, [place, write]))
     body = [part for _, parts in sorted(pieces) for part in parts]
     for k, store in enumerate(stores):
