@@ -42,7 +42,7 @@ WATCH_INTERVAL = 0.05
 """Seconds between two looks at a command's memory."""
 HEAVY = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
 
-RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 600.0, 0.3
+RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 680.0, 0.3
 
 
 def main():
