@@ -17,9 +17,9 @@ from tendonrepro.simulation.streaming import STATISTICS
 
 
 def test_shared_loops_equal_loops_built_anew():
-    study = load_study(None, (), None, "default")
+    study = replace(load_study(None, (), None, "default"), block_draws=1)
     block, box = study.blocks(512)[0], study.boxes["box"]
-    for row in compute_block(replace(study, readings=study.readings[:1]), block, fake_batch)["draws"][:2]:
+    for row in compute_block(replace(study, readings=study.readings[:1]), block, fake_batch)["draws"]:
         config, draw = configured(study.loaded.base, box, row), box.named(row)
         for (name, case), loop in zip(study.cases, loops_of(study, block, row), strict=True):
             plain = dict(build_loops(under(case, config, draw), study.loaded.base.folder))[name]
@@ -97,7 +97,7 @@ def test_the_spot_check_finds_what_differs():
 def test_about_one_block_in_so_many_is_checked():
     study = replace(small_study(), check_every=8)
     values = compute_block(small_study(), study.blocks(DRAWS)[0], fake_batch)["draws"]
-    checks = [spot_check(study, block, values, batch_with(0, 1.0)) for block in study.blocks(1024)]
+    checks = [spot_check(study, block, values, batch_with(0, 1.0)) for block in study.blocks(512)]
     chosen = [check for check in checks if check]
     assert 0.5 / 8 <= len(chosen) / len(checks) <= 2.0 / 8
     assert len({(check["run"], check["reading"], check["draw"]) for check in chosen}) > len(chosen) // 3

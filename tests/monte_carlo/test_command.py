@@ -4,6 +4,7 @@ import errno
 import json
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 from matplotlib.figure import Figure
@@ -26,11 +27,12 @@ def test_jobs_do_not_matter(unbroken, tmp_path):
     assert summary["resumed_from"] == 0
 
 
-def test_figures_are_written(tmp_path, monkeypatch):
+def test_figures_are_written(unbroken, tmp_path, monkeypatch):
     def draw():
         return Drawing("one", Figure(), [], "")
 
     monkeypatch.setattr("tendonrepro.monte_carlo.command.ensemble_figures", lambda *_: {"one": draw})
+    copytree(unbroken, tmp_path, dirs_exist_ok=True)
     run_ensemble_of(tmp_path)
     assert (tmp_path / "figures" / "one.svg").exists()
 
@@ -61,7 +63,7 @@ def test_a_finished_run_is_not_computed_again(unbroken):
 
 
 def test_more_draws_reuse_what_is_there(tmp_path):
-    study = replace(small_study(), block_draws=8)
+    study = replace(small_study(), block_draws=4)
     run_ensemble_of(tmp_path, study)
     summary = run_ensemble_of(tmp_path, study, draws=2 * DRAWS)
     assert (summary["resumed_from"], summary["blocks"]) == (8, 16)

@@ -55,7 +55,7 @@ def _leaves(value):
 
 @cache
 def small_study():
-    """The shipped study with few readings, one population and small blocks."""
+    """The shipped study with few readings and scramblings, one population and small blocks."""
     study = load_study(None, (), None, "default")
     return replace(
         study,
@@ -63,12 +63,13 @@ def small_study():
         shares={"box": 1.0},
         readings=study.readings[:3],
         variations=study.variations[:1],
-        block_draws=4,
+        replicates=4,
+        block_draws=2,
         check_every=0,
     )
 
 
-DRAWS = 64
+DRAWS = 32
 """The fewest that the small study takes: 16 blocks."""
 
 
