@@ -15,10 +15,10 @@ NAMES = [name for name in FIGURES if name != "fig06"]
 """None measured Figure 6."""
 
 
-@pytest.fixture(name="file")
+@pytest.fixture(scope="module", name="file")
 def _file():
-    compare = make_compare_file(step=0.02, source="measured")
-    decouple = make_decouple_file(step=0.02, source="measured")
+    compare = make_compare_file(step=0.05, source="measured")
+    decouple = make_decouple_file(step=0.05, source="measured")
     runs = {name: measured_trace(trace) for name, trace in {**compare.runs, **decouple.runs}.items()}
     return replace(compare, experiment="both", runs=runs)
 

@@ -9,6 +9,7 @@ from support.synthetic import make_compare_file
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
+from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
@@ -16,6 +17,8 @@ from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims
 
 QUIET = Talk(quiet=True)
+FEW = {"step": 0.05, "without": VARIABLES.keys() - {"q_encoder", "q_d", "e"}}
+"""Each variable takes its time to be written and read."""
 
 
 def test_a_baseline_tells_what_changed(tmp_path):
@@ -31,7 +34,7 @@ def test_a_baseline_tells_what_changed(tmp_path):
 
 
 def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
-    file = make_compare_file(step=0.05)
+    file = make_compare_file(**FEW)
     gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
     runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
     fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
@@ -44,7 +47,7 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
 
 def test_the_measured_file_is_read(tmp_path):
     path = tmp_path / "SYNTHETIC.h5"
-    write_traces(path, make_compare_file(step=0.05, source="measured"))
+    write_traces(path, make_compare_file(**FEW, source="measured"))
     (claim,) = run_claims(tmp_path, ["C2"], None, QUIET, path).verdicts
     assert "verdict" in claim.evidence["measured"]
 
