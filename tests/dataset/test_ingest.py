@@ -20,11 +20,11 @@ from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.traces import read_traces
 
 QUIET = Talk(quiet=True)
-TIME = synthetic_record.TIME[::10]
+TIME = synthetic_record.TIME[::20]
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
-DESIRED = np.stack([synthetic_record.desired(joint)[::10] for joint in (2, 3)], axis=1)
+DESIRED = np.stack([synthetic_record.desired(joint)[::20] for joint in (2, 3)], axis=1)
 MEASURED = {
-    run: np.stack([synthetic_record.measured(run, joint)[::10] for joint in (2, 3)], axis=1) for run in RUNS
+    run: np.stack([synthetic_record.measured(run, joint)[::20] for joint in (2, 3)], axis=1) for run in RUNS
 }
 """Degrees."""
 
