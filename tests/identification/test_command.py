@@ -16,7 +16,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import command
 from tendonrepro.identification.misfit import Bench, Simulated
 
-FULL = {"generations": 40, "population": 16, "seeds": 3}
+FULL = {"generations": 28, "population": 16, "seeds": 3}
 TINY = {"generations": 1, "population": 5, "seeds": 1}
 
 
@@ -143,7 +143,7 @@ def test_a_fit_misses_by_two_per_cent_at_most(tmp_path):
 def test_dry_run_writes_nothing(tmp_path):
     data = identified(tmp_path / "out", dry_run=True, readings="default", fit="all")
     assert not (tmp_path / "out").exists()
-    assert data["evaluations"] == 41 * 16 * (3 + 1), "three seeds, and the polish of the best"
+    assert data["evaluations"] == 29 * 16 * (3 + 1), "three seeds, and the polish of the best"
     assert len(data["readings"]) >= len(data["searches"]) > 10
 
 

@@ -8,7 +8,7 @@ from support.made_plants import Killed
 
 from tendonrepro.identification.search import Effort, Evaluated, Found, Plants, search
 
-EFFORT = Effort(generations=40, population=24, seeds=3)
+EFFORT = Effort(generations=30, population=24, seeds=3)
 ROWS = 6
 OPTIMUM = np.array([0.3, 0.62])
 EVERY = np.ones(ROWS, dtype=bool)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copy
 
 import h5py
 import netCDF4
@@ -46,8 +47,9 @@ def assert_same(a: TraceFile, b: TraceFile) -> None:
         assert (p.units, p.source, p.long_name) == (q.units, q.source, q.long_name)
 
 
-COMPARE = make_compare_file(diverged={"controller_2": 7.3})
-both = pytest.mark.parametrize("file", [COMPARE, make_decouple_file()], ids=["compare", "decouple"])
+COMPARE = make_compare_file(step=0.05, runs=("controller_1", "controller_2"), diverged={"controller_2": 7.3})
+DECOUPLE = make_decouple_file(step=0.05)
+both = pytest.mark.parametrize("file", [COMPARE, DECOUPLE], ids=["compare", "decouple"])
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +80,7 @@ class TestRoundTrip:
         joint = tuple(range(2, 2 + x.shape[1]))
         attributes = {**COMPARE.runs["controller_1"].attributes, "gains": gains}
         run = Trace("mine", np.arange(len(x)) * 1e-3, joint, {"q": x, "tau_m": -x}, attributes)
-        file = dataclasses.replace(COMPARE, runs={"mine": run})
+        file = dataclasses.replace(COMPARE, runs={"mine": run}, plant=PlantRecord({}, {}))
         assert_same(read_traces(write_traces_to(tmp_path_factory.mktemp("bits"), file)), file)
 
 
@@ -140,8 +142,10 @@ def be_a_csv(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [truncate, be_a_csv, Path.unlink])
-def test_an_unusable_file_is_missing_data(tmp_path: Path, damage: Callable[[Path], None]) -> None:
-    path = write_traces_to(tmp_path, make_compare_file())
+def test_an_unusable_file_is_missing_data(
+    compare_path: Path, tmp_path: Path, damage: Callable[[Path], None]
+) -> None:
+    path = copy(compare_path, tmp_path / "traces.h5")
     damage(path)
     with pytest.raises(DataMissingError, match=r"traces\.h5") as caught:
         read_traces(path)
@@ -149,7 +153,7 @@ def test_an_unusable_file_is_missing_data(tmp_path: Path, damage: Callable[[Path
 
 
 def test_another_layout_is_named(tmp_path: Path) -> None:
-    path = write_traces_to(tmp_path, dataclasses.replace(make_decouple_file(), schema_version=7))
+    path = write_traces_to(tmp_path, dataclasses.replace(DECOUPLE, schema_version=7))
     with pytest.raises(DataMissingError, match="7"):
         read_traces(path)
 

@@ -133,9 +133,9 @@ class Textbook:
 
 
 class TestAgainstASecondProgram:
-    """150 ms in which both joints move by 3 degrees, payload, friction and all."""
+    """120 ms in which both joints move by more than 1 degree, payload, friction and all."""
 
-    reference = raised_cosine(10.0, 0.8, 151)
+    reference = raised_cosine(10.0, 0.8, 121)
 
     cases = pytest.mark.parametrize(
         ("run", "controller", "payload"),

@@ -25,7 +25,7 @@ from tendonrepro.validation.command import closest_window, measured_tables, run_
 from tendonrepro.verdicts.measured import Measured, measured_of
 
 QUIET = Talk(quiet=True)
-SHORT = ("reference.periods=2", "reference.rise=0.8", "reference.hold=0.3")
+SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.2")
 
 INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 
