@@ -8,18 +8,16 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 from support.command import answer
-from support.synthetic import make_compare_file
+from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results import export
 from tendonrepro.results.difference import difference, difference_text
 from tendonrepro.results.export import export_traces
-from tendonrepro.results.records import VARIABLES, Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
-KEPT = {"q_encoder", "q_d", "e", "s", "tau_m"}
-FILE = make_compare_file(step=0.05, runs=("controller_1", "controller_2"), without=VARIABLES.keys() - KEPT)
-"""Few variables: each takes its time to be written and read."""
+FILE = make_compare_file(**FEW, runs=("controller_1", "controller_2"))
 NAME, RUN = next(iter(FILE.runs.items()))
 
 

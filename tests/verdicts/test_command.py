@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import pytest
 from support.fake_batch import run_ensemble_of
-from support.synthetic import make_compare_file
+from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
-from tendonrepro.results.records import VARIABLES
 from tendonrepro.results.store import TRACES
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
@@ -17,8 +16,6 @@ from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims
 
 QUIET = Talk(quiet=True)
-FEW = {"step": 0.05, "without": VARIABLES.keys() - {"q_encoder", "q_d", "e"}}
-"""Each variable takes its time to be written and read."""
 
 
 def test_a_baseline_tells_what_changed(tmp_path):
