@@ -102,15 +102,12 @@ def test_a_study_is_a_result(tmp_path: Path) -> None:
 
 def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
-    script.write_text(
-        "import tendonrepro as tr\n"
-        f"found = tr.compare(set={SHORT}, controllers=[2])\n"
-        "print(found.data['status']['controller_2'])\n"
-    )
+    asked = f"tr.compare(set={SHORT}, controllers=[2])"
+    script.write_text(f"import tendonrepro as tr\nprint({asked}.data['status'])\n")
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=tmp_path
     )
-    assert (done.returncode, done.stdout) == (0, "ok\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "{'controller_2': 'ok'}\n"), done.stderr
 
 
 def test_examples_in_docstrings_are_true() -> None:

@@ -328,8 +328,7 @@ def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: 
     changed = {name: trace[name].copy() for name in ("q_encoder", "e", "s", "H_hat", "tau_m")}
     for value in changed.values():
         value[-3:] = np.array([[1e300], [-1e300], [np.nan]])
-    alone = {trace.name: with_status(trace, "diverged", **changed)}
-    artists = draw(15, replace(compare_file(), runs=alone))
+    artists = draw(15, replace(compare_file(), runs={trace.name: with_status(trace, "diverged", **changed)}))
     assert len(save_drawing(artists, tmp_path)) == 3
     assert np.isfinite(artists.axes["c"].get_ylim()).all()
 
