@@ -17,6 +17,7 @@ import typer
 from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
+import tendonrepro as tr
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.shipped import shipped_folder
 
@@ -116,6 +117,7 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> Non
     words = [*SHORT, "--set", "control.readings.gain_unit=law_in_degrees", "--out", "out"]
     data = answer("compare", *words, cwd=tmp_path, code=5)
     assert "diverged" in data["status"].values()
+    assert data["growing_hz"] == tr.open(tmp_path / "out").data["growing_hz"] != {}
     assert (tmp_path / "out" / "figures" / "fig14.png").exists()
     assert data["table2"]["controller_1"]["mae_deg"] == [None, None]
     words = [*SHORT, "--set", "control.gains.M_bar=[1e30,1e30]", "--controllers", "1,3", "--out", "overflow"]
