@@ -75,7 +75,7 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         start = stack.enter_context(workers())
-        # It takes a second, as the workers do to start.
+        # Loading matplotlib takes as long as the workers take to start.
         from tendonrepro.results.figures.catalogue import available, begin_drawing
 
         simulated = simulate_all(asked, talk, orders[0].solver, start)

@@ -36,7 +36,7 @@ def simulate_all(
     solver: Literal["scipy", "compiled"] = "scipy",
     start: Start = map,
 ) -> list[list[Trace]]:
-    """Simulate every run of every configuration; one that diverged ends early."""
+    """Simulate every run of every configuration, by what `workers` yields; one that diverged ends early."""
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
     loops = [all_loops(*one) for one in asked]
