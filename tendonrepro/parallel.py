@@ -81,12 +81,17 @@ def as_ready(
 @contextmanager
 def _processes(jobs: int) -> Iterator[Executor]:
     """Start processes, and end them with the block, whatever they are at."""
+    from multiprocessing import resource_tracker
+
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     executor = ProcessPoolExecutor(jobs, initializer=_end_with, initargs=(os.getpid(),))
     try:
-        with _interrupts_blocked():
+        if sys.platform != "win32":
+            # This process of the standard library lifts the block when it starts.
+            resource_tracker.ensure_running()
+        with interrupts_blocked():
             executor.submit(int)
         yield executor
     except TerminatedWorkerError as error:
@@ -99,15 +104,11 @@ def _processes(jobs: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Start processes that hear no interrupt, which a terminal sends to them too; ours waits for the end."""
+def interrupts_blocked() -> Iterator[None]:
+    """Let an interrupt wait for the end of a block; processes that start in it hear none."""
     if sys.platform == "win32":  # which knows no masks
         yield
         return
-    from multiprocessing import resource_tracker
-
-    # This process of the standard library lifts the block when it starts.
-    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -68,7 +68,7 @@ BUDGETS = {
     "simulation": 1_699,
     "configuration": 1_595,
     "results": 1_895,
-    "experiments": 1_359,
+    "experiments": 1_360,
     "analysis": 625,
     "evidence": 1_005,
     "monte_carlo": 1_142,

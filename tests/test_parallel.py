@@ -16,7 +16,7 @@ import pytest
 from support.command import hear_interrupts
 
 from tendonrepro.errors import ConfigError, TendonreproError
-from tendonrepro.parallel import as_ready, counted, workers
+from tendonrepro.parallel import as_ready, counted, interrupts_blocked, workers
 
 
 @pytest.fixture(params=[1, 2])
@@ -120,3 +120,15 @@ def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number:
     parent.stdout.close()
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
+def test_an_interrupt_waits_for_the_end_of_a_block() -> None:
+    before, done = signal.signal(signal.SIGINT, signal.default_int_handler), []
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupts_blocked():  # noqa: PT012 (that the rest runs is the test)
+            signal.raise_signal(signal.SIGINT)
+            done.append("the rest of the block")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done

@@ -19,7 +19,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
-from tendonrepro.parallel import workers
+from tendonrepro.parallel import interrupts_blocked, workers
 from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
@@ -75,8 +75,9 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
             for order, (loaded, _) in zip(orders, asked, strict=True)
         ]
         start = stack.enter_context(workers())
-        # Loading matplotlib takes as long as the workers take to start.
-        from tendonrepro.results.figures.catalogue import available, begin_drawing
+        # Loading matplotlib takes as long as the workers take to start. Interrupted, it makes Python crash.
+        with interrupts_blocked():
+            from tendonrepro.results.figures.catalogue import available, begin_drawing
 
         simulated = simulate_all(asked, talk, orders[0].solver, start)
         made = [
