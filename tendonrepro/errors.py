@@ -1,7 +1,9 @@
-"""The one family of errors a user can meet, each with its exit code."""
+"""The one family of errors a user can meet, each with its exit code; and the word that was probably meant."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import ClassVar
 
 
@@ -47,3 +49,16 @@ class DataMissingError(TendonreproError):
     """Something that should be on disk is missing or cannot be read."""
 
     exit_code: ClassVar[int] = 4
+
+
+def nearest(word: str, words: Iterable[str]) -> str | None:
+    """The word that was probably meant, if any is near."""
+    lower = {candidate.lower(): candidate for candidate in words}
+    close = get_close_matches(word.lower(), lower, n=1)
+    return lower[close[0]] if close else None
+
+
+def did_you_mean(word: object, words: Iterable[str]) -> str:
+    """Question after the word that was probably meant, or nothing."""
+    meant = nearest(str(word), words)
+    return "" if meant is None else f", did you mean {meant!r}?"

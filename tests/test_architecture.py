@@ -37,7 +37,7 @@ OWNERS = {
     "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
-    "yaml": ["configuration/strict_yaml.py", "configuration/shipped.py"],
+    "yaml": ["configuration/strict_yaml.py"],
     "xarray": ["results/traces.py", "api/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": [
@@ -63,7 +63,7 @@ OWNERS = {
 }
 
 BUDGETS = {
-    "ground": 187,
+    "ground": 197,
     "physics": 893,
     "simulation": 1_699,
     "configuration": 1_595,

@@ -277,7 +277,7 @@ def doctor(terminal: Terminal) -> int:
 @command(config_app, "tendonrepro config list", name="list")
 def config_list(terminal: Terminal) -> None:
     """Names of the shipped configurations."""
-    from tendonrepro.configuration.shipped import shipped_folder, shipped_names
+    from tendonrepro.configuration.load import shipped_folder, shipped_names
 
     names = shipped_names()
     terminal.talk.detail(f"in {shipped_folder()}")
@@ -287,7 +287,7 @@ def config_list(terminal: Terminal) -> None:
 @command(config_app, "tendonrepro config show compare", name="show")
 def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.configuration.kinds import shown
+    from tendonrepro.configuration.command import shown
 
     tree, text = shown(config, set or ())
     terminal.show(tree, text.rstrip())
@@ -304,7 +304,7 @@ def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
     out
         Folder for the copy.
     """
-    from tendonrepro.configuration.shipped import init_config
+    from tendonrepro.configuration.command import init_config
 
     terminal.list_files(init_config(name, out))
 
@@ -327,7 +327,7 @@ def config_schema(terminal: Terminal, kind: str | None = None) -> None:
     kind
         compare, decouple, ensemble or manipulator [default: any].
     """
-    from tendonrepro.configuration.kinds import json_schema
+    from tendonrepro.configuration.command import json_schema
     from tendonrepro.files import to_json
 
     schema = json_schema(kind)

@@ -15,15 +15,13 @@ from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.configuration.messages import did_you_mean, explain
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import apply_overrides, parse_override
-from tendonrepro.configuration.shipped import shipped_file, shipped_folder, shipped_names
-from tendonrepro.configuration.strict_model import Model, describe
+from tendonrepro.configuration.strict_model import Model, describe, explain
 from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
-from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.files import sha256_of
+from tendonrepro.errors import ConfigError, UsageError, did_you_mean
+from tendonrepro.files import sha256_of, shipped
 
 __all__ = ["CompareConfig", "Config", "DecoupleConfig", "ExperimentName", "LoadedConfig", "load_config"]
 
@@ -46,6 +44,25 @@ class ConfigSource(NamedTuple):
 
 Source: TypeAlias = ConfigSource | Path | str | None
 """A file, ``-`` for standard input, a shipped name, or None for the shipped one of the kind asked for."""
+
+
+def shipped_folder() -> Path:
+    """Folder of the shipped configurations."""
+    return shipped("configs")
+
+
+def shipped_names() -> list[str]:
+    """Names of the shipped configurations, sorted."""
+    return sorted(path.stem for path in shipped_folder().glob("*.yaml"))
+
+
+def shipped_file(name: str) -> Path:
+    """Path of a shipped configuration, or a UsageError."""
+    names = shipped_names()
+    if name not in names:
+        message = f"no shipped configuration {name!r}{did_you_mean(name, names)}"
+        raise UsageError(message, hint=f"There are: {', '.join(names)}")
+    return shipped_folder() / f"{name}.yaml"
 
 
 def find_source(source: Source, kind: str | None) -> ConfigSource:

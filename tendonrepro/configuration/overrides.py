@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
-from tendonrepro.configuration.messages import did_you_mean
 from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, holds, load
-from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 COMMAND_LINE = "assumed: set on the command line"
 

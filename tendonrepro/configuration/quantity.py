@@ -13,7 +13,16 @@ from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.strict_model import Mistakes, Model, Number, describe, refuse, refuse_all
+from tendonrepro.configuration.strict_model import (
+    SOURCE_PATTERN,
+    Mistakes,
+    Model,
+    Number,
+    Source,
+    describe,
+    refuse,
+    refuse_all,
+)
 from tendonrepro.configuration.strict_yaml import Key
 
 
@@ -38,10 +47,6 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
     "deg s-2": _Unit("rad s-2", _DEGREE),
     "N m s": _Unit("N m s rad-1"),
 }
-
-SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
-Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
-"""``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
 
 
 def to_si(value: Any, unit: str) -> Any:

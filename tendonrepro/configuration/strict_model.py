@@ -1,18 +1,43 @@
-"""What all configuration models share: strictness, and refusals with a place."""
+"""What all configuration models share: strictness, and refusals in the words of the file, with a place."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
-from typing import Annotated, Literal, NoReturn, Self, TypeAlias
+from typing import Annotated, Any, Literal, NoReturn, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.strict_yaml import Key
+from tendonrepro.configuration.strict_yaml import Document, Key, holds
+from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
 Mistakes: TypeAlias = Iterable[tuple[Key, str]]
 """Places below the value being validated, each with words."""
+
+Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of this file format")]
+Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
+Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
+"""``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
+
+_MAPPING = "must be a mapping of keys"
+_ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
+_NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
+# What replaces words of pydantic that speak of Python, by the type of the mistake.
+_WORDS = {
+    "model_type": _MAPPING,
+    "model_attributes_type": _MAPPING,
+    "dict_type": _MAPPING,
+    "tuple_type": "must be a list",
+    "string_type": "must be text",
+    "union_tag_not_found": "missing key 'kind'",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
+}
 
 
 class Model(BaseModel):
@@ -48,12 +73,71 @@ def refuse_all(mistakes: Mistakes) -> None:
         raise ValidationError.from_exception_data("configuration", details)
 
 
-Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of this file format")]
-
-
 def describe(value: object) -> str:
     """Show an unexpected value as YAML of at most one line."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else f"{text[:60]}..."
+
+
+def explain(error: ValidationError, document: Document) -> ConfigError:
+    """Turn a validation error into one message, a line ``file:line: path: what`` for each mistake."""
+    details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
+    missing = {path for detail, path in details if detail["type"] == "missing"}
+    unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
+    known = missing | document.places.keys() - unknown.keys() - {()}
+    meant = {path: _meant(path, known) for path in unknown}
+    found = []
+    for detail, path in details:
+        kind = detail["type"]
+        # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
+        if (kind == "missing" and path in meant.values()) or (kind == "too_short" and detail["input"]):
+            continue
+        name = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
+        words = _words(detail, path, meant.get(path))
+        found.append((document.place(path), f"{name}: {words}" if name else words))
+    found.sort(key=lambda mistake: mistake[0])
+    count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
+    lines = (f"{place}: {message}" for place, message in found)
+    return ConfigError("\n".join([f"{count} in the configuration", *lines]))
+
+
+def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:
+    """Path of the key beside an unknown one that was probably meant, missing or set already."""
+    parent = unknown[:-1]
+    word = nearest(str(unknown[-1]), [str(path[-1]) for path in known if path[:-1] == parent])
+    return None if word is None else (*parent, word)
+
+
+def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in _WORDS:
+        return _WORDS[kind]
+    match kind:
+        case "problem":
+            return detail["msg"]
+        case "missing":
+            return f"missing key {path[-1]!r}"
+        case "extra_forbidden":
+            hint = "" if meant is None else f", did you mean {meant[-1]!r}?"
+            return f"unknown key {path[-1]!r}{hint}"
+        case "literal_error" | "union_tag_invalid":
+            expected = context.get("expected") or context["expected_tags"]
+            found = context.get("tag", detail["input"])
+            hint = did_you_mean(found, re.findall("'(.*?)'", expected))
+            return f"must be {expected}, found {describe(found)}{hint}"
+        case "string_pattern_mismatch":
+            words = _ORIGINS if context["pattern"] == SOURCE_PATTERN else _NAME
+        case _:
+            words = detail["msg"].replace("Input should be", "must be")
+    return f"{words}, found {describe(detail['input'])}"
+
+
+def _written_path(detail: ErrorDetails, tree: Any) -> Key:
+    """Pydantic's path without what is not in the file: kinds of unions and marks for keys."""
+    path: list[str | int] = []
+    for key in detail["loc"]:
+        is_kind = isinstance(tree, dict) and key not in tree and tree.get("kind") == key
+        if not is_kind and key != "[key]":
+            path.append(key)
+            tree = tree[key] if holds(tree, key) else None
+    return (*path, "kind") if detail["type"] == "union_tag_invalid" else tuple(path)

@@ -23,8 +23,7 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from tendonrepro.configuration.messages import explain
-from tendonrepro.configuration.strict_model import Model, refuse
+from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.results.records import VARIABLES

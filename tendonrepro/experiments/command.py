@@ -9,11 +9,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.kinds import checked
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, shipped_folder
 from tendonrepro.configuration.request import Request
-from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import COMPARED, PrintedText, coupling_of, published, table_1
-from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 import tendonrepro as tr
 from tendonrepro.cli.app import app
-from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.configuration.load import shipped_folder
 
 
 @pytest.fixture(scope="module")

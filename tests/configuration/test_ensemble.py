@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.configuration.load import CompareConfig, shipped_folder
 from tendonrepro.errors import ConfigError
 
 TEXT = (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")

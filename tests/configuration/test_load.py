@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from tendonrepro.configuration.kinds import checked, json_schema
-from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.command import checked, init_config, json_schema
+from tendonrepro.configuration.load import CompareConfig, load_config, shipped_folder, shipped_names
 from tendonrepro.configuration.quantity import Quantity
-from tendonrepro.configuration.shipped import init_config, shipped_folder, shipped_names
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.errors import ConfigError, UsageError
 

@@ -14,8 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config
-from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config, shipped_folder
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.configuration.strict_yaml import Key, Node, dump, read_text
 from tendonrepro.errors import ConfigError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.load import CompareConfig, shipped_folder
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import (
     AXES,
@@ -21,7 +21,6 @@ from tendonrepro.configuration.models.readings import (
     reading,
     under,
 )
-from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol

@@ -21,12 +21,11 @@ from typer.main import get_command
 
 import tendonrepro
 from tendonrepro.cli.app import app
+from tendonrepro.configuration.command import json_schema
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.kinds import json_schema
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config, shipped_folder
 from tendonrepro.configuration.quantity import UNITS
 from tendonrepro.configuration.request import Request
-from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.command import Order, run_experiments

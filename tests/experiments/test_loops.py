@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.overrides import quantity
 
+from tendonrepro.configuration.command import init_config
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.shipped import init_config
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments import loops
 from tendonrepro.experiments.rig import coupling

@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
 
-from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.load import load_config, shipped_folder
 from tendonrepro.configuration.request import Request
-from tendonrepro.configuration.shipped import shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError

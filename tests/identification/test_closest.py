@@ -7,7 +7,7 @@ from statistics import fmean
 import pytest
 from support.pages import tables_of
 
-from tendonrepro.configuration.shipped import shipped_file
+from tendonrepro.configuration.load import shipped_file
 from tendonrepro.configuration.strict_yaml import read_text
 
 # Tables 2 and 3, typed from the paper: MAE of joints 2 and 3, RMSE of joints 2 and 3, deg.

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.configuration.shipped import shipped_folder
+from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.results.records import VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from tendonrepro.configuration.models.readings import ERROR_RATES
-from tendonrepro.configuration.quantity import Physical, Source, nonneg, positive, to_si
-from tendonrepro.configuration.strict_model import Mistakes, Model, Number
+from tendonrepro.configuration.quantity import Physical, nonneg, positive, to_si
+from tendonrepro.configuration.strict_model import Mistakes, Model, Number, Source
 
 _SWITCH = ("off", "on")
 WORDS: Mapping[str, tuple[str, ...]] = {

@@ -1,17 +1,27 @@
-"""Any configuration: an experiment, an ensemble, or a manipulator."""
+"""What ``tendonrepro config`` does, whatever a configuration is of: experiment, ensemble or manipulator."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.load import MANIPULATOR, MODELS, Draft, LoadedConfig, find_source, load_config
+from tendonrepro.configuration.load import (
+    MANIPULATOR,
+    MODELS,
+    Draft,
+    LoadedConfig,
+    find_source,
+    load_config,
+    shipped_file,
+)
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.strict_yaml import dump, load
+from tendonrepro.configuration.strict_yaml import dump, load, read_text
 from tendonrepro.errors import UsageError
+from tendonrepro.files import write_atomically
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 
@@ -33,6 +43,33 @@ def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
     return load(text, source).tree, text
+
+
+def init_config(name: str, folder: Path) -> list[Path]:
+    """Copy a shipped configuration, what it names and the JSON schema; the files written.
+
+    A companion with the same content is left alone. Anything else that is there is refused.
+    """
+    source = shipped_file(name)
+    new = {}
+    for path in (*_with_named(source), source.with_name("schema.json")):
+        target, text = folder / path.name, read_text(path)
+        same = target.is_file() and target.read_bytes() == text.encode()
+        if target.exists() and (path == source or not same):
+            hint = "Give another folder, or move the file away."
+            raise UsageError(f"{target} exists and is not overwritten", hint=hint)
+        if not same:
+            new[target] = text
+    for target, text in new.items():
+        write_atomically(target, text)
+    return list(new)
+
+
+def _with_named(source: Path) -> list[Path]:
+    """A file and those that it names, and so on."""
+    tree = load(read_text(source), str(source)).tree
+    named = [tree[key] for key in ("base", "manipulator") if isinstance(tree.get(key), str)]
+    return [source, *(path for name in named for path in _with_named(source.with_name(name)))]
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
