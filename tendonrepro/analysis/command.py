@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonrepro.analysis.analysis import PAIRS, Explanation, RunMargins, explain, view_pairs
+from tendonrepro.analysis.explain import PAIRS, Explanation, RunMargins, explain, view_pairs
 from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.request import Request

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tendonrepro import __version__
-from tendonrepro.analysis.analysis import Explanation, view_pairs
+from tendonrepro.analysis.explain import Explanation, view_pairs
 from tendonrepro.arrays import Array
 from tendonrepro.results.figures.style import (
     COLUMN_MM,

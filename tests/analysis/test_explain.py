@@ -1,21 +1,26 @@
-"""What `explain` says: against reloaded configurations, the theory's numbers, and plain eigenvalues."""
+"""What `explain` says: against reloaded configurations, the theory's numbers, plain eigenvalues, and time."""
 
 import csv
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from support.overrides import SMOOTH
 
-from tendonrepro.analysis.analysis import explain, run_margins, run_views, worst
 from tendonrepro.analysis.command import run_explain
+from tendonrepro.analysis.explain import explain, first_views, load_to_error, loads, run_margins, worst
 from tendonrepro.analysis.margins import ChannelMargins, border_distance, with_tendons
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.files import to_json
+from tendonrepro.physics.disturbance import sine_disturbance
 from tendonrepro.physics.linear_loop import decay_rate, loop_matrix
+from tendonrepro.simulation.stepper import DesiredMotion, simulate
 
 DELAY = "manipulator.actuator.output_delay=1"
 APPLIED = "control.readings.stored_torque=applied"
@@ -100,6 +105,49 @@ class TestMap:
         wanted = np.log(y)[:, np.newaxis] - 0.3 * np.log(x)
         np.testing.assert_allclose(distance, wanted, atol=1e-3)
         np.testing.assert_allclose(border_distance(lambda a, _: np.ones_like(a), x, x), np.log(100.0))
+
+
+class TestLoads:
+    """The limit of slow loads, and a sine on the whole arm in time."""
+
+    L = 1e-3  # s
+
+    @staticmethod
+    @cache
+    def smooth():
+        limit = "manipulator.actuator.torque_limit=[99, 99, 99]"
+        held = load_config(None, "compare", overrides=(*SMOOTH, limit))
+        return held, first_views(run_views(held.config))
+
+    def test_of_slow_loads_the_ratio_is_that_of_the_ages_and_slopes(self):
+        moving = np.stack([np.sin(np.pi * self.L * np.arange(8000))] * 2, axis=1)
+        found = loads(self.smooth()[1], np.zeros(2), moving)
+        one, two, three = (found.error[f"controller_{k}"][:, 0] for k in (1, 2, 3))
+        assert one / two == pytest.approx([1.1, 1.2], rel=1e-3)
+        # lambda beta over lambda eta gamma_1, with gamma_1 = (2 - b) Delta^(b - 1).
+        assert two / three == pytest.approx(2.0 / (1.5 * 1.1 * 0.2**-0.1), rel=1e-3)
+        assert found.motion_hz == pytest.approx(0.5, abs=0.2)
+        assert 5.0 < found.mode_hz < 20.0
+
+    @pytest.mark.parametrize("hertz", [2.0, 10.0, 40.0])
+    def test_a_sine_on_the_whole_arm_leaves_that_error(self, hertz):
+        """A small load, so that the arm stays linear; after two seconds nothing is left of the start."""
+        held, views = self.smooth()
+        loop = dict(build_loops(held.config, held.folder))["controller_1"]
+        still = np.zeros((4001, 2))
+        reference = DesiredMotion(self.L * np.arange(len(still)), still, still, still)
+        plant = loop.plant._replace(disturbance=sine_disturbance(np.array([0.0, 1e-4]), hertz))
+        run = simulate(replace(loop, plant=plant, reference=reference))
+        late = slice(2000, 4000)
+        angle = 2.0 * np.pi * hertz * run["time"][late]
+        amplitude = np.hypot(*(2.0 * np.mean(run["e"][late, 1] * wave(angle)) for wave in (np.sin, np.cos)))
+        expected = load_to_error(views["controller_1"], np.zeros(2), np.array([2.0 * np.pi * hertz * self.L]))
+        assert amplitude / 1e-4 == pytest.approx(abs(expected[1, 0]), rel=0.01)
+
+    def test_a_loop_that_grows_has_no_error_per_load(self):
+        view = self.smooth()[1]["controller_1"]
+        growing = view._replace(law=view.law._replace(M_bar=30.0 * view.law.M_bar))
+        assert load_to_error(growing, np.zeros(2), np.array([0.1])) is None
 
 
 class TestFiles:

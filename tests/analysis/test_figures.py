@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from matplotlib.colors import to_hex
 
-from tendonrepro.analysis.analysis import explain
+from tendonrepro.analysis.explain import explain
 from tendonrepro.analysis.figures import draw_loads, draw_map, draw_margins
 from tendonrepro.configuration.load import load_config
 from tendonrepro.results.figures.style import journal_style, stroke_of

@@ -1,4 +1,4 @@
-"""Why the loops of a configuration behave as they do."""
+"""Why the loops of a configuration behave as they do: margins, errors under loads, and what a change does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from tendonrepro.analysis.loads import Loads, loads
 from tendonrepro.analysis.margins import (
     ChannelMargins,
     TendonMap,
@@ -25,12 +24,15 @@ from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import FILTERED, Readings
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
+from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.linear_loop import (
     Complex,
     decay_rate,
+    hold_discretised,
     loop_matrix,
     modes,
     open_loop,
+    plant_matrices,
     slowest,
     stroke,
 )
@@ -38,6 +40,11 @@ from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, e
 
 PAIRS = ("c1_c2", "c2_c3")
 """Pairs of the paper's laws, of which ``--json`` always has the ratios."""
+
+_LOWEST_HZ = 0.05
+_POINTS = 400
+_MOTION_SHARE = 0.99
+"""Share of the power of the desired velocity that lies within the motion's bandwidth."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,20 @@ class RunMargins:
 
     of_run: Mapping[str, Any]
     joints: Sequence[ChannelMargins]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Size of each joint's error per load on it, rad N⁻¹ m⁻¹, (n, F), of laws whose loops decay.
+
+    `mode_hz` is the least damped mode of the arm without a controller, or NaN. Up to `motion_hz` the desired
+    velocity has 99 % of its power.
+    """
+
+    hertz: Array
+    error: Mapping[str, Array]
+    mode_hz: float
+    motion_hz: float
 
 
 @dataclass(frozen=True)
@@ -174,6 +195,54 @@ def _curve(view: View, q: Array) -> tuple[Array, Complex]:
     shown = hertz >= 0.02
     channels = [response(channel(cut, joint), angles[shown])[:, 0, 0] for joint in range(q.size)]
     return hertz[shown], np.stack(channels)
+
+
+def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
+    """Error per load at posture `q` (n,), rad, beside a motion's velocity (T, n), rad s⁻¹."""
+    first = next(iter(views.values()))
+    L = first.law.L
+    hertz = np.geomspace(_LOWEST_HZ, 0.5 / L, _POINTS)
+    found = {law: load_to_error(view, q, 2.0 * np.pi * L * hertz) for law, view in views.items()}
+    return Loads(
+        hertz,
+        {law: np.abs(values) for law, values in found.items() if values is not None},
+        _least_damped(plant_matrices(q, first.plant)[0]),
+        _bandwidth(dq_d, L),
+    )
+
+
+def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
+    """Error of each joint per load on it, (n, F), at angles ``2 pi f L``; None if the loop grows.
+
+    The load is held over a period. ``e = -q``.
+    """
+    n, law = q.size, view.law
+    closed = loop_matrix(q, view.plant, law, view.delay)
+    if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
+        return None
+    A, _ = plant_matrices(q, view.plant)
+    pull = np.zeros((4 * n, n))
+    pull[n : 2 * n] = -np.linalg.inv(mass_matrix(q, view.plant.arm))
+    load = np.zeros((len(closed), n), dtype=np.complex128)
+    load[: 4 * n] = hold_discretised(A, pull, law.L)[1]
+    z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
+    moved = np.linalg.solve(z * np.eye(len(closed)) - closed, load)
+    return np.asarray(-np.diagonal(moved[:, :n, :], axis1=1, axis2=2).T)
+
+
+def _least_damped(A: Array) -> float:
+    """Frequency of the least damped oscillation of dx/dt = A x, Hz."""
+    rates = np.linalg.eigvals(A)
+    rates = rates[rates.imag > 0.0]
+    if not rates.size:
+        return float("nan")
+    return float(rates[np.argmin(-rates.real / np.abs(rates))].imag / (2.0 * np.pi))
+
+
+def _bandwidth(dq_d: Array, L: float) -> float:
+    power = (np.abs(np.fft.rfft(dq_d, axis=0)) ** 2).sum(axis=1)
+    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    return float(np.fft.rfftfreq(len(dq_d), L)[np.searchsorted(share, _MOTION_SHARE)])
 
 
 def _what_ifs(
