@@ -7,7 +7,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
@@ -21,6 +21,7 @@ from tendonrepro import __version__
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import data_app, study_app
 from tendonrepro.configuration.request import Request
+from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
 
 if TYPE_CHECKING:
@@ -267,11 +268,49 @@ def diff(terminal: Terminal, first: Path, second: Path) -> int:
 @command(app, "tendonrepro doctor --json")
 def doctor(terminal: Terminal) -> int:
     """Environment, versions, and whether all that is needed is there."""
-    from tendonrepro.cli.doctor import examine, report_text
-
-    found = examine()
-    terminal.show(found, report_text(found))
+    found = _examined()
+    terminal.show(found, _examined_text(found))
     return 0 if found["well"] else 1
+
+
+def _examined() -> dict[str, Any]:
+    """Environment, and of each check ``ok``, a remark, or what is wrong."""
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.configuration.published import published
+    from tendonrepro.results.manifest import environment
+    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
+
+    loads: dict[str, Callable[[], Any]] = {
+        "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
+        "published numbers": published,
+    }
+    checks = dict.fromkeys(loads, "ok")
+    for name, load in loads.items():
+        try:
+            load()
+        except Exception as error:
+            checks[name] = f"wrong: {type(error).__name__}: {error}"
+    well = {*checks.values()} == {"ok"}
+    later = "will be compiled at the first run, a few seconds"
+    checks["compiled code"] = later if NOTHING_COMPILED else "ok"
+    head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
+    return head | {"checks": checks, "well": well}
+
+
+def _examined_text(found: Mapping[str, Any]) -> str:
+    here = found["environment"]
+    git = here["git"]
+    commit = "not a checkout" if git is None else git["commit"][:12] + (" (changed)" if git["dirty"] else "")
+    rows = {
+        "tendonrepro": found["tendonrepro_version"],
+        "git": commit,
+        "python": here["python"],
+        "platform": here["platform"],
+        "cpu": f"{here['cpu']} x {here['cpu_count']}",
+        **here["versions"],
+        **found["checks"],
+    }
+    return columns(rows.items())
 
 
 @command(config_app, "tendonrepro config list", name="list")
