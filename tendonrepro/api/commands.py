@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from tendonrepro.api.result import Result
 from tendonrepro.configuration.load import Config, LoadedConfig, load_config
@@ -17,27 +17,28 @@ from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.store import read_manifest, stored_traces
 from tendonrepro.results.study import Outcome
 
-Changes = Mapping[str, Any]
-"""New values by dotted key, such as ``{"control.gains.lam": 6}``."""
-
-RECORD = "19467931"
-"""Number of the paper's record."""
+Changes: TypeAlias = Mapping[str, Any] | None
 
 
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else value
+def _yaml(value: Any) -> str:
+    """A value as `--set` takes it; arrays are lists."""
+    return json.dumps(value, default=lambda array: array.tolist())
 
 
-def _overrides(changes: Changes | None) -> list[str]:
-    return [f"{key}={json.dumps(_plain(value))}" for key, value in (changes or {}).items()]
+def _overrides(changes: Changes) -> list[str]:
+    return [f"{key}={_yaml(value)}" for key, value in (changes or {}).items()]
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
 
 
 def _request(given: dict[str, Any]) -> Request:
     """What many functions share, out of the arguments of one."""
-    source, out = given.pop("config", None), given.pop("out", None)
+    source = given.pop("config", None)
     return Request(
         None if source is None else str(source),
-        None if out is None else Path(out),
+        _path(given.pop("out", None)),
         _overrides(given.pop("set", None)),
         given.pop("seed", None),
         given.pop("controllers", None),
@@ -50,13 +51,13 @@ def _written(command: str, run: Callable[..., dict[str, Any]], given: dict[str, 
     found = run(request=_request(given), talk=Talk(), **given)
     text = found.pop("text")
     folder = Path(found["out"])
-    return Result(command, Outcome(found, [text]), read_manifest(folder), folder=folder)
+    return Result(command, Outcome(found, [text]), read_manifest(folder), _folder=folder)
 
 
 def compare(
     config: str | Path | None = None,
     *,
-    set: Changes | None = None,
+    set: Changes = None,
     seed: int | None = None,
     controllers: Sequence[int] | None = None,
     laws: Mapping[str, Callable[..., Any]] | None = None,
@@ -68,7 +69,7 @@ def compare(
     config : str or Path, optional
         A file, or a shipped name.
     set : mapping, optional
-        New values by dotted key.
+        New values by dotted key, such as ``{"control.gains.lam": 6}``.
     seed : int, optional
     controllers : sequence of int, optional
         Those to run.
@@ -83,9 +84,7 @@ def compare(
     return _experiment(_request({**locals()}).load("compare"), laws)
 
 
-def decouple(
-    config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
-) -> Result:
+def decouple(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
     """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are as of `compare`."""
     return _experiment(_request({**locals()}).load("decouple"))
 
@@ -101,9 +100,7 @@ def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, 
     return {name: open(one["out"]) for name, one in found.items()}
 
 
-def statics(
-    config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
-) -> Result:
+def statics(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
     """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
     from tendonrepro.experiments.statics import study_statics
@@ -111,9 +108,7 @@ def statics(
     return _studied("statics", loaded, study_statics(loaded), started)
 
 
-def explain(
-    config: str | Path | None = None, *, set: Changes | None = None, seed: int | None = None
-) -> Result:
+def explain(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
     """Give stability margins and error ratios of the sampled loop. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("compare"), time.perf_counter()
     from tendonrepro.analysis.command import study_explain
@@ -125,7 +120,7 @@ def sweep(
     over: Mapping[str, Sequence[Any]],
     config: str | Path | None = None,
     *,
-    set: Changes | None = None,
+    set: Changes = None,
     seed: int | None = None,
     controllers: Sequence[int] | None = None,
 ) -> Result:
@@ -136,9 +131,7 @@ def sweep(
     request, started = _request({**locals()}), time.perf_counter()
     from tendonrepro.experiments.sweep import load_sweep, study_sweep
 
-    keys = [
-        f"{key}={','.join(json.dumps(_plain(value)) for value in values)}" for key, values in over.items()
-    ]
+    keys = [f"{key}={','.join(map(_yaml, values))}" for key, values in over.items()]
     ready = load_sweep(request, keys)
     return _studied("sweep", ready.base, study_sweep(ready, keys, Talk()), started)
 
@@ -161,7 +154,7 @@ def ensemble(
     draws: int = 1024,
     *,
     config: str | Path | None = None,
-    set: Changes | None = None,
+    set: Changes = None,
     seed: int | None = None,
     readings: str = "default",
     jobs: int = -1,
@@ -222,7 +215,7 @@ def predict(
     draws: int = 256,
     *,
     config: str | Path | None = None,
-    set: Changes | None = None,
+    set: Changes = None,
     seed: int | None = None,
     readings: str | None = None,
     out: str | Path = "reports/predict",
@@ -247,7 +240,7 @@ def tune(
     laws: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
     config: str | Path | None = None,
-    set: Changes | None = None,
+    set: Changes = None,
     seed: int | None = None,
     jobs: int = -1,
     out: str | Path = "reports/tune",
@@ -276,7 +269,7 @@ def validate(
     measured: str | Path = "data/measured.h5",
     config: str | Path | None = None,
     *,
-    set: Changes | None = None,
+    set: Changes = None,
     out: str | Path = "reports/validate",
     force: bool = False,
 ) -> Result:
@@ -295,15 +288,14 @@ def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None =
     from tendonrepro.verdicts.command import judged
     from tendonrepro.verdicts.report import as_data, details_text, table_text
 
-    folder, talk, started = Path(out), Talk(), time.perf_counter()
-    file = None if measured is None else Path(measured)
-    _, verdicts, judged_by = judged(folder, file, ids, talk)
+    started = time.perf_counter()
+    _, verdicts, judged_by = judged(Path(out), _path(measured), ids, Talk())
     text = "\n\n".join(map(details_text, verdicts)) if ids else table_text(verdicts, every=True)
     outcome = Outcome(as_data(verdicts, judged_by), [text])
     return _studied("claims", load_config(None, "compare"), outcome, started)
 
 
-def config(source: str | Path | None = None, *, set: Changes | None = None) -> Config:
+def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
     """Return a checked, frozen configuration; `source` is a file or a shipped name."""
     return load_config(source or "compare", None, overrides=_overrides(set)).config
 
@@ -325,8 +317,10 @@ def open(folder: str | Path) -> Result:
     return Result(file.experiment, outcome_of(file), manifest, file)
 
 
-def fetch(record: str = RECORD, out: str | Path = "data/zenodo", *, force: bool = False) -> dict[str, Any]:
-    """Download a record and verify it; a second call needs no network."""
+def fetch(
+    record: str = "19467931", out: str | Path = "data/zenodo", *, force: bool = False
+) -> dict[str, Any]:
+    """Download a record, by default the paper's, and verify it; a second call needs no network."""
     from tendonrepro.dataset.fetch import run_fetch
 
     return run_fetch(record, Path(out), None, force, False, Talk())
@@ -336,8 +330,7 @@ def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool =
     """Tell what is in files; with `mapping`, write a mapping file to edit."""
     from tendonrepro.dataset.command import run_inspect
 
-    target = None if mapping is None else Path(mapping)
-    return run_inspect([*map(Path, paths)], target, force=force)
+    return run_inspect([*map(Path, paths)], _path(mapping), force=force)
 
 
 def ingest(
@@ -350,10 +343,8 @@ def ingest(
     """Convert measured data to a trace file; `confirm` says that the mapping is right."""
     from tendonrepro.dataset.command import run_ingest
 
-    files = [*map(Path, paths)]
-    return run_ingest(
-        files, Path(mapping), Path(out), force=force, dry_run=False, talk=Talk(), confirm=confirm
-    )
+    talk, files = Talk(), [*map(Path, paths)]
+    return run_ingest(files, Path(mapping), Path(out), force=force, dry_run=False, talk=talk, confirm=confirm)
 
 
 def figures(out: str | Path = "reports", names: Sequence[str] = (), *, force: bool = False) -> list[Path]:
@@ -376,7 +367,7 @@ def export(
     """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
     from tendonrepro.results.export import export_traces
 
-    return export_traces(Path(file), form, None if out is None else Path(out), force=force)
+    return export_traces(Path(file), form, _path(out), force=force)
 
 
 def animate(
@@ -390,8 +381,7 @@ def animate(
     """Film the arm, its tendons coloured by tension, and return the files."""
     from tendonrepro.results.figures.animation import animate as make
 
-    target = None if out is None else Path(out)
-    found = make(Path(file), Talk(), run=run, speed=speed, out=target, force=force)
+    found = make(Path(file), Talk(), run=run, speed=speed, out=_path(out), force=force)
     return list(found["files"])
 
 
@@ -406,23 +396,18 @@ def report(results: str | Path = "reports", out: str | Path | None = None, *, fo
     """Write one HTML file of all that was run."""
     from tendonrepro.reporting.command import run_report
 
-    found = run_report(Path(results), None if out is None else Path(out), force=force)
-    return Path(found["path"])
+    return Path(run_report(Path(results), _path(out), force=force)["path"])
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
     """Simulate in this process, which needs no main guard; a notebook has none."""
-    from tendonrepro.experiments.loops import all_loops, growing
-    from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
+    from tendonrepro.experiments.loops import growing
+    from tendonrepro.experiments.run import outcome_of, simulate_all, trace_file
     from tendonrepro.experiments.user_law import laws_of, with_user_laws
 
     started, own = time.perf_counter(), laws_of((), laws)
     loaded = with_user_laws(loaded, own)
-    with Talk().bar("simulating", len(names := list(all_loops(loaded, own)))) as progress:
-        traces = []
-        for name in names:
-            traces.append(simulate_run(loaded, own, name))
-            progress(1)
+    (traces,) = simulate_all([(loaded, own)], Talk())
     manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing(loaded)}
     file = trace_file(loaded, traces, manifest)
     return Result(loaded.config.experiment, outcome_of(file), manifest, file)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import html
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +14,17 @@ from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import TRACES, replaced
 from tendonrepro.results.study import Outcome
+from tendonrepro.results.traces import dataset_of, write_traces
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tendonrepro.results.figures.style import Drawing
 
+
+@dataclass(eq=False, repr=False)
 class Result:
     """What a command found: numbers, tables, figures and, of an experiment, runs.
 
@@ -27,26 +33,20 @@ class Result:
     Attributes
     ----------
     command : str
-    data : dict
-        The numbers that ``--json`` prints.
     manifest : dict
         What made it.
     """
 
-    def __init__(
-        self,
-        command: str,
-        outcome: Outcome,
-        manifest: dict[str, Any],
-        file: TraceFile | None = None,
-        folder: Path | None = None,
-    ) -> None:
-        self.command = command
-        self.data = dict(outcome.data)
-        self.manifest = manifest
-        self._outcome = outcome
-        self._file = file
-        self._folder = folder
+    command: str
+    _outcome: Outcome
+    manifest: dict[str, Any]
+    _file: TraceFile | None = None
+    _folder: Path | None = None
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The numbers that ``--json`` prints."""
+        return dict(self._outcome.data)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._file.runs if self._file else ())
@@ -59,8 +59,6 @@ class Result:
 
     def __getitem__(self, run: str) -> xr.Dataset:
         """Return a run with the dimensions time and joint; units stand in the attributes."""
-        from tendonrepro.results.traces import dataset_of
-
         if self._file is None or run not in self._file.runs:
             raise KeyError(run)
         return dataset_of(self._file.runs[run])
@@ -75,30 +73,33 @@ class Result:
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property
+    def _drawings(self) -> Mapping[str, Callable[[], Drawing]]:
+        """How each figure is drawn; of an experiment all that its runs allow."""
+        if self._file is None:
+            return self._outcome.figures
+        from tendonrepro.results.figures.catalogue import available, draw
+
+        return {name: partial(draw, name, self._file) for name in available(self._file)}
+
+    @property
     def figures(self) -> list[str]:
         """Names that `plot` takes."""
-        if self._file is None:
-            return list(self._outcome.figures)
-        from tendonrepro.results.figures.catalogue import available
-
-        return available(self._file)
+        return list(self._drawings)
 
     def plot(self, name: str | int) -> Figure:
         """Draw one of `figures`, by name or by its number in the paper.
 
         Raises
         ------
-        TendonreproError
-            When the runs do not hold what it shows.
+        UsageError
+            When there is none, or the runs do not hold what it shows.
         """
-        if self._file is not None:
-            from tendonrepro.results.figures.catalogue import draw
-
-            return draw(name, self._file).figure
-        if name not in self.figures:
+        drawings = self._drawings
+        stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
+        if stem not in drawings:
             message = f"{self.command} draws no figure {name}"
-            raise UsageError(message, hint=f"figures: {', '.join(self.figures) or 'none'}")
-        return self._outcome.figures[str(name)]().figure
+            raise UsageError(message, hint=f"figures: {', '.join(drawings) or 'none'}")
+        return drawings[stem]().figure
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write everything into a folder, and return it.
@@ -114,32 +115,23 @@ class Result:
                 raise UsageError("is there already", where=str(target), hint="force=True replaces it")
             shutil.copytree(self._folder, target, dirs_exist_ok=True)
             return target
-        with replaced(target, self._digest, command=self.command, force=force) as result:
-            self._outcome.save(result, self.command)
+        with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
+            replace(self._outcome, figures=self._drawings).save(result, self.command)
             if self._file is not None:
-                from tendonrepro.results.figures.catalogue import available, begin_drawing
-                from tendonrepro.results.traces import write_traces
-
                 write_traces(result.path / TRACES, self._file)
-                folder, file = result.path / "figures", self._file
-                list(begin_drawing((file, folder, name) for name in available(file)))
             result.manifest = self.manifest
         return target
 
-    @property
-    def _digest(self) -> str:
-        return str(self.manifest["config"]["sha256"])
-
     def __repr__(self) -> str:
         runs = f", {len(self)} runs" if self._file else ""
-        return f"<tendonrepro {self.command}{runs}, configuration {self._digest[:8]}>"
+        return f"<tendonrepro {self.command}{runs}, configuration {self.manifest['config']['sha256'][:8]}>"
 
     def __str__(self) -> str:
         return self._outcome.text()
 
     def _repr_html_(self) -> str:
-        tables = self.tables
         if self._folder is not None:
             return f"<pre>{html.escape(str(self))}</pre>"
+        tables = self.tables
         shown = [name for name, table in self._outcome.tables.items() if table.terminal != ()]
         return "".join(f"<h4>{name}</h4>{tables[name].to_html(index=False)}" for name in shown)
