@@ -37,10 +37,10 @@ def measured(sizes, status=OK, lasted=1.0):
 PRINTED = printed_numbers(published(), (2, 3))
 
 
-def plants(*, factor=1.0, spread=0.05, count=200):
-    """Plants around the printed numbers, `spread` in log, every number by itself."""
-    noise = np.random.default_rng(3).uniform(-spread, spread, (count, 4, 2, 2))
-    return measured(factor * PRINTED.values * np.exp(noise))
+def plants():
+    """200 plants around the printed numbers, within 5 per cent, every number by itself."""
+    noise = np.random.default_rng(3).uniform(-0.05, 0.05, (200, 4, 2, 2))
+    return measured(PRINTED.values * np.exp(noise))
 
 
 def made_up(loops, limits, threads=1):
