@@ -152,7 +152,7 @@ def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> 
     assert own <= inspect.signature(run).parameters.keys()
 
 
-SHARED = {"config": "mine", "set": {"a.b": [1, 2]}, "seed": 2, "out": "x", "force": True}
+SHARED = {"config": "mine", "set": {"a.b": np.array([1, 2])}, "seed": 2, "out": "x", "force": True}
 REQUEST = Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True)
 
 

@@ -14,15 +14,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.load import CompareConfig, DecoupleConfig, load_config, shipped_folder
-from tendonrepro.configuration.strict_model import Model
+from tendonrepro.configuration.load import MODELS, load_config, shipped_folder
 from tendonrepro.configuration.strict_yaml import Key, Node, dump, read_text
 from tendonrepro.errors import ConfigError
 
 TEXTS = {
     name: read_text(shipped_folder() / f"{name}.yaml") for name in ("compare", "decouple", "lumidouce_ii")
 }
-MODELS: dict[Any, type[Model]] = {"compare": CompareConfig, "decouple": DecoupleConfig}
 
 PER_JOINT = """\
   kind: per_joint
@@ -243,7 +241,7 @@ def test_file_that_is_not_there(files: Files) -> None:
 # ---- every key and every number of the shipped files -------------------------------------------------------
 
 
-TREES: dict[Any, dict[str, Any]] = {experiment: load_config(None, experiment).tree for experiment in MODELS}
+TREES: dict[Any, Any] = {name: load_config(name, None).tree for name in MODELS}
 
 
 def places(node: Node, path: Key = ()) -> Iterator[Key]:
