@@ -82,7 +82,7 @@ def files(tmp_path: Path) -> Files:
 # Each replaces `old` by `new` in one file and gives one mistake about a key, on the line that was changed.
 CHANGED_LINE = [
     # keys, types, choices
-    ("compare", "    alpha:", "    alhpa:", "control.gains: unknown key 'alhpa', did you mean 'alpha'"),
+    ("compare", "    alpha:", "    ALPHA:", "control.gains: unknown key 'ALPHA', did you mean 'alpha'"),
     ("compare", "  controller_3:\n    law", "  Controller 3:\n    law", "runs.Controller 3"),
     ("compare", "title: Controllers", "title: '' #", "title"),
     ("compare", "joints: [2, 3]", "joints: 3", "joints"),
