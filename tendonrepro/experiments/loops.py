@@ -30,8 +30,14 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
-from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
-from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver
+from tendonrepro.simulation.loop import (
+    Controller,
+    DesiredMotion,
+    Loop,
+    PositionController,
+    Solver,
+    TimeDelayController,
+)
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""

@@ -23,8 +23,7 @@ from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.study import Outcome
 from tendonrepro.results.summary import USER_LAW, fitted_under
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import Loop, simulate
+from tendonrepro.simulation.loop import Loop, TimeDelayController
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
@@ -52,6 +51,9 @@ def simulate_all(
 
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
     """Simulate one run."""
+    # Where nothing is run, whoever imports this needs no compiler.
+    from tendonrepro.simulation.stepper import simulate
+
     loop = all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:
