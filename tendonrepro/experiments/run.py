@@ -14,7 +14,7 @@ from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.plant_record import plant_record
+from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
