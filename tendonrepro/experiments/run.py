@@ -139,8 +139,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
 def outcome_of(file: TraceFile) -> Outcome:
     """Numbers, tables and notes of an experiment."""
     joints = list(next(iter(file.runs.values())).joint)
-    data: dict[str, Any] = {"schema_version": 1, "experiment": file.experiment, "joints": joints}
-    data |= table_data(file)
+    data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
     if file.experiment == "compare":
         data["growing_hz"] = json.loads(file.manifest_json).get("growing_hz", {})
     return Outcome(data, [*made_tables(file), *_notes(file, data)])

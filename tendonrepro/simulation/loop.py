@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -75,9 +75,6 @@ class PositionController:
         }
 
 
-Controller: TypeAlias = TimeDelayController | PositionController
-
-
 @dataclass(frozen=True)
 class Loop:
     """One run: plant, instruments, controller and reference.
@@ -98,7 +95,7 @@ class Loop:
     joint_encoder: Encoder
     motor_encoder: Encoder
     actuator: Actuator
-    controller: Controller
+    controller: TimeDelayController | PositionController
     reference: DesiredMotion
     L: float
     solver: Solver
