@@ -91,7 +91,7 @@ class TestFreshClone:
         shipped = {name for name, entry in found.items() if entry["shipped"]}
         assert shipped == {name for name, entry in found.items() if entry["kind"] == "ensemble"}
         for name in shipped:
-            for key in ("verdict", "ours", "borderline", "rule", "printed"):
+            for key in ("verdict", "ours", "borderline", "rule", "printed", "unit"):
                 assert found[name][key] == stored[name][key], name
 
     def test_it_says_of_which_ensemble_they_are(self, ledger):
