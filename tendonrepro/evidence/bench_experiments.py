@@ -16,8 +16,7 @@ from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.physics.control import Law, polynomial
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.loop import DesiredMotion, Loop
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
 FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
 Loops: TypeAlias = Mapping[str, Loop]

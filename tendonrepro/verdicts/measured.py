@@ -24,7 +24,7 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.statistics import statistics
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.traces import read_traces
-from tendonrepro.verdicts.numbers import ErrorOf
+from tendonrepro.verdicts.from_print import ErrorOf
 
 MEASURED = Path("data") / "measured.h5"
 """Where ``tendonrepro ingest`` writes the measured trace file by default."""

@@ -20,7 +20,8 @@ from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.files import to_json
 from tendonrepro.physics.disturbance import sine_disturbance
 from tendonrepro.physics.linear_loop import decay_rate, loop_matrix
-from tendonrepro.simulation.stepper import DesiredMotion, simulate
+from tendonrepro.simulation.loop import DesiredMotion
+from tendonrepro.simulation.stepper import simulate
 
 DELAY = "manipulator.actuator.output_delay=1"
 APPLIED = "control.readings.stored_torque=applied"
