@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import TRACES, replaced
+from tendonrepro.results.store import replaced
 from tendonrepro.results.study import Outcome
+from tendonrepro.results.traces import TRACES, dataset_of, write_traces
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,8 +60,6 @@ class Result:
 
     def __getitem__(self, run: str) -> xr.Dataset:
         """Return a run with the dimensions time and joint; units stand in the attributes."""
-        from tendonrepro.results.traces import dataset_of
-
         if self._file is None or run not in self._file.runs:
             raise KeyError(run)
         return dataset_of(self._file.runs[run])
@@ -118,7 +117,6 @@ class Result:
             self._outcome.save(result, self.command)
             if self._file is not None:
                 from tendonrepro.results.figures.catalogue import available, begin_drawing
-                from tendonrepro.results.traces import write_traces
 
                 write_traces(result.path / TRACES, self._file)
                 folder, file = result.path / "figures", self._file

@@ -239,7 +239,7 @@ def export(
     out
         File to write [default: beside it].
     """
-    from tendonrepro.results.export import export_traces
+    from tendonrepro.results.traces import export_traces
 
     terminal.list_files([export_traces(file, format, out, force=force)])
 

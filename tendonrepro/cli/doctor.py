@@ -7,7 +7,7 @@ from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.console import columns
-from tendonrepro.results.manifest import environment
+from tendonrepro.results.store import environment
 
 
 def examine() -> dict[str, Any]:
