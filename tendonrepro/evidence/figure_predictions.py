@@ -20,7 +20,7 @@ _LOWEST, _HIGHEST = 0.25, 4.0
 def draw_predictions(
     experiments: Sequence[Mapping[str, Any]], readings: Sequence[str], joints: Sequence[int]
 ) -> Drawing:
-    """Draw every experiment's ratio, median and central 90 %, as in ``predict.json``; a panel for each joint."""
+    """Draw the ratios of ``experiments`` in ``predict.json``, median and central 90 %; a panel for each joint."""
     step = len(readings) + 1.5
     figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(experiments))
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
@@ -29,15 +29,12 @@ def draw_predictions(
         for group, experiment in enumerate(experiments):
             ratios = {row["reading"]: row for row in experiment["ratios"] if row["joint"] == joint}
             for place, reading in enumerate(readings):
-                row, y = ratios[reading], group * step + place
+                y, row = group * step + place, ratios[reading]
+                low, median, high = (row[name] for name in ("low", "median", "high"))
                 colour, marker = STYLES[place % len(STYLES)]
-                panel.plot(
-                    [row["low"], row["high"]], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt"
-                )
-                panel.plot([row["median"]], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
-                beyond = [(_LOWEST, "<")] * (row["low"] < _LOWEST) + [(_HIGHEST, ">")] * (
-                    row["high"] > _HIGHEST
-                )
+                panel.plot([low, high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
+                panel.plot([median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
+                beyond = [(_LOWEST, "<")] * (low < _LOWEST) + [(_HIGHEST, ">")] * (high > _HIGHEST)
                 for edge, arrow in beyond:
                     panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
         panel.set_xscale("log")

@@ -32,25 +32,24 @@ from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.controllers import TimeDelayController
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 
-FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
-
-Loops: TypeAlias = Mapping[str, Loop]
-Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
-"""From a configuration, its folder and its loops to the loop of the changed run."""
-
 SCHEMA_VERSION = 1
+FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
+BASE = (FIRST, SECOND, THIRD, LOADED)
+"""Runs as configured, before those of the experiments."""
 READINGS = (
     "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
     "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
     "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor"
 )
 """Interpretations whose predictions are asked for unless others are named."""
-BASE = (FIRST, SECOND, THIRD, LOADED)
-"""Runs as configured, before those of the experiments."""
 LEAST = 20
 """Stable plants below which no interval is given."""
 AT_ONCE = 16
 """Plants simulated together."""
+
+Loops: TypeAlias = Mapping[str, Loop]
+Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
+"""From a configuration, its folder and its loops to the loop of the changed run."""
 
 
 @dataclass(frozen=True)
