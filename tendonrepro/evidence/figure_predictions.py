@@ -20,7 +20,7 @@ _LOWEST, _HIGHEST = 0.25, 4.0
 def draw_predictions(
     experiments: Sequence[Mapping[str, Any]], readings: Sequence[str], joints: Sequence[int]
 ) -> Drawing:
-    """Draw the ratios of ``experiments`` in ``predict.json``, median and central 90 %; a panel for each joint."""
+    """Draw ``experiments`` of ``predict.json``: ratios, median and central 90 %; a panel for each joint."""
     step = len(readings) + 1.5
     figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(experiments))
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
