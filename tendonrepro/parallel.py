@@ -96,7 +96,7 @@ def _processes(jobs: int) -> Iterator[Executor]:
         yield executor
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
-        hint = "look at free memory, and at the limits that ulimit -a shows; fewer --jobs need less"
+        hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
         # After an interrupt nobody waits for the rest.
