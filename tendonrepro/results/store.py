@@ -201,17 +201,6 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
             yield folder / name, "was changed since tendonrepro wrote it"
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
-    path = folder / MANIFEST
-    try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        message = f"cannot read the manifest: {error}"
-        raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error
-    return manifest
-
-
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
     """Raise a UsageError where a file is in the way, unless `force`."""
     if path.exists() and not force:
@@ -243,6 +232,17 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
         "environment": environment(),
         "inputs": {str(path): sha256_of(path) for path in loaded.inputs},
     }
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
+    path = folder / MANIFEST
+    try:
+        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        message = f"cannot read the manifest: {error}"
+        raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error
+    return manifest
 
 
 def environment() -> dict[str, Any]:
