@@ -21,7 +21,7 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
 
     from tendonrepro.configuration.load import load_config
     from tendonrepro.experiments.loops import build_loops
-    from tendonrepro.simulation.stepper import DesiredMotion
+    from tendonrepro.simulation.loop import DesiredMotion
 
     loaded = load_config(None, "compare", overrides=overrides)
     loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]

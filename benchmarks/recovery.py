@@ -23,7 +23,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 
 READINGS = (

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from tendonrepro.dataset.arrays import Columns, Source, Unreadable
+from tendonrepro.dataset.arrays import Columns, Source, Unreadable, read_hdf5, tables_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
 
@@ -110,7 +110,6 @@ def read_file(path: Path, name: str) -> list[Source]:
 
 def _tables(path: Path) -> dict[str, Columns]:
     """Tables of a file by their place in it; its first bytes go before its name."""
-    from tendonrepro.dataset.arrays import read_hdf5, tables_of
     from tendonrepro.dataset.matlab import read_matlab
     from tendonrepro.dataset.tables import read_text_table, read_workbook
 

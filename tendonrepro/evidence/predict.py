@@ -29,8 +29,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.loop import DesiredMotion, Loop
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
 SCHEMA_VERSION = 1
 FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"

@@ -110,9 +110,8 @@ def _written(order: Order, file: TraceFile, result: NewResult) -> dict[str, Any]
     write_traces(result.path / TRACES, file)
     outcome = outcome_of(file)
     outcome.write_tables(result.path)
-    ends = {"out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
     text = f"{outcome.text()}\n\nFigures, tables and traces are in {order.folder}"
-    return {**outcome.data, "text": text, **ends}
+    return {**outcome.data, "text": text, "out": str(order.folder), "manifest": str(order.folder / MANIFEST)}
 
 
 def diverged(found: dict[str, Any]) -> bool:

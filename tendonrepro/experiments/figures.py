@@ -118,11 +118,7 @@ def _set_scale(panel: Axes, which: str, values: Array) -> None:
     axis.minorticks_off()
 
 
-COURSE_NAMES: Mapping[str, str] = {
-    "negative": "Negative",
-    "distal_only": "Last joint alone",
-    "alternating": "Alternating",
-}
+COURSE_NAMES = {"negative": "Negative", "distal_only": "Last joint alone", "alternating": "Alternating"}
 """Courses of tendon 4 as titles have them."""
 
 _LEVELS = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0, 30.0, 50.0)

@@ -30,12 +30,10 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
-from tendonrepro.simulation.controllers import Controller, PositionController, TimeDelayController
-from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver
+from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""
-
 
 PERIODS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
 """Sampling periods of the delay time under each reading of it."""
@@ -235,7 +233,12 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
     return loops
 
 
-def _loop(config: Config, payload_mass: float, controller: Controller, reference: DesiredMotion) -> Loop:
+def _loop(
+    config: Config,
+    payload_mass: float,
+    controller: TimeDelayController | PositionController,
+    reference: DesiredMotion,
+) -> Loop:
     solver = config.solver
     return Loop(
         plant=rig.build_plant(config, payload_mass),

@@ -14,7 +14,7 @@ from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.plant_record import plant_record
+from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
@@ -23,8 +23,7 @@ from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.study import Outcome
 from tendonrepro.results.summary import USER_LAW, fitted_under
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import Loop, simulate
+from tendonrepro.simulation.loop import Loop, TimeDelayController
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
@@ -52,6 +51,9 @@ def simulate_all(
 
 def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
     """Simulate one run."""
+    # Where nothing is run, whoever imports this needs no compiler.
+    from tendonrepro.simulation.stepper import simulate
+
     loop = all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:
@@ -137,8 +139,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
 def outcome_of(file: TraceFile) -> Outcome:
     """Numbers, tables and notes of an experiment."""
     joints = list(next(iter(file.runs.values())).joint)
-    data: dict[str, Any] = {"schema_version": 1, "experiment": file.experiment, "joints": joints}
-    data |= table_data(file)
+    data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
     if file.experiment == "compare":
         data["growing_hz"] = json.loads(file.manifest_json).get("growing_hz", {})
     return Outcome(data, [*made_tables(file), *_notes(file, data)])

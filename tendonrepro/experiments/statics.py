@@ -19,7 +19,6 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
-from tendonrepro.physics.statics import SLACK, Spring
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
@@ -59,7 +58,7 @@ class Mechanism(NamedTuple):
         """Rope drawn from tendon 4's end since the start, m, (...), at link angles (n, ...), rad."""
         return statics.tensioner_stretch(joint_angles(phi, self.phi_0), *self.tendon_4)
 
-    def tension(self, phi: Array, arm: Arm, spring: Spring) -> Array:
+    def tension(self, phi: Array, arm: Arm, spring: statics.Spring) -> Array:
         """Tensions of the motors' tendons at rest, N, (n, ...), at link angles (n, ...), rad."""
         weight = gravity_torque(joint_angles(phi, self.phi_0), arm)
         added = statics.tensioner_torque(statics.spring_force(self.stretch(phi), spring), *self.tendon_4)
@@ -69,7 +68,7 @@ class Mechanism(NamedTuple):
         """Tension that a newton of tendon 4 adds to each tendon, (n,)."""
         added = statics.tendon_tension(-statics.tensioner_torque(1.0, *self.tendon_4), self.S, self.winch)
         # Diameters that cancel leave rounding behind.
-        return np.where(np.abs(added) < SLACK, 0.0, added)
+        return np.where(np.abs(added) < statics.SLACK, 0.0, added)
 
     def travel(self) -> float:
         """Range of tendon 4's length over the half-plane, m; its ends are at corners."""
@@ -77,10 +76,10 @@ class Mechanism(NamedTuple):
         return float(np.ptp(self.stretch(corners)))
 
 
-Case: TypeAlias = tuple[Arm, Spring]
+Case: TypeAlias = tuple[Arm, statics.Spring]
 """What an arm carries, and what pulls tendon 4."""
 
-WEIGHT_ALONE = Spring(0.0, 0.0)
+WEIGHT_ALONE = statics.Spring(0.0, 0.0)
 """Tendon 4 does not pull."""
 
 
@@ -131,11 +130,11 @@ def survey(loaded: LoadedConfig) -> Survey:
     force, force_source = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
     loss, loss_source = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
     payload = published().number("hardware.payload")
-    arm, motor = build_arm(config, 0.0), Spring(force, 0.0)
+    arm, motor = build_arm(config, 0.0), statics.Spring(force, 0.0)
     cases: dict[str, Case] = {
         "motor": (arm, motor),
         "payload": (build_arm(config, payload), motor),
-        "spring": (arm, Spring(force, force / STRETCH)),
+        "spring": (arm, statics.Spring(force, force / STRETCH)),
     }
     grid, everywhere = map_postures(config), half_plane(n)
     routes = {course: mechanism(config, course) for course in COURSES}

@@ -24,8 +24,8 @@ from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.simulation.stepper import Loop
 
 OPTION = "--over"
 

@@ -25,9 +25,8 @@ from tendonrepro.files import sha256_of
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.results.summary import PAYLOAD
-from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
-from tendonrepro.simulation.stepper import Loop
 
 
 def model_of(config: CompareConfig) -> SimpleNamespace:

@@ -19,7 +19,7 @@ from tendonrepro.identification.search import Evaluated
 from tendonrepro.monte_carlo.block import Simulate
 from tendonrepro.monte_carlo.box import Box, configured
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulation.stepper import DesiredMotion, Loop
+from tendonrepro.simulation.loop import DesiredMotion, Loop
 
 Window: TypeAlias = Literal["whole", "late"]
 """What the printed numbers average: the whole run, or all after its first period."""

@@ -24,8 +24,8 @@ from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
 from tendonrepro.simulation.batch import Batch, simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import Loop, simulate
+from tendonrepro.simulation.loop import Loop, TimeDelayController
+from tendonrepro.simulation.stepper import simulate
 
 Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""

@@ -21,8 +21,7 @@ from tendonrepro.physics.control import Law, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.machine import LANES
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.loop import Loop, trace_variables
+from tendonrepro.simulation.loop import Loop, TimeDelayController, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
 from tendonrepro.simulation.parts import CompiledPart, Rest, plant_parts, sample_part
 from tendonrepro.simulation.resolution import TOLERANCE

@@ -1,4 +1,4 @@
-"""The closed loop in time, by SciPy.
+"""The closed loop in time, by SciPy; the law is machine code, in the first lane, or a user's own.
 
 The integrator starts afresh at each sample, so it never steps across a jump of the torque.
 """
@@ -7,18 +7,27 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.simulation.loop import DesiredMotion, Loop, Solver, recorded_columns, trace_variables
-
-if TYPE_CHECKING:
-    from tendonrepro.simulation.single import Arm
-
-__all__ = ["DesiredMotion", "Loop", "Solver", "simulate"]
+from tendonrepro.physics.dynamics import holding_torque, rest_state
+from tendonrepro.simulation import sampled
+from tendonrepro.simulation.codegen.lanes import bundled
+from tendonrepro.simulation.codegen.machine import callable_code
+from tendonrepro.simulation.loop import Loop, Solver, recorded_columns, trace_variables
+from tendonrepro.simulation.parts import (
+    CompiledPart,
+    Rest,
+    hardware_of,
+    is_noisy,
+    sample_part,
+    slope_part,
+    torque_before,
+    unit_noise,
+)
 
 MOST_STEPS = 5000
 """Steps in one period after which a plant counts as one that cannot be resolved."""
@@ -41,9 +50,6 @@ def simulate(loop: Loop) -> dict[str, Array]:
     TendonreproError
         If the integrator cannot keep its tolerances.
     """
-    # Where nothing is run, whoever builds a loop needs no compiler.
-    from tendonrepro.simulation.single import Arm, MachineLaw, PlainLaw
-
     time, arm = loop.reference.time, Arm(loop)
     trace = np.empty((time.size, recorded_columns(loop)))
     sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, arm, trace)
@@ -80,3 +86,93 @@ def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
             raise TendonreproError(message, hint=hint)
 
     return advance
+
+
+class Arm:
+    """State (4 n,) and torque (n,) of a plant: views of rows of its machine code."""
+
+    def __init__(self, loop: Loop) -> None:
+        part, n = slope_part(loop.plant), loop.plant.preload.size
+        still = np.zeros(n)
+        self.rest = Rest(rest_state(still, loop.plant), holding_torque(still, loop.plant))
+        self.rows, named = _filled(part), part.rows.named
+        self.state = self.rows[: 4 * n, 0]
+        self.torque = self.rows[named["torque"] :, 0][:n]
+        self.state[:] = self.rest.state
+        slope = self.rows[named["slope"] :, 0][: 4 * n]
+        run, address = callable_code(part.code.run), self.rows.ctypes.data
+        # SciPy calls this some thirty times a period; a memory view is filled in half the time of an array.
+        state: Any = memoryview(self.state.data)
+
+        def derivative(t: float, x: Array) -> Array:
+            state[:] = x
+            run(address, t)
+            return slope
+
+        self.slope = derivative
+
+
+def _filled(part: CompiledPart) -> Array:
+    rows: Array = bundled(part.filled([0]))[0]
+    return rows
+
+
+class MachineLaw:
+    """Package's own law as machine code."""
+
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        part = sample_part({0: loop}, {0: arm.rest}, lambda _: 1, statistics=False, record=True)
+        rows, named, reference = _filled(part), part.rows.named, loop.reference
+        # The code reads them by address, so they are kept.
+        self._arrays = {
+            "plant": arm.rows,
+            "desired": np.hstack([reference.q_d, reference.dq_d, reference.ddq_d]),
+            "noise": _noise(loop),
+            "trace": trace,
+        }
+        for name, values in self._arrays.items():
+            rows.view(np.int64)[named[name]] = values.ctypes.data
+        self._run, self._address, self._live = (
+            callable_code(part.code.run),
+            rows.ctypes.data,
+            rows[named["live"]],
+        )
+
+    def __call__(self, k: int) -> bool:
+        """Set the arm's torque at sample k; whether the run goes on."""
+        self._run(self._address, k)
+        return bool(self._live[0] > 0.0)
+
+
+class PlainLaw:
+    """A user's own law, in Python."""
+
+    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
+        self._loop, self._arm, self._trace = loop, arm, trace
+        self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
+        tau, law = torque_before(loop, arm.rest), loop.controller.law
+        measured = sampled.measure(arm.rest.state, self._noise[0], law, self._hardware)
+        self._memory, self._pending = sampled.start(measured, tau, law), [tau] * loop.actuator.delay
+
+    def __call__(self, k: int) -> bool:
+        """Set the arm's torque at sample k; whether the run goes on."""
+        reference, controller, state = self._loop.reference, self._loop.controller, self._arm.state.copy()
+        assert controller.command is not None
+        found = sampled.sample(
+            state,
+            self._memory,
+            self._pending,
+            (reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]),
+            self._noise[k],
+            controller.law,
+            self._hardware,
+            controller.command,
+        )
+        self._memory, self._pending, self._arm.torque[:] = found.memory, found.pending, found.torque
+        self._trace[k] = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
+        return bool(found.bounded) and k + 1 < reference.time.size
+
+
+def _noise(loop: Loop) -> Array:
+    samples, n = loop.reference.q_d.shape
+    return unit_noise(loop)(samples) if is_noisy(loop) else np.zeros((samples, 3 * n))

@@ -24,8 +24,7 @@ from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.loop import DesiredMotion, Loop
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
 # What is known beforehand along the desired motion: nothing, the weight, or all but dry friction.

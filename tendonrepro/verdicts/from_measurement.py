@@ -16,8 +16,8 @@ from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import NUMBERS
+from tendonrepro.verdicts.from_print import FIRST, LOADED, PERCENTAGES, cut, formula_of
 from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
-from tendonrepro.verdicts.numbers import FIRST, LOADED, PERCENTAGES, cut, formula_of
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Judged, missing, of_model
 from tendonrepro.verdicts.statements import Findings, findings_of, larger_with_load, together

@@ -10,24 +10,15 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import (
-    Judgement,
-    PrintedDose,
-    PrintedEntry,
-    PrintedQuotient,
-    PrintedText,
-    Published,
-    published,
-)
+from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, PrintedText, Published, published
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge
 from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.from_print import FROM_THE_PRINT
+from tendonrepro.verdicts.from_print import FROM_THE_PRINT, ErrorOf, formula_of
 from tendonrepro.verdicts.measured import measured_of
-from tendonrepro.verdicts.numbers import ErrorOf, formula_of
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import VERDICTS, Judged, missing
 from tendonrepro.verdicts.sensitivity import deciding
@@ -150,7 +141,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
     unknown = [name for name, other in others.items() if other == "not_testable"]
     if unknown and verdict != "not_testable":
         evidence["not_testable_under"] = unknown
-    printed, unit = _as_printed(paper, entry, rule)
+    printed, unit = _as_printed(paper, identifier)
     return Verdict(
         id=identifier,
         where=entry.where,
@@ -185,13 +176,14 @@ def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, f
     return found
 
 
-def _as_printed(paper: Published, entry: PrintedEntry, rule: Judgement) -> tuple[str, str | None]:
+def _as_printed(paper: Published, identifier: str) -> tuple[str, str | None]:
+    entry = paper.entries[identifier]
     if isinstance(entry, PrintedText):
-        return entry.text, SHARE if rule.kind == "ensemble" else None
-    if isinstance(entry, PrintedQuotient | PrintedDose):
-        low, high = paper.interval(entry.id)
-        return f"{float(low):.3f} to {float(high):.3f}", entry.unit
-    return entry.as_printed, entry.unit
+        return entry.text, SHARE if paper.judgements[identifier].kind == "ensemble" else None
+    if isinstance(entry, PrintedNumber | PrintedRatio):
+        return entry.as_printed, entry.unit
+    low, high = paper.interval(identifier)
+    return f"{float(low):.3f} to {float(high):.3f}", entry.unit
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:

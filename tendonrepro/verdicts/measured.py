@@ -23,7 +23,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, statistics
 from tendonrepro.results.traces import read_traces
-from tendonrepro.verdicts.numbers import ErrorOf
+from tendonrepro.verdicts.from_print import ErrorOf
 
 MEASURED = Path("data") / "measured.h5"
 """Where ``tendonrepro ingest`` writes the measured trace file by default."""

@@ -17,7 +17,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
-from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND, ErrorOf
+from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND, ErrorOf
 from tendonrepro.verdicts.plants import Plants
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import Published
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.numbers import FIRST, LOADED, SECOND
+from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND
 from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 

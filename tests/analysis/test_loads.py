@@ -11,7 +11,8 @@ from tendonrepro.analysis.loads import load_to_error, loads
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.physics.disturbance import sine_disturbance
-from tendonrepro.simulation.stepper import DesiredMotion, simulate
+from tendonrepro.simulation.loop import DesiredMotion
+from tendonrepro.simulation.stepper import simulate
 
 LOADED = load_config(None, "compare", overrides=(*SMOOTH, "manipulator.actuator.torque_limit=[99, 99, 99]"))
 VIEWS = first_views(run_views(LOADED.config))

@@ -125,7 +125,7 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [1.0, 4.0], ids=["workers are starting", "runs are on"])
+@pytest.mark.parametrize("seconds", [0.0, 0.3, 3.0], ids=["begun", "workers are starting", "runs are on"])
 def test_an_interrupted_second_run_leaves_the_first_result(
     command: str, compared: tuple[Path, Any], seconds: float
 ) -> None:
@@ -143,6 +143,9 @@ def test_an_interrupted_second_run_leaves_the_first_result(
         preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
         start_new_session=True,
     )
+    while not (compared[0] / ".out.partial").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
     time.sleep(seconds)
     # A terminal interrupts all processes of a command.
     os.killpg(process.pid, signal.SIGINT)

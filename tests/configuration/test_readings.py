@@ -26,7 +26,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.control import Law, Surface
-from tendonrepro.simulation.stepper import Loop
+from tendonrepro.simulation.loop import Loop
 
 ALONE = [reading({axis.name: value}) for axis in AXES.values() for value in axis.alternatives]
 UNREAD_BY_TSM = ("eta", "b", "Delta", "phi_is_odd", "power_inside", "power_floor", "angle_scale", "rate_gain")

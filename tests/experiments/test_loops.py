@@ -14,7 +14,7 @@ from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
 from tendonrepro.physics.linear_loop import decay_rate, stroke
 from tendonrepro.physics.trajectory import minimum_jerk
-from tendonrepro.simulation.controllers import PositionController
+from tendonrepro.simulation.loop import PositionController
 from tendonrepro.simulation.stepper import simulate
 
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from support.oracles import TABLE_1, coupling_by_columns
+from support.oracles import ROPE, TENDON_4
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
@@ -15,11 +15,6 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics import RESERVE, half_plane, run_statics, survey
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
-RADIUS = {
-    "negative": np.array([-17.5, -17.5, -18.5]) / 1000.0,
-    "distal_only": np.array([0.0, 0.0, -18.5]) / 1000.0,
-    "alternating": np.array([-17.5, 17.5, -18.5]) / 1000.0,
-}
 
 
 @pytest.fixture(scope="module")
@@ -40,14 +35,13 @@ def tension_by_hand(course, deg, payload=0.0, force=17.0):
 
     step = 1e-5 * np.eye(3)
     weight = np.array([(potential(turn) - potential(-turn)) / 2e-5 for turn in step])
-    rope = coupling_by_columns(TABLE_1) * 0.0185
-    return np.linalg.solve(rope.T, weight - RADIUS[course] * force)
+    return np.linalg.solve(ROPE.T, weight - TENDON_4[course] * force)
 
 
-@pytest.mark.parametrize("course", RADIUS)
+@pytest.mark.parametrize("course", TENDON_4)
 def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
     """17 N in the start posture, stretched by 0.1 m there."""
-    start, radius = found.data["start_link_angles_deg"], RADIUS[course]
+    start, radius = found.data["start_link_angles_deg"], TENDON_4[course]
     for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
         deg = [45.0, 2.0 * before, 2.0 * last]
         drawn = -radius @ np.diff(np.deg2rad(np.subtract(deg, start)), prepend=0.0)
@@ -64,7 +58,7 @@ def test_one_moving_joint_is_refused():
         survey(replace(loaded, config=loaded.config.model_copy(update={"joints": (3,)})))
 
 
-@pytest.mark.parametrize("course", RADIUS)
+@pytest.mark.parametrize("course", TENDON_4)
 @pytest.mark.parametrize(("case", "payload"), [("motor", 0.0), ("payload", 0.2)])
 def test_maps_are_tensions_of_single_postures(found, course, case, payload):
     for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
@@ -74,7 +68,7 @@ def test_maps_are_tensions_of_single_postures(found, course, case, payload):
 
 
 def test_force_for_the_reserve_leaves_it(found):
-    for course in RADIUS:
+    for course in TENDON_4:
         needed, room = found.maps[course].needed, found.maps[course].room
         for last, before in ((2, 1), (0, 45), (90, 90)):
             deg = [45.0, 2.0 * before, 2.0 * last]
@@ -119,7 +113,7 @@ def test_files(tmp_path):
     data = run_statics(Request(out=tmp_path), Talk(quiet=True))
     stored = json.loads((tmp_path / "statics.json").read_text())
     assert stored["courses"]["alternating"]["half_plane"]["motor"]["force_window_N"] == [0.0, None]
-    assert all(course in data["text"] for course in RADIUS)
+    assert all(course in data["text"] for course in TENDON_4)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     names = {f"figures/statics_margin.{suffix}" for suffix in ("pdf", "svg", "png")}
     names |= {f"tables/{name}.{suffix}" for name in ("statics", "courses") for suffix in ("csv", "md")}

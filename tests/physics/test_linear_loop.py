@@ -38,8 +38,8 @@ from tendonrepro.physics.linear_loop import (
     stroke,
     without_unread,
 )
-from tendonrepro.simulation.controllers import TimeDelayController
-from tendonrepro.simulation.stepper import DesiredMotion, Loop, Solver, simulate
+from tendonrepro.simulation.loop import DesiredMotion, Loop, Solver, TimeDelayController
+from tendonrepro.simulation.stepper import simulate
 
 L = 1e-3
 POSTURES = [np.zeros(2), np.deg2rad([16.5, 16.5]), np.deg2rad([33.0, 33.0])]

@@ -20,14 +20,14 @@ from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
 from tendonrepro.physics.metrics import STATUSES, periodogram
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
-from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.simulation.resolution import (
     STEPS,
     TOLERANCE,
     plant_modes,
     steps_needed,
 )
-from tendonrepro.simulation.stepper import DesiredMotion, Loop, simulate
+from tendonrepro.simulation.stepper import simulate
 from tendonrepro.simulation.streaming import STATISTICS
 
 IDEAL = "manipulator.encoders.joint.resolution=0"

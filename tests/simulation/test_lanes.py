@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulation.codegen import machine
+from tendonrepro.simulation.codegen import cache, machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.kernel import advance_code, runge_kutta
@@ -142,6 +143,17 @@ def test_machine_code_on_disk_is_used_only_as_it_was_written(
     (file,) = tmp_path.glob("twice_*.o")
     whole = file.read_bytes()
     assert hashlib.sha256(whole[32:]).digest() == whole[:32]
+
+
+def test_without_a_usable_cache_a_temporary_folder_serves(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("not a folder", encoding="utf-8")
+    monkeypatch.setattr(cache.platformdirs, "user_cache_dir", lambda _: str(tmp_path / "file"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = cache.cache_folder()
+    assert folder.is_dir()
+    assert folder.is_relative_to(tmp_path)
 
 
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:

@@ -8,12 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.oracles import FEATURES, PAPER, random_plant, random_state
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
-from tendonrepro.simulation.stepper import DesiredMotion, simulate
+from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.loop import DesiredMotion
+from tendonrepro.simulation.stepper import Arm, simulate
 
 L = 1e-3
 IDEAL = "manipulator.encoders.joint.resolution=0"
@@ -215,6 +218,22 @@ class TestTraceObeysTheEquations:
 
 
 class TestEquivalence:
+    @pytest.mark.parametrize(("n", "features"), [(1, FEATURES), (2, PAPER), (3, FEATURES)])
+    def test_compiled_plant_is_the_pure_one(self, n, features):
+        rng = np.random.default_rng(n)
+        for seed in range(3):
+            plant = random_plant(n, seed, features).plant
+            arm = Arm(replace(make_loop(), plant=plant))
+            for t in (0.0, 0.5, 0.8):
+                state, tau_m = random_state(n, rng), rng.uniform(-5.0, 5.0, n)
+                arm.torque[:] = tau_m
+                expected = state_derivative(t, state, tau_m, plant)
+                # Elementary functions are the package's own, and products may be fused with sums; the
+                # acceleration of a light last link under a stiff tendon multiplies that by some hundreds.
+                np.testing.assert_allclose(
+                    arm.slope(t, state), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+                )
+
     @pytest.mark.parametrize(
         "overrides",
         [

@@ -80,6 +80,17 @@ def coupling_by_columns(routing: Routing) -> Array:
     return np.column_stack([winch_angles(column, routing) for column in np.eye(routing.winch.size)])
 
 
+ROPE = 0.0185 * coupling_by_columns(TABLE_1)
+"""Rope of tendons 1 to 3 that the joints' turns wind up, m/rad, (3, 3)."""
+
+TENDON_4 = {
+    "negative": np.array([-17.5, -17.5, -18.5]) / 1000.0,
+    "distal_only": np.array([0.0, 0.0, -18.5]) / 1000.0,
+    "alternating": np.array([-17.5, 17.5, -18.5]) / 1000.0,
+}
+"""Signed lever of tendon 4 at each joint, m, (3,), by its course."""
+
+
 # ---- The arm -----------------------------------------------------------------------------------------------
 
 

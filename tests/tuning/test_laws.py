@@ -17,7 +17,7 @@ from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.physics.control import error_rate
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.instruments import Encoder
-from tendonrepro.simulation.controllers import TimeDelayController
+from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
 from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step, user_law

@@ -1,18 +1,21 @@
-"""What the command reads: other experiments, damaged files, earlier ledgers."""
+"""What the command reads: other experiments, damaged files, earlier ledgers; and the shipped verdicts."""
 
+import json
 from dataclasses import replace
 
 import pytest
 from support.fake_batch import run_ensemble_of
+from support.made_claims import MadeEnsemble
 from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.monte_carlo.data import SHARDS, shard_files
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims
+from tendonrepro.verdicts.rules import EDITION, FAILURES
 
 QUIET = Talk(quiet=True)
 
@@ -68,3 +71,77 @@ def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
     with pytest.raises(DataMissingError) as caught:
         run_claims(tmp_path, ("C2",), None, QUIET)
     assert caught.value.where == str(path)
+
+
+def entries(data):
+    return {entry["id"]: entry for entry in data["claims"]}
+
+
+@pytest.fixture(scope="module")
+def ledger(tmp_path_factory):
+    return run_claims(tmp_path_factory.mktemp("empty"), (), None, QUIET)
+
+
+class TestFreshClone:
+    """The shipped verdicts stand in for an ensemble."""
+
+    def test_every_claim_has_the_stored_verdict(self, ledger):
+        stored, found = entries(shipped_ledger()), entries(ledger.data)
+        shipped = {name for name, entry in found.items() if entry["shipped"]}
+        assert shipped == {name for name, entry in found.items() if entry["kind"] == "ensemble"}
+        for name in shipped:
+            for key in ("verdict", "ours", "borderline", "rule", "printed", "unit"):
+                assert found[name][key] == stored[name][key], name
+
+    def test_it_says_of_which_ensemble_they_are(self, ledger):
+        origin = shipped_ledger()["ensemble"]
+        assert ledger.data["ensemble"] == origin
+        assert origin["source"] == "shipped"
+        for key in ("draws", "tendonrepro_version", "created"):
+            assert str(origin[key]).partition("T")[0] in ledger.text
+
+    def test_they_count_for_a_check_as_any_verdict_does(self, ledger):
+        failing = {name for name, one in entries(ledger.data).items() if one["verdict"] in FAILURES}
+        assert set(ledger.failed) == failing != set()
+
+
+def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
+    write_traces(tmp_path / "compare" / TRACES, make_compare_file(step=0.05))
+    name = "table2.controller_2.mae.joint_3"
+    (without,) = judge_all(Sources(compare=make_compare_file(step=0.05)), only=[name])
+    entry = entries(run_claims(tmp_path, [name], None, QUIET).data)[name]
+    assert entry["ours"] == pytest.approx(without.ours)
+    assert entry["evidence"]["box"] == entries(shipped_ledger())[name]["evidence"]["box"]
+
+
+def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
+    own = MadeEnsemble()
+    (tmp_path / "ensemble").mkdir()
+    (tmp_path / "ensemble" / PLAN).touch()
+    (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
+    monkeypatch.setattr("tendonrepro.verdicts.command.read_ensemble", lambda _: own)
+    monkeypatch.setattr("tendonrepro.verdicts.command.rankings", lambda _: {})
+    ledger = run_claims(tmp_path, (), None, QUIET)
+    assert not any(entry["shipped"] for entry in entries(ledger.data).values())
+    known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}
+    assert ledger.data["ensemble"] == {"source": "local", "tendonrepro_version": None} | known
+    assert json.loads((tmp_path / "claims" / "claims.json").read_text())["ensemble"]["source"] == "local"
+
+
+@pytest.mark.parametrize("key", ["rule", "printed", "kind"])
+def test_a_verdict_by_another_rule_does_not_count(key):
+    stored = shipped_ledger()
+    entries(stored)["C2"][key] = "another"
+    left, taken = with_shipped(judge_all(Sources(), only=["C2", "E1"]), stored)
+    assert (left.verdict, left.shipped) == ("not_testable", False)
+    assert taken.shipped
+
+
+def test_what_was_run_or_measured_elsewhere_is_not_told_here():
+    name = "table2.controller_1.mae.joint_2"
+    stored = shipped_ledger()
+    entry = entries(stored)[name]
+    entry["evidence"] |= {"shipped_run": 1.0, "measured": {"verdict": "reproduced", "ours": 1.0}}
+    (found,) = with_shipped(judge_all(Sources(), only=[name]), stored)
+    assert found.evidence.keys().isdisjoint({"shipped_run", "measured"})
+    assert found.ours == entry["ours"]

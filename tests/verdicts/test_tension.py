@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.oracles import TABLE_1, coupling_by_columns
+from support.oracles import ROPE, TENDON_4
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
@@ -12,12 +12,6 @@ from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.monte_carlo.box import configured, make_box
 from tendonrepro.verdicts import tension as rule
 
-ROPE = coupling_by_columns(TABLE_1) * 0.0185
-PULL = {
-    "negative": np.array([-17.5, -17.5, -18.5]) / 1000.0,
-    "distal_only": np.array([0.0, 0.0, -18.5]) / 1000.0,
-    "alternating": np.array([-17.5, 17.5, -18.5]) / 1000.0,
-}
 BOX = make_box(load_ensemble(None).config)
 ARM = load_config(None, "decouple").config.manipulator
 
@@ -36,7 +30,7 @@ def test_courses_are_the_readings_of_the_ensemble():
 
 
 @pytest.mark.parametrize("margin", [5.0, 10.0, 20.0])
-@pytest.mark.parametrize("course", PULL)
+@pytest.mark.parametrize("course", TENDON_4)
 def test_no_posture_in_between_is_lower_than_the_corners(course, margin):
     """Every posture of a grid inside, tension by the rope of every joint; some pulls are too heavy."""
     rng = np.random.default_rng(2)
@@ -45,7 +39,7 @@ def test_no_posture_in_between_is_lower_than_the_corners(course, margin):
     machines = rule.machines_of(data, ARM)
     angles = np.stack(np.meshgrid(*[np.deg2rad(np.linspace(margin, 180.0 - margin, 7))] * 3)).reshape(3, -1)
     torque = machines.moment[:, :, np.newaxis] * np.sin(angles)[:, np.newaxis]
-    joint = np.cumsum(torque[::-1], axis=0)[::-1] - (np.outer(PULL[course], force))[:, :, np.newaxis]
+    joint = np.cumsum(torque[::-1], axis=0)[::-1] - (np.outer(TENDON_4[course], force))[:, :, np.newaxis]
     tension = np.einsum("nj,jkp->nkp", np.linalg.inv(ROPE.T), joint)
     by_hand = (tension.min(axis=(0, 2)) > 0.0).mean()
     (row,) = (row for row in rule.tension(data).evidence["courses"] if row["course"] == course)
