@@ -71,7 +71,7 @@ BUDGETS = {
     "experiments": 1_349,
     "analysis": 625,
     "evidence": 998,
-    "monte_carlo": 1_132,
+    "monte_carlo": 1_126,
     "identification": 637,
     "dataset": 1_661,
     "tuning": 697,
