@@ -19,8 +19,8 @@ import pandas as pd
 from pages import fresh, table
 
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.reporting import answer, claims
-from tendonrepro.reporting.answer import percent
+from tendonrepro.reporting import contents
+from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import save_drawing
@@ -123,7 +123,7 @@ def write_pages() -> None:
 
 
 def words(name: str) -> str:
-    return answer.filled(name, answer.numbers(stored("ensemble"), stored("claims")))
+    return contents.filled(name, contents.numbers(stored("ensemble"), stored("claims")))
 
 
 def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
@@ -191,12 +191,12 @@ READINGS: Mapping[str, Column] = {
 }
 CLAIMS: Mapping[str, Column] = {
     "claim": lambda entry: entry["id"],
-    "the paper": claims.named,
-    "here": claims.ours,
+    "the paper": contents.named,
+    "here": contents.ours,
     "verdict": lambda entry: f"`{entry['verdict']}`",
     "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
 }
-NUMBERS = {**CLAIMS, "the paper": lambda entry: claims.named(entry).rpartition(": ")[2]}
+NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "misfit": lambda held: f"{held['misfit_log']:.3f}",
@@ -217,7 +217,7 @@ QUESTIONS: Mapping[str, Column] = {
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the answer": lambda: words("answer"),
     "why": lambda: words("why"),
-    "robustness": lambda: table(answer.HEADS, answer.robustness(stored("ensemble"))),
+    "robustness": lambda: table(contents.ROBUSTNESS_HEADS, contents.robustness(stored("ensemble"))),
     "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),
     "claims": lambda: records(entries(number=False), CLAIMS),
     "numbers": lambda: records(entries(number=True), NUMBERS),

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.reporting import assumed
+from tendonrepro.reporting import contents
 
 DOCS = Path(__file__).parent
 PART = re.compile(r"(<!-- made: ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
@@ -41,10 +41,10 @@ def unprinted(wanted: Callable[[str, bool], bool]) -> str:
     from tendonrepro.configuration.load import load_config
 
     trees = [load_config(None, name).tree for name in ("compare", "decouple")]
-    keys = [dict(assumed.quantities(tree)) for tree in trees]
+    keys = [dict(contents.quantities(tree)) for tree in trees]
     kept = [
         row
-        for row in assumed.values(trees)
+        for row in contents.value_rows(trees)
         if row[3] != "printed" and wanted(row[0].strip("`"), all(row[0].strip("`") in held for held in keys))
     ]
     return table(("Key", "Value", "Unit", "Origin", "Why"), kept)
@@ -149,7 +149,7 @@ def variables() -> str:
 
 
 MAKERS: Mapping[str, Callable[[], str]] = {
-    "the box": lambda: table(assumed.BOX, assumed.box()),
+    "the box": lambda: table(contents.BOX_HEADS, contents.box_rows()),
     "the readings": readings,
     "the keys": keys,
     "the pairs of readings": pairs,

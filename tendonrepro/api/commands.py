@@ -13,9 +13,9 @@ from tendonrepro.configuration.load import Config, LoadedConfig, load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
-from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.store import read_manifest, stored_traces
+from tendonrepro.results.store import make_manifest, read_manifest
 from tendonrepro.results.study import Outcome
+from tendonrepro.results.traces import export_traces, read_traces
 
 Changes: TypeAlias = Mapping[str, Any] | None
 
@@ -310,7 +310,7 @@ def open(folder: str | Path) -> Result:
     """
     from tendonrepro.experiments.run import outcome_of
 
-    file = stored_traces(Path(folder))
+    file = read_traces(Path(folder))
     manifest = json.loads(file.manifest_json)
     if not isinstance(manifest.get("config"), dict):
         raise DataMissingError("was measured, and no command made it", where=str(folder))
@@ -365,8 +365,6 @@ def export(
     file: str | Path, form: str = "csv", out: str | Path | None = None, *, force: bool = False
 ) -> Path:
     """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
-    from tendonrepro.results.export import export_traces
-
     return export_traces(Path(file), form, _path(out), force=force)
 
 

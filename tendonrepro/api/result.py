@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import TRACES, replaced
+from tendonrepro.results.store import replaced
 from tendonrepro.results.study import Outcome
-from tendonrepro.results.traces import dataset_of, write_traces
+from tendonrepro.results.traces import TRACES, dataset_of, write_traces
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -240,7 +240,7 @@ def export(
     out
         File to write [default: beside it].
     """
-    from tendonrepro.results.export import export_traces
+    from tendonrepro.results.traces import export_traces
 
     terminal.list_files([export_traces(file, format, out, force=force)])
 
@@ -277,7 +277,7 @@ def _examined() -> dict[str, Any]:
     """Environment, and of each check ``ok``, a remark, or what is wrong."""
     from tendonrepro.configuration.load import load_config
     from tendonrepro.configuration.published import published
-    from tendonrepro.results.manifest import environment
+    from tendonrepro.results.store import environment
     from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
 
     loads: dict[str, Callable[[], Any]] = {

@@ -20,9 +20,8 @@ from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.results.manifest import environment
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.store import refuse_existing
+from tendonrepro.results.store import environment, refuse_existing
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces

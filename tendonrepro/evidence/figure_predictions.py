@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
+from typing import Any
 
 from matplotlib.lines import Line2D
 
-from tendonrepro.evidence.bench_experiments import EXPERIMENTS, Prediction
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
 
 COLOURS = ["#004488", "#CC3311", "#DDAA00", "#228833", "#888888", "#55BBEE", "#8844BB", "#000000", "#AA7744"]
@@ -17,21 +17,24 @@ _LOWEST, _HIGHEST = 0.25, 4.0
 
 
 @journal_style()
-def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joints: Sequence[int]) -> Drawing:
-    """Draw every experiment's ratio, median and central 90 %; a panel for each joint."""
+def draw_predictions(
+    experiments: Sequence[Mapping[str, Any]], readings: Sequence[str], joints: Sequence[int]
+) -> Drawing:
+    """Draw ``experiments`` of ``predict.json``: ratios, median and central 90 %; a panel for each joint."""
     step = len(readings) + 1.5
-    figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(EXPERIMENTS))
+    figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(experiments))
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
-    rows = {(row.experiment, row.reading, row.joint): row for row in found}
     for panel, joint in zip(panels, joints, strict=True):
         panel.axvline(1.0, color="#999999", linewidth=0.6)
-        for group, experiment in enumerate(EXPERIMENTS):
+        for group, experiment in enumerate(experiments):
+            ratios = {row["reading"]: row for row in experiment["ratios"] if row["joint"] == joint}
             for place, reading in enumerate(readings):
-                row, y = rows[experiment.name, reading, joint], group * step + place
+                y, row = group * step + place, ratios[reading]
+                low, median, high = (row[name] for name in ("low", "median", "high"))
                 colour, marker = STYLES[place % len(STYLES)]
-                panel.plot([row.low, row.high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
-                panel.plot([row.median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
-                beyond = [(_LOWEST, "<")] * (row.low < _LOWEST) + [(_HIGHEST, ">")] * (row.high > _HIGHEST)
+                panel.plot([low, high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
+                panel.plot([median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
+                beyond = [(_LOWEST, "<")] * (low < _LOWEST) + [(_HIGHEST, ">")] * (high > _HIGHEST)
                 for edge, arrow in beyond:
                     panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
         panel.set_xscale("log")
@@ -42,10 +45,10 @@ def draw_predictions(found: Sequence[Prediction], readings: Sequence[str], joint
         panel.set_xlabel("ratio of mean absolute errors")
     middle = 0.5 * (len(readings) - 1)
     panels[0].set_yticks(
-        [group * step + middle for group in range(len(EXPERIMENTS))],
-        [one.about.replace(" over ", "\nover ") for one in EXPERIMENTS],
+        [group * step + middle for group in range(len(experiments))],
+        [one["about"].replace(" over ", "\nover ") for one in experiments],
     )
-    panels[0].set_ylim(step * len(EXPERIMENTS) - 1.0, -1.5)
+    panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
     handles = [
         Line2D([], [], color=colour, marker=marker, markersize=2.8, label=reading)

@@ -1,45 +1,173 @@
-"""What ``tendonrepro predict`` does."""
+"""What ``tendonrepro predict`` does: experiments on a bench, and what each would give under every reading."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.models.readings import Reading, named_readings, under
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.bench_experiments import EXPERIMENTS, FIRST, LOADED, SECOND, THIRD, Prediction
-from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.loop import Loop
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
 SCHEMA_VERSION = 1
+FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
+BASE = (FIRST, SECOND, THIRD, LOADED)
+"""Runs as configured, before those of the experiments."""
 READINGS = (
     "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
     "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
     "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor"
 )
 """Interpretations whose predictions are asked for unless others are named."""
-BASE = (FIRST, SECOND, THIRD, LOADED)
-"""Runs as configured, before those of the experiments."""
 LEAST = 20
 """Stable plants below which no interval is given."""
 AT_ONCE = 16
 """Plants simulated together."""
+
+Loops: TypeAlias = Mapping[str, Loop]
+Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
+"""From a configuration, its folder and its loops to the loop of the changed run."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``."""
+
+    name: str
+    about: str
+    change: Change
+    beside: str = FIRST
+
+
+def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+    return loops[name]
+
+
+def with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
+    """Controller 1 with one alpha on all joints."""
+    value = config.control.gains.alpha.model_copy(update={"value": (alpha,) * len(config.joints)})
+    gains = config.control.gains.model_copy(update={"alpha": value})
+    control = config.control.model_copy(update={"gains": gains})
+    return _with_law(loops[FIRST], build_law(config.model_copy(update={"control": control}), FIRST))
+
+
+def _with_law(loop: Loop, law: Law) -> Loop:
+    return replace(loop, controller=TimeDelayController(law))
+
+
+def law_of(loop: Loop) -> Law:
+    """The law of a loop of the paper's own."""
+    assert isinstance(loop.controller, TimeDelayController)
+    return loop.controller.law
+
+
+def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    loop = loops[FIRST]
+    held, L = loop.reference, loop.L
+    time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
+    angle = CubicSpline(held.time, held.q_d)
+    half = 0.5 * time
+    slow = DesiredMotion(time, angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2), 2.0 * held.period)
+    return replace(loop, reference=slow)
+
+
+def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    loop = loops[FIRST]
+
+    def alone(values: Array) -> Array:
+        kept = np.zeros_like(values)
+        kept[:, -1] = values[:, -1]
+        return kept
+
+    held = loop.reference
+    motion = replace(held, q_d=alone(held.q_d), dq_d=alone(held.dq_d), ddq_d=alone(held.ddq_d))
+    return replace(loop, reference=motion)
+
+
+def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    """Controller 2 with η = β / γ₁ for a Delta of 0.2 rad, 1.548 as published, in degrees too."""
+    law = law_of(loops[SECOND])
+    gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
+    eta = law.beta / gamma_1
+    rate = eta if np.array_equal(law.rate_gain, law.eta) else law.rate_gain
+    return _with_law(loops[SECOND], law._replace(eta=eta, rate_gain=rate))
+
+
+def _with_inertia(factor: float, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+    law = law_of(loops[FIRST])
+    return _with_law(loops[FIRST], law._replace(M_bar=factor * law.M_bar))
+
+
+def _twice_the_period(config: CompareConfig, folder: Path, _: Loops) -> Loop:
+    doubled = under(parse_reading("sampling_period=2ms"), config, {})
+    return dict(build_loops(doubled, folder))[FIRST]
+
+
+def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    law = law_of(loops[FIRST])
+    return _with_law(loops[FIRST], law._replace(motor_side=not law.motor_side))
+
+
+# Controller 2 is Controller 1 at alpha = 0, but for the reading that drops eta from its printed law.
+EXPERIMENTS = (
+    Experiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
+    Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
+    *(
+        Experiment(
+            f"alpha_{alpha:g}",
+            f"Controller 1 with α = {alpha:g} over α = 0",
+            partial(with_alpha, alpha),
+            SECOND,
+        )
+        for alpha in (0.1, 0.2, 0.3, 0.5)
+    ),
+    Experiment("same_slope", "Controller 2 with η = 1.548 over Controller 3", _same_slope, THIRD),
+    Experiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
+    Experiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
+    Experiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
+    Experiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
+    Experiment("period_doubled", "Controller 1 with L doubled", _twice_the_period),
+    Experiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
+    Experiment("other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders),
+)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Ratio of errors of one experiment, reading and joint.
+
+    ``low`` and ``high`` are the central 90 % of the plants on which both runs are stable; NaN with few.
+    """
+
+    experiment: str
+    reading: str
+    joint: int
+    plants: int
+    median: float
+    low: float
+    high: float
 
 
 def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = READINGS) -> dict[str, Any]:
@@ -66,24 +194,25 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
     names = [held.name for held in chosen]
     told = told_apart(found, names)
     never = never_told_apart(told, names)
+    experiments = [
+        {
+            "name": one.name,
+            "about": one.about,
+            "told_apart": [*map(list, told[one.name])],
+            "gaps": [*told[one.name].values()],
+            "ratios": [vars(row) for row in found if row.experiment == one.name],
+        }
+        for one in EXPERIMENTS
+    ]
     data = {
         "schema_version": SCHEMA_VERSION,
         "draws": draws,
         "joints": list(joints),
         "readings": names,
         "never_told_apart": never,
-        "experiments": [
-            {
-                "name": one.name,
-                "about": one.about,
-                "told_apart": [*map(list, told[one.name])],
-                "gaps": [*told[one.name].values()],
-                "ratios": [vars(row) for row in found if row.experiment == one.name],
-            }
-            for one in EXPERIMENTS
-        ],
+        "experiments": experiments,
     }
-    figures = {"predictions": lambda: draw_predictions(found, names, joints)}
+    figures = {"predictions": lambda: draw_predictions(experiments, names, joints)}
     return Outcome(data, _tables(found, told, never, draws), figures)
 
 

@@ -21,9 +21,9 @@ from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, withou
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
-from tendonrepro.results.store import stored_traces
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
+from tendonrepro.results.traces import read_traces
 
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
 FAITHFUL = 1e-3
@@ -240,14 +240,14 @@ def study_recover(path: Path, talk: Talk) -> Outcome:
     UsageError
         If no run has torque, desired and measured angles.
     """
-    held = recovered(stored_traces(path), load_config(None, "compare"), talk)
+    held = recovered(read_traces(path), load_config(None, "compare"), talk)
     data = {"schema_version": 1, "log": str(path), "runs": [_data(one) for one in held]}
     return Outcome(data, _tables(held))
 
 
 def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
     """Read the controllers off a log, write tables and manifest; what ``--json`` prints."""
-    file, loaded = stored_traces(path), load_config(None, "compare")
+    file, loaded = read_traces(path), load_config(None, "compare")
     digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
     return run_study(
         "recover", replace(loaded, sha256=digest), request, lambda: study_recover(path, talk), talk

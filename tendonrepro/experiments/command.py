@@ -19,14 +19,13 @@ from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
 from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
 from tendonrepro.parallel import interrupts_blocked, workers
-from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.store import MANIFEST, TRACES, NewResult, read_manifest, replaced, stored_traces
+from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, read_manifest, replaced
 from tendonrepro.results.study import planned
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import write_traces
+from tendonrepro.results.traces import TRACES, read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 
 CLOSEST = "closest"
@@ -224,7 +223,7 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
         raise DataMissingError(message, where=str(out), hint=hint)
-    return {path.parent: stored_traces(path.parent) for path in paths}
+    return {path.parent: read_traces(path.parent) for path in paths}
 
 
 def _make_again(

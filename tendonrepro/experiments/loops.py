@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
+from tendonrepro.physics.metrics import Status, status_of
 from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
@@ -253,6 +254,15 @@ def _loop(
         cold=isinstance(config, CompareConfig) and config.control.readings.start == "cold",
         seed=int(config.seed.si),
     )
+
+
+def run_status(loop: Loop, variables: Mapping[str, Array], config: Config) -> tuple[Status, float]:
+    """Status of a run and its time, as `status_of`; one shorter than its reference has diverged."""
+    time, limits = variables["time"], config.status
+    if time.size < loop.reference.time.size:
+        return "diverged", float(time[-1])
+    ringing = limits.ringing_frequency.si, limits.ringing_share.si
+    return status_of(time, variables["e"], limits.divergence_limit.si, *ringing)
 
 
 class View(NamedTuple):

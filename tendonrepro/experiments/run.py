@@ -13,12 +13,11 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops
+from tendonrepro.experiments.loops import all_loops, run_status
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
-from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.study import Outcome
@@ -83,16 +82,10 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
 def _trace(
     loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
 ) -> Trace:
-    t = variables.pop("time")
-    limits = loaded.config.status
-    status, status_time = status_of(
-        t, variables["e"], limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
-    )
-    if t.size < loop.reference.time.size:
-        status, status_time = "diverged", float(t[-1])
+    status, status_time = run_status(loop, variables, loaded.config)
     attributes = _law(loaded.config, name, loop, laws)
     attributes |= {"reference_period": loop.reference.period, "status": status, "status_time": status_time}
-    return Trace(name, t, loaded.config.joints, variables, attributes)
+    return Trace(name, variables.pop("time"), loaded.config.joints, variables, attributes)
 
 
 def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, Any]:

@@ -16,13 +16,13 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import under
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.loops import build_law, build_loops, run_status
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
 from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.physics.instruments import Encoder
-from tendonrepro.physics.metrics import STATUSES, mae, rmse, status_of
+from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
@@ -133,23 +133,17 @@ def spot_check(
 
 def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
     """The ``difference`` of :func:`spot_check`."""
-    status, limits = STATUSES[int(batch.status[0])], study.loaded.compare.status
+    status = STATUSES[int(batch.status[0])]
     if status == "unresolved":
         return 0.0
     try:
         variables = simulate(loop)
     except TendonreproError:
         return None
-    e, t = variables["e"], variables["time"]
-    expected, _ = status_of(
-        t, e, limits.divergence_limit.si, limits.ringing_frequency.si, limits.ringing_share.si
-    )
-    if t.size < loop.reference.time.size:
-        expected = "diverged"
-    if status != expected:
+    if status != run_status(loop, variables, study.loaded.compare)[0]:
         return None
     if status == "diverged":
         return 0.0
-    sizes = np.array([mae(e), rmse(e)])
+    sizes = np.array([mae(variables["e"]), rmse(variables["e"])])
     found = np.array([batch.statistics[name][0] for name in ("mae", "rmse")])
     return float(np.abs(found / sizes - 1.0).max())

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection
+import zlib
+from collections.abc import Collection, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,12 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import EnsembleConfig
+from tendonrepro.configuration.ensemble import FAST_PERIOD, EnsembleConfig
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
-from tendonrepro.configuration.models.readings import as_printed
+from tendonrepro.configuration.models.readings import AXES, as_printed
+from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
-from tendonrepro.monte_carlo.draw import drawn_tree
+from tendonrepro.physics.trajectory import trapezoid_times
+
+_GRID = 0.01
+"""Times of a motion are multiples of this, s, so that every sampling period divides them."""
+
+_NOISE_BAND = (0.5, 20.0)
+"""Band of the disturbance ``noise``, Hz."""
+
+_NOISE_SINES = 8
+"""Number of sines that make it."""
+
+_UNEQUAL = 2.0 / 3.0
+"""Amplitude of joint 2 over that of joint 3 in the motion ``unequal``."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +39,7 @@ class Box:
     """The unknowns, (P,); SI units and radians.
 
     A word counts as its place in `words`, from 0; `scale` is ``linear``, ``log`` or ``choice``. Rows that
-    are not `free` keep `nominal`. `shortest_run` is in s, see `drawn_tree`.
+    are not `free` keep `nominal`. Motions are repeated until they last `shortest_run`, s.
     """
 
     names: tuple[str, ...]
@@ -130,5 +145,159 @@ def evolution(start: Array, width: float, population: int, generator: np.random.
 
 def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
     """Validated configuration of one draw (P,), every axis of readings as printed."""
-    tree = drawn_tree(base.tree, box.named(values), box.shortest_run)
+    tree = _drawn_tree(base.tree, box.named(values), box.shortest_run)
     return as_printed(CompareConfig.model_validate(tree))
+
+
+def _drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
+    """Plain values of a comparison's configuration, from a value of every row of the box, SI.
+
+    Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
+    """
+    tree = deepcopy(dict(base))
+    arm = tree["manipulator"]
+    put_links(arm["links"], draw)
+    _put_drive(arm, draw)
+    _put_friction(arm["friction"], draw)
+    _put_options(arm, draw)
+    # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
+    tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
+    tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
+    tree["reference"] = _reference(draw, shortest_run)
+    tree["disturbance"] = _disturbance(draw)
+    checksum = zlib.crc32(np.array([*draw.values()]).tobytes())
+    tree["seed"] = _drawn(checksum, "1", "its checksum, so that each has its own noise")
+    return tree
+
+
+def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
+    return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
+
+
+def _per_joint(two: Any, three: Any, unit: str, row: str) -> dict[str, Any]:
+    """Vector of the manipulator; joint 1 is held, so its entry does not matter."""
+    return _drawn([two, two, three], unit, row)
+
+
+def _alike(value: float, unit: str, row: str) -> dict[str, Any]:
+    return _per_joint(value, value, unit, row)
+
+
+def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
+    """Fill in a manipulator's links from one draw, or arrays of draws."""
+    length = draw["link_length_2"], draw["link_length_3"]
+    mass = draw["link_mass_2"], draw["link_mass_3"]
+    com = draw["link_com_2"] * length[0], draw["link_com_3"] * length[1]
+    inertia = (
+        draw["link_inertia_2"] * mass[0] * length[0] ** 2,
+        draw["link_inertia_3"] * mass[1] * length[1] ** 2,
+    )
+    links["length"] = _per_joint(*length, "m", "link_length")
+    links["mass"] = _per_joint(*mass, "kg", "link_mass")
+    links["com"] = _per_joint(*com, "m", "link_com of the length")
+    links["inertia"] = _per_joint(*inertia, "kg m2", "link_inertia of m l^2")
+
+
+def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
+    winches, tendons = arm["winches"], arm["tendons"]
+    motor = winches["reduction"]["value"] ** 2 * (draw["rotor_inertia"] + draw["reducer_inertia"])
+    winches["reflected_inertia"] = _alike(motor, "kg m2", "rotor_inertia and reducer_inertia")
+    winches["drum_inertia"] = _alike(draw["drum_inertia"], "kg m2", "drum_inertia")
+    winches["viscous"] = _alike(draw["winch_viscous"], "N m s rad-1", "winch_viscous")
+    # Where tendons 2 and 3 pass their own joints.
+    diameter = arm["routing"]["pulley_diameter"]
+    two, three = (to_si(diameter["value"][i][i], diameter["unit"]) / 2.0 for i in (1, 2))
+    stiffness = draw["tendon_stiffness_2"] / two**2, draw["tendon_stiffness_3"] / three**2
+    damping = draw["tendon_damping_2"] / two**2, draw["tendon_damping_3"] / three**2
+    tendons["axial_stiffness"] = _per_joint(*stiffness, "N m-1", "tendon_stiffness over the radius squared")
+    tendons["axial_damping"] = _per_joint(*damping, "N s m-1", "tendon_damping over the radius squared")
+    at = WORDS["clearance_at"][int(draw["clearance_at"])]
+    slack = draw["clearance"] * (at == "both"), draw["clearance"] * (at != "none")
+    tendons["clearance"] = _per_joint(*slack, "m", "clearance and clearance_at")
+    tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
+
+
+def _switched(draw: Mapping[str, float], row: str) -> float:
+    return draw[f"{row}_acts"] * draw[row]
+
+
+def _put_friction(friction: dict[str, Any], draw: Mapping[str, float]) -> None:
+    sides = WORDS["friction_sides"][int(draw["friction_sides"])]
+    for side in ("link", "winch"):
+        part, acts = friction[side], float(sides in (side, "both"))
+        stribeck = draw[f"{side}_stribeck_velocity"]
+        part["coulomb"] = _alike(acts * draw[f"{side}_coulomb"], "N m", f"{side}_coulomb")
+        part["static_ratio"] = _alike(draw[f"{side}_static_ratio"], "1", f"{side}_static_ratio")
+        part["stribeck_velocity"] = _alike(stribeck, "rad s-1", f"{side}_stribeck_velocity")
+        part["smoothing_velocity"] = _alike(stribeck / 2.0, "rad s-1", f"half of {side}_stribeck_velocity")
+    on_links = float(sides in ("link", "both"))
+    friction["link"]["viscous"] = _alike(on_links * draw["link_viscous"], "N m s rad-1", "link_viscous")
+    friction["per_pulley"] = _drawn(_switched(draw, "pulley_loss"), "1", "pulley_loss")
+    efficiency = draw["reducer_efficiency"] if draw["reducer_loss_acts"] else 1.0
+    friction["reducer_efficiency"] = _drawn(efficiency, "1", "reducer_efficiency")
+
+
+def _put_options(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
+    arm["tensioner"]["force"] = _drawn(draw["tensioner_force"], "N", "tensioner_force")
+    arm["tensioner"]["side"] = AXES["tensioner"].printed
+    error = _switched(draw, "transmission_error")
+    arm["transmission_error"]["peak_to_peak"] = _drawn(error, "rad", "transmission_error")
+    actuator = arm["actuator"]
+    actuator["torque_limit"] = _alike(draw["torque_limit"], "N m", "torque_limit")
+    for row in ("torque_resolution", "torque_noise"):
+        actuator[row] = _drawn(_switched(draw, row), "N m", row)
+
+
+def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
+    kind = WORDS["disturbance"][int(draw["disturbance"])]
+    torque = _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")
+    if kind == "sine":
+        frequency = _drawn(draw["disturbance_frequency"], "Hz", "disturbance_frequency")
+        return {"kind": kind, "torque": torque, "frequency": frequency}
+    if kind == "noise":
+        band = _drawn(list(_NOISE_BAND), "Hz", "disturbance, whose band is fixed")
+        components = _drawn(_NOISE_SINES, "1", "disturbance, whose number of sines is fixed")
+        return {"kind": kind, "torque": torque, "band": band, "components": components}
+    return {"kind": kind}
+
+
+def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
+    """Motion of both joints, by equal angles except in ``unequal``."""
+    kind = WORDS["motion"][int(draw["motion"])]
+    shape, cycle = _shape(kind, draw)
+    share = _UNEQUAL if kind == "unequal" else 1.0
+    size = 0.5 if shape["kind"] == "sine" else 1.0  # a sine swings about the middle of the same range
+    amplitude = [size * share * draw["amplitude"], size * draw["amplitude"]]
+    shape["amplitude"] = _drawn(amplitude, "rad", "amplitude")
+    if shape["kind"] == "sine":
+        shape["offset"] = _drawn(amplitude, "rad", "amplitude")
+    periods = max(2.0, float(np.ceil(shortest_run / cycle)))
+    return {**shape, "periods": _drawn(periods, "1", "as many as the shortest run asks for")}
+
+
+def _shape(kind: str, draw: Mapping[str, float]) -> tuple[dict[str, Any], float]:
+    """Kind and times of a motion, and its period, s."""
+    if kind == "minimum_jerk":
+        rise, hold = _on_grid(draw["rise"]), _on_grid(draw["hold"])
+        times = {"rise": _drawn(rise, "s", "rise"), "hold": _drawn(hold, "s", "hold")}
+        return {"kind": kind, **times}, 2.0 * (rise + hold)
+    if kind == "trapezoidal":
+        limits = draw["velocity"], draw["acceleration"]
+        _, rise = trapezoid_times(draw["amplitude"], *limits)
+        half = _on_grid(rise + draw["hold"] + _GRID / 2.0)  # never shorter than the stroke
+        return {
+            "kind": kind,
+            "velocity": _drawn(limits[0], "rad s-1", "velocity"),
+            "acceleration": _drawn(limits[1], "rad s-2", "acceleration"),
+            "hold": _drawn(half - rise, "s", "hold"),
+        }, 2.0 * half
+    period = FAST_PERIOD if kind == "fast_sine" else _on_grid(draw["period"])
+    times = {"period": _drawn(period, "s", "period")}
+    if kind in ("sine", "fast_sine"):
+        blend = _drawn(period / 2.0, "s", "half the period")
+        return {"kind": "sine", **times, "blend": blend}, period
+    return {"kind": "raised_cosine", **times}, period
+
+
+def _on_grid(time: float) -> float:
+    return round(time / _GRID) * _GRID

@@ -23,9 +23,8 @@ from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.parallel import Item, Result, as_ready
-from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import refuse_others, replaced, take_over
+from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
 from tendonrepro.results.study import Outcome
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE

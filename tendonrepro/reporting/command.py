@@ -16,7 +16,7 @@ from markupsafe import Markup
 from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import shipped, write_atomically
-from tendonrepro.reporting import answer, assumed, claims
+from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
 from tendonrepro.results.figures.style import journal_style
@@ -70,32 +70,30 @@ def report_text(found: dict[str, Any]) -> str:
 
 def page(found: Stored) -> str:
     """Make the page; equal contents give equal text."""
-    loader, strict = jinja2.FileSystemLoader(answer.TEMPLATES), jinja2.StrictUndefined
+    loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = answer.numbers(found.summary, found.ledger)
+    slots = contents.numbers(found.summary, found.ledger)
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
     days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
     return environment.get_template("page.html").render(
         found=found,
         version=__version__,
         date=max(days)[:10],
-        answer=answer.filled("answer", slots),
-        why=answer.filled("why", slots),
+        answer=contents.filled("answer", slots),
+        why=contents.filled("why", slots),
         picture=orders_picture(found),
         main=[entries[name] for name in MAIN],
         others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
         verdicts=VERDICTS,
         in_words=in_words,
-        claims=claims,
-        heads=answer.HEADS,
-        robustness=answer.robustness(found.summary),
+        contents=contents,
+        robustness=contents.robustness(found.summary),
         parts=[part(found, name) for name in PARTS],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
-        assumed=assumed,
-        values=assumed.values([held["config"]["tree"] for held in found.manifests.values()]),
+        values=contents.value_rows([held["config"]["tree"] for held in found.manifests.values()]),
     )
 
 

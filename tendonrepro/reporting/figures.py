@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.answer import AS_PUBLISHED, BOTH, CHANGED, STEPS, by_name, labelled
+from tendonrepro.reporting.contents import AS_PUBLISHED, BOTH, CHANGED, STEPS, by_name, labelled
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
 from tendonrepro.results.summary import CONTROLLERS
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
-from tendonrepro.reporting.answer import BOTH, FINE_STEPS, STEPS, by_name
+from tendonrepro.reporting.contents import BOTH, FINE_STEPS, STEPS, by_name
 from tendonrepro.results.store import MANIFEST
 
 PARTS = {

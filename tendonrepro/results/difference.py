@@ -11,9 +11,9 @@ import numpy as np
 
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.store import stored_traces
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
+from tendonrepro.results.traces import read_traces
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
         ``same``, and rows of ``config``, ``versions``, ``runs`` (their status), ``metrics`` in degrees, and
         ``traces``: the largest difference, SI, and the time of the first.
     """
-    a, b = map(stored_traces, (first, second))
+    a, b = map(read_traces, (first, second))
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
     found = {
         "config": list(_unequal(_configuration(a), _configuration(b))),

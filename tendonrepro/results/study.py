@@ -13,8 +13,7 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import to_json
-from tendonrepro.results.manifest import make_manifest
-from tendonrepro.results.store import MANIFEST, NewResult, refuse_others, replaced
+from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, refuse_others, replaced
 from tendonrepro.results.tables import Table
 
 if TYPE_CHECKING:

@@ -1,15 +1,17 @@
-"""Trace files: runs as netCDF-4, which xarray, h5py, MATLAB and HDFView open."""
+"""Trace files: runs as netCDF-4, which xarray, h5py, MATLAB and HDFView open; other formats of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import atomic_path
 from tendonrepro.results.records import (
     RESERVED,
     SCHEMA_VERSION,
@@ -19,9 +21,14 @@ from tendonrepro.results.records import (
     Trace,
     TraceFile,
 )
+from tendonrepro.results.store import refuse_existing
 
 if TYPE_CHECKING:
     import xarray as xr
+    from pandas import DataFrame
+
+TRACES = "traces.h5"
+"""Name of the trace file in a results folder."""
 
 # netCDF attributes do not nest, so mappings among a run's are stored flat.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
@@ -79,10 +86,17 @@ def _plant_dataset(plant: PlantRecord) -> xr.Dataset:
     return xr.Dataset(variables, attrs=dict(plant.attributes))
 
 
-def read_traces(path: Path) -> TraceFile:
-    """Read a trace file bit for bit; a DataMissingError where it is absent, damaged or of another layout."""
+def read_traces(source: Path) -> TraceFile:
+    """Read a trace file, or that of a results folder, bit for bit.
+
+    Raises
+    ------
+    DataMissingError
+        Where it is absent, damaged or of another layout.
+    """
     import xarray as xr
 
+    path = source / TRACES if source.is_dir() else source
     hint = "run tendonrepro compare or tendonrepro decouple to make one"
     if not path.is_file():
         message = "there is no trace file"
@@ -127,3 +141,70 @@ def _attributes_of(node: Any) -> dict[str, Any]:
 def _plant_of(node: Any) -> PlantRecord:
     values = {str(name): PlantValue(item.values, **item.attrs) for name, item in node.data_vars.items()}
     return PlantRecord(values, dict(node.attrs))
+
+
+def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
+    """Write a trace file in another format, in SI units, and return the path.
+
+    Parameters
+    ----------
+    source : Path
+        Trace file, or a results folder.
+    form : str
+        ``csv`` and ``parquet`` have a row per run, sample and joint; ``mat`` a structure per run.
+    out : Path, optional
+        Else beside the trace file.
+
+    Raises
+    ------
+    DataMissingError
+        If the trace file cannot be read.
+    UsageError
+        For a format that is unknown or lacks its library, and a file that is there.
+    """
+    if form not in _WRITERS:
+        message = f"must be one of {', '.join(_WRITERS)}, found {form!r}"
+        raise UsageError(message, where="--format")
+    if out is not None and out.suffix != f".{form}":
+        message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
+        raise UsageError(message, where="--out")
+    target = out or (source / TRACES if source.is_dir() else source).with_suffix(f".{form}")
+    refuse_existing(target, force=force)
+    file = read_traces(source)
+    with atomic_path(target) as temporary:
+        _WRITERS[form](file, temporary)
+    return target
+
+
+def _table(file: TraceFile) -> DataFrame:
+    """A row per run, sample and joint; what a run does not hold is missing there."""
+    import pandas as pd
+
+    runs = {name: dataset_of(trace).to_dataframe() for name, trace in file.runs.items()}
+    return pd.concat(runs, names=["run"]).reset_index()
+
+
+def _csv(file: TraceFile, path: Path) -> None:
+    _table(file).to_csv(path, index=False, lineterminator="\n")
+
+
+def _parquet(file: TraceFile, path: Path) -> None:
+    if find_spec("pyarrow") is None:
+        message = "parquet needs the library pyarrow, which is not installed"
+        raise UsageError(message, where="--format", hint="pip install 'tendonrepro[parquet]'")
+    _table(file).to_parquet(path, engine="pyarrow", index=False)
+
+
+def _mat(file: TraceFile, path: Path) -> None:
+    from scipy.io import savemat
+
+    held = {
+        name: {"time": trace.time, "joint": np.array(trace.joint), **trace.variables}
+        | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
+        for name, trace in file.runs.items()
+    }
+    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
+    savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
+
+
+_WRITERS: Mapping[str, Callable[[TraceFile, Path], None]] = {"csv": _csv, "parquet": _parquet, "mat": _mat}

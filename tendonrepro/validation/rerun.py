@@ -20,8 +20,8 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.run import simulate_run, trace_file
 from tendonrepro.parallel import counted, workers
 from tendonrepro.physics.metrics import mean, start_level
-from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.store import make_manifest
 from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.traces import write_traces
 from tendonrepro.verdicts.measured import Measured

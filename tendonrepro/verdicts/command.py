@@ -14,10 +14,10 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
-from tendonrepro.results.manifest import environment
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.store import TRACES, NewResult, read_manifest, replaced, stored_traces
+from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
+from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
@@ -121,7 +121,7 @@ def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
     """Read results and measurement, without what is not the paper's."""
     compare, ensemble = None, None
     if (out / "compare" / TRACES).exists():
-        stored = stored_traces(out / "compare")
+        stored = read_traces(out / "compare")
         runs = [stored.runs[run] for run in CONTROLLERS if run in stored.runs]
         papers = of_paper(stored) and all(of_paper(stored, run) for run in runs)
         compare = stored if papers and not fitted_under(stored) else None

@@ -15,9 +15,8 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.experiments.statics import COURSES, Mechanism, mechanism
-from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.box import make_box, put_links, scrambled_sobol
 from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.draw import put_links
 from tendonrepro.monte_carlo.shares import share_of
 from tendonrepro.physics.arm import weight_moment
 from tendonrepro.physics.statics import SLACK, tendon_tension

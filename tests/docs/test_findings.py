@@ -10,7 +10,7 @@ import pytest
 from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, tables_of, text_of
 
 from tendonrepro.configuration.published import published
-from tendonrepro.reporting.answer import AS_PUBLISHED, BOTH, CHANGED, STEPS, numbers
+from tendonrepro.reporting.contents import AS_PUBLISHED, BOTH, CHANGED, STEPS, numbers
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.verdicts.judge import Sources, judge_all
 

@@ -34,7 +34,7 @@ from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae
-from tendonrepro.reporting.assumed import quantities
+from tendonrepro.reporting.contents import quantities
 from tendonrepro.results.traces import read_traces
 from tendonrepro.simulation.stepper import simulate
 

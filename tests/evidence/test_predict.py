@@ -13,17 +13,19 @@ from tendonrepro.configuration.models.readings import named_readings, parse_read
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence import figure_predictions, predict
-from tendonrepro.evidence.bench_experiments import (
+from tendonrepro.evidence import predict
+from tendonrepro.evidence.predict import (
     EXPERIMENTS,
     FIRST,
     SECOND,
     THIRD,
     Prediction,
     law_of,
+    never_told_apart,
+    run_predict,
+    told_apart,
     with_alpha,
 )
-from tendonrepro.evidence.predict import never_told_apart, run_predict, told_apart
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -96,8 +98,7 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
 
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (predict, figure_predictions):
-        monkeypatch.setattr(module, "EXPERIMENTS", EXPERIMENTS[:2])
+    monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
     answer = run_predict(Request(out=tmp_path / "out"), QUIET, draws=20, readings="printed")
     assert [one["name"] for one in answer["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))

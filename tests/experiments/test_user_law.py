@@ -15,7 +15,7 @@ from tendonrepro.experiments.user_law import checked, laws_of, runs_of, with_use
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
 from tendonrepro.results.figures.catalogue import draw
-from tendonrepro.results.manifest import make_manifest
+from tendonrepro.results.store import make_manifest
 
 AT_REST = start_memory(np.zeros(2), np.zeros(2), 1)
 

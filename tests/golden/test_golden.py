@@ -32,7 +32,7 @@ from support.synthetic_record import make_record
 from typer.testing import CliRunner
 
 from tendonrepro.cli.app import app
-from tendonrepro.results.manifest import cpu_name
+from tendonrepro.results.store import cpu_name
 
 FOLDER = Path(__file__).parent
 MADE_ON = FOLDER / "made_on.json"

@@ -13,6 +13,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.monte_carlo.box import configured, make_box
+from tendonrepro.reporting.contents import quantities
 
 
 def two_digits(value):
@@ -23,14 +24,6 @@ def two_digits(value):
 
 def middle(low, high, geometric):
     return two_digits(math.sqrt(low * high) if geometric else 0.5 * (low + high))
-
-
-def quantities(tree, path=()):
-    if isinstance(tree, dict) and "source" in tree:
-        yield ".".join(path), tree
-    elif isinstance(tree, dict):
-        for key, value in tree.items():
-            yield from quantities(value, (*path, str(key)))
 
 
 ROWS = dict(load_ensemble(None).config.box)

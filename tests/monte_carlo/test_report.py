@@ -1,4 +1,4 @@
-"""Tables say what the numbers are."""
+"""Tables say what the numbers are, and figures show them at their places."""
 
 import csv
 import io
@@ -6,9 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.made_ensemble import DIVERGED, PLANTS, READINGS, ensemble, random_errors, whole
+from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, ensemble, random_errors, whole
 
+from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures
 from tendonrepro.monte_carlo.report import _slow_ratio, ensemble_tables, population_summary
+from tendonrepro.monte_carlo.shares import printed_ratios
 
 
 def test_theory_follows_the_weights(mixed):
@@ -52,7 +54,43 @@ def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):
     assert all(f"| {name} |" in text and name in terminal for name in READINGS)
 
 
-def test_a_table_without_plants_has_no_numbers():
-    data = ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8))
-    (table,) = ensemble_tables(whole(data))
+@pytest.fixture(scope="module")
+def nowhere_stable():
+    """A summary without plants on which to conclude anything."""
+    return whole(ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8)))
+
+
+def test_a_table_without_plants_has_no_numbers(nowhere_stable):
+    (table,) = ensemble_tables(nowhere_stable)
     assert table.rows[0]["order_mae"] is table.rows[0]["distance"] is None
+
+
+def test_ratios_show_median_print_and_theory(mixed):
+    summary = population_summary(mixed)
+    drawn = draw_ratios("box", summary)
+    assert [panel.get_title(loc="left") for panel in drawn.axes] == [
+        f"{ratio}, joint {joint}" for ratio in ("C1/C2", "C2/C3") for joint in JOINTS
+    ]
+    for i, panel in enumerate(drawn.axes[:2]):
+        held = {
+            (float(x), float(y))
+            for line in panel.lines
+            for x, y in zip(np.atleast_1d(line.get_xdata()), np.atleast_1d(line.get_ydata()), strict=True)
+        }
+        for row, reading in enumerate(summary["readings"]):
+            joint = f"joint_{JOINTS[i]}"
+            assert (reading["ratio_c1_c2"]["all_ok"]["mae"][joint]["median"]["value"], row) in held
+            assert (reading["theory"][joint], row) in held
+        assert printed_ratios((0, 1), "mae", JOINTS)[i] in {x for x, _ in held}
+    (legend,) = drawn.axes[0].figure.legends
+    told = {text.get_text() for text in legend.get_texts()}
+    assert told == {"central 90 %", "central 50 %", "median", "slow errors", "printed"}
+    # The first reading is on top.
+    low, high = drawn.axes[0].get_ylim()
+    assert low > high
+
+
+def test_figures_are_drawn_without_plants_too(nowhere_stable):
+    drawn = {name: draw() for name, draw in ensemble_figures(nowhere_stable).items()}
+    assert {drawing.stem for drawing in drawn.values()} == drawn.keys() == {"ratios_box"}
+    drawn["ratios_box"].figure.draw_without_rendering()

@@ -7,9 +7,9 @@ from html import escape
 import pytest
 from reporting.conftest import LIKE_HTML
 
-from tendonrepro.reporting import answer, claims
-from tendonrepro.reporting.answer import percent
+from tendonrepro.reporting import contents
 from tendonrepro.reporting.command import page
+from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import MAIN, in_words
@@ -41,7 +41,7 @@ def test_the_ten_claims(made, ledger):
     assert len(head) == 3
     assert len(rows) == len(MAIN) == 10
     for row, name in zip(rows, MAIN, strict=True):
-        said = [f"{in_words(name)} {ledger[name]['where']}", claims.ours(ledger[name])]
+        said = [f"{in_words(name)} {ledger[name]['where']}", contents.ours(ledger[name])]
         assert [plain(cell) for cell in row[:2]] == said
         assert row[2].startswith(VERDICTS[ledger[name]["verdict"]])
 
@@ -50,26 +50,27 @@ def test_every_verdict_stands_once_with_its_evidence(made, ledger):
     entries = [entry for entry in ledger.values() if entry["repeats"] is None or entry["kind"] == "ensemble"]
     verdicts, evidence = made.one(id="claims").all("details")
     _, *rows = verdicts.one("table").cells()
-    assert [plain(row[1]) for row in rows] == [claims.ours(entry) for entry in entries]
+    assert [plain(row[1]) for row in rows] == [contents.ours(entry) for entry in entries]
     shares = [percent(part["share"]) for part in ledger["C1"]["evidence"]["statements"]]
-    assert [share for _, share in claims.statements(ledger["C1"])][:-1] == shares
-    assert len(evidence.all("table")) == sum(bool(claims.statements(entry)) for entry in entries)
+    assert [share for _, share in contents.statements(ledger["C1"])][:-1] == shares
+    assert len(evidence.all("table")) == sum(bool(contents.statements(entry)) for entry in entries)
 
 
 def test_every_verdict_has_words(ledger):
     assert {one.verdict for one in judge_all(Sources())} <= VERDICTS.keys()
     assert (
-        claims.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
+        contents.named(ledger["table2.controller_1.mae.joint_2"])
+        == "error, Controller 1, MAE, joint 2: 0.261°"
     )
-    assert "controller_" not in " ".join(claims.named(entry) for entry in ledger.values())
+    assert "controller_" not in " ".join(contents.named(entry) for entry in ledger.values())
 
 
 def test_the_table_of_what_it_depends_on(made, found):
     changes, depends = made.one(id="why").all("table")
     assert len(changes.cells()) == 4
     head, *rows = depends.cells()
-    assert tuple(head) == answer.HEADS
-    assert [tuple(map(plain, row)) for row in rows] == answer.robustness(found.summary)
+    assert tuple(head) == contents.ROBUSTNESS_HEADS
+    assert [tuple(map(plain, row)) for row in rows] == contents.robustness(found.summary)
 
 
 def test_nothing_is_loaded_from_elsewhere(made, text):

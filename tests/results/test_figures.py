@@ -14,6 +14,7 @@ import pytest
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
+from support.measured_synthetic import with_runs
 from support.synthetic import S, make_compare_file, make_decouple_file
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
@@ -56,10 +57,6 @@ def legend_texts(artists: FigureArtists) -> list[str]:
 
 def values(line: Line2D) -> np.ndarray:
     return np.asarray(line.get_ydata())
-
-
-def with_run(file: TraceFile, trace: Trace) -> TraceFile:
-    return replace(file, runs={**file.runs, trace.name: trace})
 
 
 def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
@@ -237,7 +234,7 @@ def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
     assert np.ptp(values(drawn("fig06").lines["b", "Joint 2"])) > 10.0
     trace = decouple_file().runs["pull_tendon_1"]
     still = replace(trace, variables={name: np.zeros_like(value) for name, value in trace.variables.items()})
-    resting = draw(6, with_run(decouple_file(), still))
+    resting = draw(6, with_runs(decouple_file(), pull_tendon_1=still))
     assert resting.axes["b"].get_title(loc="right") == "", "no slope when nothing moved"
 
 
@@ -347,7 +344,7 @@ def test_a_run_of_a_single_sample_can_be_drawn(number: int) -> None:
 
 def test_a_law_of_the_users_own_joins_the_others_and_ringing_is_said() -> None:
     own = with_status(replace(compare_file().runs["controller_1"], name="own_law"), "ringing")
-    artists = draw(15, with_run(compare_file(), own))
+    artists = draw(15, with_runs(compare_file(), own_law=own))
     assert legend_texts(artists)[:4] == [*THREE, "Own law (ringing)"]
     (line,) = (line for (letter, name), line in artists.lines.items() if letter == "c" and name not in THREE)
     assert line.get_color() == SERIES[3].colour
@@ -363,7 +360,7 @@ def test_figure_15_has_the_bound_of_section_4_3() -> None:
     lam = np.asarray(run.attributes["gains"]["lam"])
     bounds = np.abs(run["epsilon"][:-1]).max(axis=0) / lam
     unknown = np.vstack([run["epsilon"][:-1], [[1e3, 1e3]]])
-    artists = draw(15, with_run(compare_file(), with_status(run, "ok", epsilon=unknown)))
+    artists = draw(15, with_runs(compare_file(), controller_1=with_status(run, "ok", epsilon=unknown)))
     for letter, bound in zip("ab", bounds, strict=True):
         note = artists.axes[letter].get_title(loc="right")
         assert f"{bound:.2g}$ rad/s" in note

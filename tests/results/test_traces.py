@@ -3,22 +3,26 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copy
 
 import h5py
 import netCDF4
 import numpy as np
+import pandas as pd
 import pytest
 import xarray
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
+from scipy.io import loadmat
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import sha256_of
+from tendonrepro.results import traces
 from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.traces import read_traces, write_traces
+from tendonrepro.results.traces import export_traces, read_traces, write_traces
 
 Array = NDArray[np.float64]
 
@@ -152,6 +156,58 @@ def test_another_layout_is_named(tmp_path: Path) -> None:
     path = write_traces_to(tmp_path, dataclasses.replace(COMPARE, runs={}, schema_version=7))
     with pytest.raises(DataMissingError, match="7"):
         read_traces(path)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, compare_path: Path) -> Path:
+    copy(compare_path, tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_table_holds_every_sample(folder: Path, form: str) -> None:
+    path = export_traces(folder, form)
+    assert path == folder / f"traces.{form}"
+    table = pd.read_csv(path) if form == "csv" else pd.read_parquet(path)
+    for name, trace in COMPARE.runs.items():
+        rows = table[table.run == name]
+        for k, joint in enumerate(trace.joint):
+            own = rows[rows.joint == joint]
+            np.testing.assert_array_equal(own.time, trace.time)
+            for key, values in trace.variables.items():
+                np.testing.assert_array_equal(own[key], values[:, k])
+
+
+def test_matlab_structures(folder: Path) -> None:
+    held = loadmat(export_traces(folder / "traces.h5", "mat", folder / "mine.mat"), simplify_cells=True)
+    for name, trace in COMPARE.runs.items():
+        np.testing.assert_array_equal(held[name]["time"], trace.time)
+        np.testing.assert_array_equal(held[name]["joint"], trace.joint)
+        assert held[name]["status"] == trace.status
+        for key, values in trace.variables.items():
+            np.testing.assert_array_equal(held[name][key], values)
+    assert held["units"]["time"] == "s"
+    assert held["units"]["tau_m"] == "N m"
+
+
+def test_what_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = export_traces(folder, "csv")
+    target.write_text("mine")
+    with pytest.raises(UsageError, match="is there already"):
+        export_traces(folder, "csv")
+    assert target.read_text() == "mine"
+    assert export_traces(folder, "csv", force=True).stat().st_size > 1000
+    with pytest.raises(UsageError, match="must be one of csv, parquet, mat, found 'xlsx'"):
+        export_traces(folder, "xlsx")
+    with pytest.raises(UsageError, match=r"of the format mat ends in \.mat, found"):
+        export_traces(folder, "mat", folder / "g.csv")
+    with pytest.raises(DataMissingError, match=r"nothing\.h5"):
+        export_traces(folder / "nothing.h5", "csv")
+    monkeypatch.setattr(traces, "find_spec", lambda _: None)
+    with pytest.raises(UsageError, match="pyarrow") as caught:
+        export_traces(folder, "parquet")
+    assert "tendonrepro[parquet]" in str(caught.value.hint)
+    assert sorted(path.name for path in folder.iterdir()) == ["traces.csv", "traces.h5"]
 
 
 def test_a_variable_that_was_not_recorded() -> None:

@@ -18,8 +18,8 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import simulate_all, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
-from tendonrepro.results.manifest import make_manifest
 from tendonrepro.results.records import PlantRecord
+from tendonrepro.results.store import make_manifest
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.command import closest_window, measured_tables, run_validate, table_data
 from tendonrepro.verdicts.measured import Measured, measured_of

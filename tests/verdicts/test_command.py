@@ -11,8 +11,7 @@ from support.synthetic import FEW, make_compare_file
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
-from tendonrepro.results.store import TRACES
-from tendonrepro.results.traces import write_traces
+from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims

@@ -27,8 +27,9 @@ from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import PAGE_MM, imprint, journal_style, open_figure, settle, stroke_of
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
-from tendonrepro.results.store import refuse_existing, stored_traces
+from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.summary import tensions
+from tendonrepro.results.traces import read_traces
 
 RATE = 10
 """Pictures per second of a film."""
@@ -71,7 +72,7 @@ def animate(
     DataMissingError
         If the traces cannot be read or do not say where the tendons go.
     """
-    file = stored_traces(source)
+    file = read_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
     target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"

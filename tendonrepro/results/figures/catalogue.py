@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
-from tendonrepro.results.figures import compare, decouple
+from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
 from tendonrepro.results.records import Trace, TraceFile
@@ -115,7 +115,7 @@ def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        partial(decouple.draw_angles, variables=("q_motor_encoder", "q_encoder")),
+        partial(paper.draw_angles, variables=("q_motor_encoder", "q_encoder")),
         "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
         "3.1 the opposite way.",
         ("q_motor_encoder", "q_encoder"),
@@ -124,14 +124,14 @@ FIGURES: dict[str, FigureSpec] = {
         joints=(1, 2),
     ),
     "fig09": FigureSpec(
-        partial(decouple.draw_angles, variables=("q_motor_encoder",)),
+        partial(paper.draw_angles, variables=("q_motor_encoder",)),
         "Angles of the three motors.",
         ("q_motor_encoder",),
         ("decouple",),
     ),
     **{
         f"fig{9 + joint:02d}": FigureSpec(
-            partial(decouple.draw_joint, joint=joint),
+            partial(paper.draw_joint, joint=joint),
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
             ("q_calculated", "q_encoder"),
             ("decouple",),
@@ -140,7 +140,7 @@ FIGURES: dict[str, FigureSpec] = {
         for joint in (1, 2, 3)
     },
     "fig13": FigureSpec(
-        compare.draw_motors,
+        paper.draw_motors,
         "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
         "The paper does not say with which controller: here Controller 1.",
         ("q_encoder", "q_d"),
@@ -148,21 +148,21 @@ FIGURES: dict[str, FigureSpec] = {
         plant=("S_inv",),
     ),
     "fig14": FigureSpec(
-        compare.draw_tracking,
+        paper.draw_tracking,
         f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
         ("q_encoder", "e"),
         some=True,
     ),
     "fig15": FigureSpec(
-        compare.draw_law,
+        paper.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"centred {compare.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
-        f"{compare.RIPPLE_WINDOW:g} s; below raw samples of {compare.ZOOM * 1e3:g} ms, at the grey line.",
+        f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
+        f"{paper.RIPPLE_WINDOW:g} s; below raw samples of {paper.ZOOM * 1e3:g} ms, at the grey line.",
         ("s", "H_hat", "tau_m"),
         some=True,
     ),
     "fig16": FigureSpec(
-        compare.draw_payload,
+        paper.draw_payload,
         "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
         f"{_MAE}. {_ERRORS}",
         ("q_encoder", "e"),

@@ -1,10 +1,16 @@
-"""What findings.md and the report say of a stored ensemble: words with slots, and a table."""
+"""What the report says, and findings.md and tables.md too: the answer, claims in words, what is assumed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.verdicts.judge import SHARE
+from tendonrepro.verdicts.report import number_in_words
 
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
@@ -33,8 +39,40 @@ CHANGED = {
 }
 """Readings of the ensemble that the picture and the table of findings show, and what a reader calls them."""
 
-HEADS = ("interpretation", "plants", "published order", "Controller 1 first", "reverse order", "error 1 / 2")
+ROBUSTNESS_HEADS = (
+    "interpretation",
+    "plants",
+    "published order",
+    "Controller 1 first",
+    "reverse order",
+    "error 1 / 2",
+)
 """Heads of `robustness`; the last is the median ratio of the MAE of Controllers 1 and 2 on joint 2."""
+
+BOX_HEADS = ("Row", "Range or choices", "Nominal", "Unit", "Scale", "Confidence", "From")
+VALUE_HEADS = ("Key", "Value", "Unit", "Origin", "Why")
+"""Heads of `box_rows` and `value_rows`."""
+
+_UNITS = {"%": " %", "deg": "°"}
+_WORDS = {
+    "@sampling_period=([.0-9]+)ms": r" at L = \1 ms",
+    "@M_bar=halved": " with half M̄",
+    "(controller_1_|Controller 1 )payload": "Controller 1 with payload",
+    "controller_": "Controller ",
+    "is ok\\b": "is stable",
+    "as printed": "as published",
+    "t - 2L": "t − 2L",
+    "epsilon": "ε",
+    "H_hat": "Ĥ",
+    "M_bar": "M̄",
+    "gamma_": "γ",
+    "Omega": "Ω",
+    "alpha": "α",
+    "phi": "φ",
+    "Delta": "Δ",
+    "D_(in|n)": r"D \1",
+}
+"""What stands in a claim or statement, and what a reader sees."""
 
 
 def by_name(summary: Mapping[str, Any], population: str = "box") -> dict[str, Mapping[str, Any]]:
@@ -104,3 +142,74 @@ def percent(share: float | None) -> str:
         texts = (f"{value:.{digits}g} %" for digits in (3, 4))
         return next((text for text in texts if text != "100 %"), "over 99.99 %")
     return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
+
+
+def named(entry: Mapping[str, Any]) -> str:
+    """A claim in its words; a number by its name and value."""
+    if "." not in entry["id"]:
+        return in_words(entry["printed"])
+    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{_UNITS.get(entry['unit'], '')}")
+
+
+def ours(entry: Mapping[str, Any]) -> str:
+    """What came out here."""
+    evidence, value, unit = entry["evidence"], entry["ours"], _UNITS.get(entry["unit"], "")
+    if evidence.get("missing"):
+        return in_words(f"missing: {evidence['missing']}")
+    if entry["unit"] == SHARE and value is not None:
+        favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
+        return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
+    if box := evidence.get("box"):
+        low, high = (f"{box[key]:.3g}".replace("-", "−") for key in ("low", "high"))
+        return f"median {box['median']:.3g}{unit}, central 90 % {low} to {high}{unit}"
+    if value is None:
+        return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
+    return f"{value:.4g}{unit}"
+
+
+def in_words(statement: str) -> str:
+    """A statement with symbols and words for the program's names."""
+    for name, word in _WORDS.items():
+        statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
+    return statement
+
+
+def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Parts of a claim, and the share of plants on which each holds."""
+    evidence = entry["evidence"]
+    held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
+    return [(in_words(one["statement"]), percent(one["share"])) for one in held if one]
+
+
+def box_rows() -> Iterator[tuple[str, ...]]:
+    """Yield the ranges that plants are drawn from, from the shipped ensemble, as `BOX_HEADS`."""
+    for name, row in load_ensemble(None).config.box:
+        held = {"unit": "–", "scale": "choice"} | row.model_dump()
+        extent = ", ".join(map(_short, held.get("choices", ()))) or f"{held['low']:g} to {held['high']:g}"
+        texts = [held[key] for key in ("unit", "scale", "confidence", "source")]
+        yield f"`{name}`", extent, _short(held["nominal"]), *texts
+
+
+def _short(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Quantities of a configuration by their keys."""
+    if isinstance(tree, dict) and {"value", "unit", "source"} <= tree.keys():
+        yield ".".join(path), tree
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from quantities(value, (*path, str(key)))
+
+
+def value_rows(trees: Sequence[Any]) -> list[tuple[str, ...]]:
+    """Quantities of some configurations, as `VALUE_HEADS`; of each key the first."""
+    held: dict[str, Mapping[str, Any]] = {}
+    for key, quantity in (pair for tree in trees for pair in quantities(tree)):
+        held.setdefault(key, quantity)
+    rows: list[tuple[str, ...]] = []
+    for key, quantity in held.items():
+        origin, _, why = quantity["source"].partition(": ")
+        rows.append((f"`{key}`", json.dumps(quantity["value"]), quantity["unit"], origin, why))
+    return rows

@@ -1,16 +1,18 @@
-"""Figures of the comparison of controllers: 13 to 16."""
+"""Figures of the paper: 6 and 9 to 12 of the decoupling experiment, 13 to 16 of the comparison."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import max_abs, rmse, window_mean
+from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
+from tendonrepro.results.paper import of_paper
 from tendonrepro.results.paper_tables import error_columns
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, run_title
@@ -28,10 +30,58 @@ Encoder counts come as lone pulses near standstill; in a narrow window the edges
 ZOOM = 0.1
 """Time shown of raw samples, s."""
 
+_ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
+
+
+def draw_angles(file: TraceFile, traces: list[Trace], *, variables: Sequence[str]) -> Canvas:
+    """Figures 6 and 9: angles of all motors; where motor 1 turns alone those of all joints, too."""
+    (trace,) = traces
+    names = [_ANGLES[variable] for variable in variables]
+    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in names]
+    canvas = Canvas(COLUMN_MM, 18.0 + 40.0 * len(names), labels)
+    for letter, name, variable in zip(canvas.axes, names, variables, strict=True):
+        for joint in trace.joint:
+            values, label = _degrees(trace, variable, joint), f"{'/'.join(names).capitalize()} {joint}"
+            canvas.curve(letter, f"{name} {joint}", trace.time, values, stroke_of(joint), label=label)
+    if "q_encoder" in variables:
+        canvas.note("b", _slope(file, trace))
+    return canvas
+
+
+def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
+    """Figures 10 to 12: a joint's angle by the motors and by its encoder, and their difference."""
+    (trace,) = traces
+    labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
+    canvas = Canvas(COLUMN_MM, 92.0, labels)
+    calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
+    canvas.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
+    label = r"Calculated, $S\,q_\mathrm{motor}$"
+    canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
+    canvas.zero_line("b")
+    difference = calculated - encoder
+    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1))
+    beside = "\nthe paper gives no value" if of_paper(file) else ""
+    canvas.note("b", f"MAE {rounded(float(mae(difference)), '.4f')}°{beside}")
+    return canvas
+
+
+def _slope(file: TraceFile, trace: Trace) -> str:
+    """Slope of joint 2 over joint 1, beside the coupling's."""
+    S = file.plant.matrix("S", (1, 2))
+    first, second = (_degrees(trace, "q_encoder", joint) for joint in (1, 2))
+    first, second = first - first[0], second - second[0]
+    if not first.any():
+        return ""
+    slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
+    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}"
+
+
+def _degrees(trace: Trace, name: str, joint: int) -> Array:
+    return np.rad2deg(trace[name][:, trace.joint.index(joint)])
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
