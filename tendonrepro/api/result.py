@@ -6,7 +6,7 @@ import html
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +43,7 @@ class Result:
     _file: TraceFile | None = None
     _folder: Path | None = None
 
-    @property
+    @cached_property
     def data(self) -> dict[str, Any]:
         """The numbers that ``--json`` prints."""
         return dict(self._outcome.data)
@@ -97,7 +97,7 @@ class Result:
         drawings = self._drawings
         stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
         if stem not in drawings:
-            message = f"{self.command} draws no figure {name}"
+            message = f"this result of {self.command} has no figure {name}"
             raise UsageError(message, hint=f"figures: {', '.join(drawings) or 'none'}")
         return drawings[stem]().figure
 

@@ -171,7 +171,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
 def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
     """Statistics that the signals of a run allow, SI, (n,) each; NaN where a phase has no sample.
 
-    :mod:`tendonrepro.simulation.streaming` says what each means. Missing samples are left out one by one.
+    `tendonrepro.simulation.streaming` says what each means. Missing samples are left out one by one.
 
     Parameters
     ----------

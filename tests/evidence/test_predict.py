@@ -14,6 +14,7 @@ from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import predict
+from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import (
     EXPERIMENTS,
     FIRST,
@@ -95,6 +96,15 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
     assert [*told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"])["x"]] == [("a", "c")]
     other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
     assert told_apart([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
+
+
+def test_each_panel_shows_the_ratios_of_its_joint() -> None:
+    numbers = {2: {"low": 0.6, "median": 0.8, "high": 0.9}, 3: {"low": 1.1, "median": 1.3, "high": 1.6}}
+    ratios = [{"reading": "printed", "joint": joint, **held} for joint, held in numbers.items()]
+    panels = draw_predictions([{"about": "x", "ratios": ratios}], ["printed"], [2, 3]).axes
+    for panel, held in zip(panels, numbers.values(), strict=True):
+        _, span, middle = (list(line.get_xdata()) for line in panel.lines)
+        assert [*span, *middle] == [held["low"], held["high"], held["median"]]
 
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Code on lanes does what the functions do that it was made from."""
+"""Code on lanes does what the functions do that it was made from, and is kept where it can be."""
 
 from __future__ import annotations
 
