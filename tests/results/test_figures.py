@@ -39,7 +39,7 @@ every_figure = pytest.mark.parametrize("name", list(FIGURES))
 
 
 def source(name: str) -> TraceFile:
-    return decouple_file() if name < "fig13" else compare_file()
+    return decouple_file() if name in available(decouple_file()) else compare_file()
 
 
 @cache
@@ -68,7 +68,8 @@ def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
 
 
 def test_each_experiment_gives_its_figures() -> None:
-    assert available(decouple_file()) + available(compare_file()) == list(FIGURES) == sorted(UNITS)
+    assert available(decouple_file()) + available(compare_file()) == list(FIGURES)
+    assert [name for name in FIGURES if name.startswith("fig")] == sorted(UNITS)
 
 
 @pytest.mark.parametrize("name", UNITS)

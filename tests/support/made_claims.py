@@ -69,7 +69,7 @@ class MadeEnsemble:
             "overshoot": 0.001 * size * rise,
             "epsilon_max": 0.8 * size * np.ones(2),
             "s_max": 0.05 * size * np.ones(2),
-            "max_error": 0.01 * size * np.ones(2),
+            "max_error": 0.01 * size * rise,
             "rate_max": 0.05 * size * np.ones(2),
         }
         for place, name in enumerate(SIZES, start=1):

@@ -56,7 +56,7 @@ class Canvas:
         self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
         self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
-        x_labels = [""] * (sharing - 1) + ["Time (s)", *apart]
+        x_labels = ["Time (s)" if row == sharing - 1 else "" for row in range(sharing)] + [*apart]
         for (letter, axes), ((row, column), _), (title, y_label) in zip(
             self.axes.items(), np.ndenumerate(grid), texts, strict=True
         ):

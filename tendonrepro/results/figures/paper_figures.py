@@ -92,7 +92,7 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
     encoders = ", simulated encoders" if file.source == "simulated" else ""
-    canvas.note("a", f"{_controller_runs(traces)[0].label}{encoders}")
+    canvas.note("a", f"{controller_runs(traces)[0].label}{encoders}")
     canvas.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
@@ -106,7 +106,7 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
 
 def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 14, a column a joint: trajectories above, errors below, MAE beside that of Table 2."""
-    return _tracking(file, _controller_runs(traces))
+    return _tracking(file, controller_runs(traces))
 
 
 def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
@@ -115,7 +115,7 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(_DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
+        runs.append(DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
     return _tracking(file, runs)
 
 
@@ -123,8 +123,8 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m."""
     rows = {"s": r"$s$ (rad/s)", "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": r"Torque $\tau_m$ (N m)"}
     near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
-    runs = _controller_runs(traces)
-    joints = _joints(runs)
+    runs = controller_runs(traces)
+    joints = joints_of(runs)
     raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
     labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
     labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
@@ -145,9 +145,9 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
     return canvas
 
 
-def _bound_of_s(runs: list[_DrawnRun], joint: int) -> str:
+def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
     """Bound of section 4.3 on s of Controller 1: max |epsilon| over lambda."""
-    for run in _holding(runs, "epsilon", joint):
+    for run in that_hold(runs, "epsilon", joint):
         # Of a measured run the gains are not known.
         gains = run.trace.attributes["gains"]
         if run.trace.name == "controller_1" and "lam" in gains:
@@ -159,7 +159,7 @@ def _bound_of_s(runs: list[_DrawnRun], joint: int) -> str:
 
 
 @dataclass(frozen=True)
-class _DrawnRun:
+class DrawnRun:
     """A run with the name and look it has in a figure."""
 
     trace: Trace
@@ -168,10 +168,12 @@ class _DrawnRun:
 
     @property
     def label(self) -> str:
+        """Text of the legend, with the status of a run that is not ok."""
         return self.name if self.trace.status == "ok" else f"{self.name} ({self.trace.told_status})"
 
     @property
     def diverged(self) -> bool:
+        """Whether the run ended in a divergence."""
         return self.trace.status == "diverged"
 
     def values(self, variable: str, joint: int) -> Array:
@@ -180,24 +182,26 @@ class _DrawnRun:
         return np.rad2deg(found) if VARIABLES[variable][0] == "rad" else found
 
 
-def _controller_runs(traces: list[Trace]) -> list[_DrawnRun]:
+def controller_runs(traces: list[Trace]) -> list[DrawnRun]:
     """Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
     names = [*CONTROLLERS, *(trace.name for trace in traces if trace.name not in CONTROLLERS)]
-    return [_DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
+    return [DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
 
 
-def _holding(runs: list[_DrawnRun], variable: str, joint: int) -> list[_DrawnRun]:
+def that_hold(runs: list[DrawnRun], variable: str, joint: int) -> list[DrawnRun]:
+    """Runs with a variable of a joint."""
     return [run for run in runs if variable in run.trace and joint in run.trace.joint]
 
 
-def _joints(runs: list[_DrawnRun]) -> list[int]:
+def joints_of(runs: list[DrawnRun]) -> list[int]:
+    """Every joint that a run holds."""
     return sorted({joint for run in runs for joint in run.trace.joint})
 
 
-def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
-    joints = _joints(runs)
+def _tracking(file: TraceFile, runs: list[DrawnRun]) -> Canvas:
+    joints = joints_of(runs)
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
-    fuzzy = {joint for joint in joints for run in _holding(runs, "e", joint) if _is_fuzzy(run, joint)}
+    fuzzy = {joint for joint in joints for run in that_hold(runs, "e", joint) if _is_fuzzy(run, joint)}
     averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
     labels = [
         [(f"Joint {joint}{averaged if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
@@ -216,18 +220,18 @@ def _tracking(file: TraceFile, runs: list[_DrawnRun]) -> Canvas:
     return canvas
 
 
-def _is_fuzzy(run: _DrawnRun, joint: int) -> bool:
+def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
     """Whether much of an error is from sample to sample; raw, one run would cover the others."""
     error = run.values("e", joint)
     _, _, ripple = averaged_curve(run.trace.time, error)
     return not run.diverged and bool(rmse(ripple) > _FUZZY * rmse(error))
 
 
-def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
+def _errors_note(file: TraceFile, runs: list[DrawnRun], joint: int) -> str:
     """MAE of the runs, of the paper, and of plausible plants."""
     ours = "ours" if file.source == "simulated" else "measured"
     rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
-    holding = _holding(runs, "e", joint)
+    holding = that_hold(runs, "e", joint)
     for run in holding:
         place = run.trace.joint.index(joint)
         sizes = {name: float(held[place]) for name, held in error_columns(file, run.trace).items()}
@@ -240,19 +244,19 @@ def _errors_note(file: TraceFile, runs: list[_DrawnRun], joint: int) -> str:
     return "\n".join([f"MAE (deg) of {names}", *lines]) if lines else ""
 
 
-def _desired(canvas: Canvas, letter: str, runs: list[_DrawnRun], joint: int) -> None:
+def _desired(canvas: Canvas, letter: str, runs: list[DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
-    if holding := _holding(runs, "q_d", joint):
+    if holding := that_hold(runs, "q_d", joint):
         longest = max(holding, key=lambda run: run.trace.time[-1])
         values = longest.values("q_d", joint)
         canvas.curve(letter, "Desired", longest.trace.time, values, REFERENCE, label="Desired")
 
 
 def _curves(
-    canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int, *, averaged: bool
+    canvas: Canvas, letter: str, runs: list[DrawnRun], variable: str, joint: int, *, averaged: bool
 ) -> None:
     """Draw a variable of every run, as it is or as a mean over the band of its ripple."""
-    for run in _holding(runs, variable, joint):
+    for run in that_hold(runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         if averaged:
             time, values, ripple = averaged_curve(time, values)
@@ -261,7 +265,7 @@ def _curves(
         canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
 
 
-def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
+def _near(runs: list[DrawnRun], joint: int) -> tuple[float, float]:
     """Span of time where the desired angle of the longest run rises fastest."""
     longest = max((run.trace for run in runs), key=lambda trace: float(trace.time[-1]))
     time, start = longest.time, float(longest.time[0])
@@ -272,12 +276,12 @@ def _near(runs: list[_DrawnRun], joint: int) -> tuple[float, float]:
     return start, start + ZOOM
 
 
-def _raw_samples(canvas: Canvas, letter: str, runs: list[_DrawnRun], variable: str, joint: int) -> None:
+def _raw_samples(canvas: Canvas, letter: str, runs: list[DrawnRun], variable: str, joint: int) -> None:
     """Draw every sample of a short span; a torque is held from one to the next."""
     start, end = _near(runs, joint)
     canvas.zero_line(letter)
     canvas.axes[letter].set_xlim(start, end)
-    for run in _holding(runs, variable, joint):
+    for run in that_hold(runs, variable, joint):
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
