@@ -83,13 +83,13 @@ def test_a_worker_that_dies_is_an_error_not_a_wait() -> None:
 
 
 # Neither a main guard nor an importable function: a script or a console has none.
-SLEEPERS = """
+SLEEPERS = r"""
 import os, time
 from tendonrepro.parallel import workers
 
 
 def work(item):
-    print(os.getpid(), flush=True)
+    os.write(1, b"%d\n" % os.getpid())  # whole, where print may write the line's end later
     time.sleep(600)
 
 
