@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import atomic_path
+from tendonrepro.files import atomic_path, refuse_existing
 from tendonrepro.results.records import (
     RESERVED,
     SCHEMA_VERSION,
@@ -21,7 +21,6 @@ from tendonrepro.results.records import (
     Trace,
     TraceFile,
 )
-from tendonrepro.results.store import refuse_existing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -168,8 +167,9 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
-    target = out or (source / TRACES if source.is_dir() else source).with_suffix(f".{form}")
-    refuse_existing(target, force=force)
+    path = source / TRACES if source.is_dir() else source
+    target = out or path.with_suffix(f".{form}")
+    refuse_existing(target, force=force, inputs=[path])
     file = read_traces(source)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)
