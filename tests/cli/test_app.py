@@ -111,6 +111,21 @@ def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(tmp_path:
     assert (tmp_path / "out" / "traces.h5").read_text() == "without a manifest"
 
 
+def test_a_limit_of_the_size_of_files_is_a_sentence_and_the_old_result_stays(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="Windows has no such limits")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "earlier.json").write_text("old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        words = ["compare", "--controllers", "2", *SHORT, "--out", "out", "--force"]
+        error = answer(*words, cwd=tmp_path, code=1)["error"]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "traces.h5" in error["message"]
+    assert [path.read_text() for path in tmp_path.rglob("*") if path.is_file()] == ["old"]
+
+
 @pytest.mark.slow
 def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> None:
     words = [*SHORT, "--set", "control.readings.gain_unit=law_in_degrees", "--out", "out"]
