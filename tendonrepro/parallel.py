@@ -9,7 +9,8 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from queue import Empty
 from typing import Any, TypeAlias, TypeVar
 
 from tendonrepro.errors import TendonreproError
@@ -47,7 +48,12 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
         yield map
         return
     with _processes(jobs) as executor:
-        yield executor.map
+
+        def start(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+            begun = [executor.submit(function, item) for item in items]
+            return (one.result() for one in begun)
+
+        yield start
 
 
 def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Iterator[Result]:
@@ -99,8 +105,20 @@ def _processes(jobs: int) -> Iterator[Executor]:
         hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
+        _forget_waiting(executor)
         # After an interrupt nobody waits for the rest.
         executor.shutdown(kill_workers=True)
+
+
+def _forget_waiting(executor: Any) -> None:
+    """Empty the queue of what no worker has begun.
+
+    An executor that ends early drops the tasks, but not their numbers. Its thread would look for the first
+    one and die with a traceback. loky has no public way to say this.
+    """
+    with suppress(Empty):
+        while True:
+            executor._work_ids.get_nowait()
 
 
 @contextmanager
