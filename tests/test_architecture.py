@@ -31,7 +31,6 @@ FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 OWNERS = {
     "llvmlite": ["simulation/codegen/machine.py"],
-    "platformdirs": ["simulation/codegen/cache.py"],
     "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
     "yaml": ["configuration/strict_yaml.py"],

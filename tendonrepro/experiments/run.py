@@ -35,11 +35,7 @@ def simulate_all(
     start: Start = map,
 ) -> list[list[Trace]]:
     """Simulate every run of every configuration, by what `workers` yields; one that diverged ends early."""
-    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
-
     loops = [all_loops(*one) for one in asked]
-    if NOTHING_COMPILED:
-        talk.note("compiling once for this machine, a few seconds")
     if solver == "compiled":
         return [_simulate_together(one[0], named, talk) for one, named in zip(asked, loops, strict=True)]
     runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
