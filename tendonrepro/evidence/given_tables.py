@@ -1,6 +1,6 @@
 """How probable each interpretation of the paper is, given the published tables.
 
-Ratios between runs tell interpretations apart. The size of an error tells nothing, because the arm is unknown.
+Ratios between runs tell interpretations apart. The size of an error tells nothing: the arm is unknown.
 The density of the ratios under an interpretation is that of its stable plants, each with the noise of a
 measurement (a kernel density). Equal priors and Bayes' rule give probabilities.
 
@@ -58,7 +58,7 @@ class Calibration:
 class Given:
     """Interpretations, given the published tables, and how well such a naming does on plants left out.
 
-    `names` (K,) and their `probability`; `plants` (K,) are stable in all runs and were used. `accuracy` is that
+    `names` (K,) and their `probability`; `plants` (K,) are stable in all runs. `accuracy` is that
     over held-out plants, `sure` the share that is named with `SURE` or more, `accuracy_when_sure` that among
     these. `confused` (K, K) has the share of a row's plants that is named as each column.
 
