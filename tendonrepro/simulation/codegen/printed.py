@@ -26,8 +26,8 @@ ALPHABET = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 class Dialect:
     """What languages of the family write differently.
 
-    ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of a
-    comparison.
+    ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
+    a comparison.
     """
 
     head: str
