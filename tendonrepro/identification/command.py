@@ -152,16 +152,9 @@ def run_identify(
         For an unknown reading, no effort, or a folder with other results.
     """
     folder = request.folder("identify")
-    least_one = {
-        "generations": generations,
-        "population": population,
-        "seeds": seeds,
-        "unknowns": unknowns,
-        "jobs": abs(jobs),
-    }
-    for option, value in least_one.items():
-        if value < 1:
-            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
+    _check_at_least_one(
+        generations=generations, population=population, seeds=seeds, unknowns=unknowns, jobs=abs(jobs)
+    )
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     base = loaded.base
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
@@ -201,6 +194,13 @@ def run_identify(
         return replace(report.outcome(data), manifest=made)
 
     return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
+
+
+def _check_at_least_one(**options: int) -> None:
+    """Refuse an option below 1, or a UsageError."""
+    for option, value in options.items():
+        if value < 1:
+            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
 
 
 def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
