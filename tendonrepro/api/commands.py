@@ -190,6 +190,7 @@ def identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
+    unknowns: int = 10,
     jobs: int = -1,
     out: str | Path = "reports/identify",
     force: bool = False,
@@ -202,6 +203,8 @@ def identify(
         ``controller_2``, or ``all`` sixteen numbers.
     generations, population, seeds : int
         Of each search, members of a generation, and searches of a reading.
+    unknowns : int
+        Parameters that are searched at most, those that move the fitted numbers most.
     config, readings, jobs, out, force
         As of `ensemble`.
     """

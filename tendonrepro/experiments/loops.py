@@ -73,7 +73,7 @@ def build_reference(
 
 def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
     if isinstance(reference, Sampled):
-        return _sampled_motions(folder / reference.file, joints)
+        return _sampled_motions(folder / reference.file, joints, reference.interpolation)
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
         return [_motions(single, (joint,), folder)[0] for single, joint in parts]
@@ -94,6 +94,8 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.raised_cosine(amplitude, reference.period.si)
         case "minimum_jerk":
             return trajectory.minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
+        case "ramp":
+            return trajectory.ramp(amplitude, reference.rise.si, reference.hold.si)
         case "sine":
             offset = float(reference.offset.si[i])
             return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
@@ -104,8 +106,9 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.trapezoidal(amplitude, *limits, hold)
 
 
-def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
-    time, angles = read_samples(path)
+def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
+    time, angles = read_samples(path, interpolation)
+    through = {"quintic": trajectory.sampled, "linear": trajectory.straight_lines}[interpolation]
     for joint in joints:
         if joint not in angles:
             message = f"has no column for joint {joint}"
@@ -113,7 +116,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
         if start := np.rad2deg(angles[joint][0]):
             message = f"joint {joint} starts at {start:g} deg; it must start at 0, the start posture"
             raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
-    return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+    return [Motion((through(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:

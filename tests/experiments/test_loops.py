@@ -222,6 +222,16 @@ class TestReference:
         pattern = [[1, 0], [0, 1], [1, 1]] * 2
         np.testing.assert_allclose(np.rad2deg(moves), pattern * np.array([10.0, 20.0]), rtol=1e-9)
 
+    def test_ramp_and_its_corners_in_a_file_are_one_motion(self, tmp_path):
+        of_ramp = reference(f"reference={motion('ramp', [10, 20], rise=0.5, hold=0.25)}")
+        path = tmp_path / "corners.csv"
+        path.write_text("time_s,q2_deg,q3_deg\n0,0,0\n.5,10,20\n.75,10,20\n1.25,0,0\n1.5,0,0\n")
+        of_file = reference(f"reference={{kind: sampled, file: '{path}', interpolation: linear}}")
+        assert (of_ramp.period, of_file.period) == (1.5, 0.0)
+        for name in ("time", "q_d", "dq_d", "ddq_d"):
+            np.testing.assert_allclose(getattr(of_file, name), getattr(of_ramp, name), atol=1e-12)
+        np.testing.assert_allclose(np.rad2deg(of_ramp.dq_d[0]), [20.0, 40.0], rtol=1e-12)
+
     def test_per_joint(self):
         parts = (
             motion("raised_cosine", [10], period=1, periods=2),
