@@ -278,11 +278,12 @@ def _examined() -> dict[str, Any]:
     from tendonrepro.configuration.load import load_config
     from tendonrepro.configuration.published import published
     from tendonrepro.results.store import environment
-    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
+    from tendonrepro.simulation.codegen.machine import assembled, vector_code
 
     loads: dict[str, Callable[[], Any]] = {
         "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
         "published numbers": published,
+        "compiler": lambda: assembled(vector_code("nothing", {}, {}), "nothing"),
     }
     checks = dict.fromkeys(loads, "ok")
     for name, load in loads.items():
@@ -291,8 +292,6 @@ def _examined() -> dict[str, Any]:
         except Exception as error:
             checks[name] = f"wrong: {type(error).__name__}: {error}"
     well = {*checks.values()} == {"ok"}
-    later = "will be compiled at the first run, a few seconds"
-    checks["compiled code"] = later if NOTHING_COMPILED else "ok"
     head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
     return head | {"checks": checks, "well": well}
 
