@@ -39,7 +39,7 @@ NEAR = 2.001
 """Factor to which gains are the published ones, and a little, so that twice is inside."""
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
-OWN_GAINS = "The paper has no gains of these joints, so the gains are compared with the log's own configuration."
+OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
@@ -264,8 +264,8 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     published = load_config(None, "compare")
     assert isinstance(published.config, CompareConfig)
-    both = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
-    both = replace(file, runs={name: trace for name, trace in both.items() if {*trace.joint} & {*COMPARED}})
+    runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
+    both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
     if not any(read_logs(both, published.config)):
         return []
     return [_data(one) for one in recovered(both, published, talk)]
