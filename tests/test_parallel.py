@@ -15,14 +15,27 @@ import psutil
 import pytest
 from support.command import hear_interrupts
 
+from tendonrepro import parallel
 from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.parallel import as_ready, counted, interrupts_blocked, workers
 
 
-@pytest.fixture(params=[1, 2])
+@pytest.fixture(params=[(1, True), (2, True), (2, False)], ids=["alone", "copies", "started anew"])
 def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(os, "cpu_count", lambda: request.param)
-    return int(request.param)
+    count, copies = request.param
+    monkeypatch.setattr(parallel, "processors", lambda: count)
+    if not copies:
+        monkeypatch.setattr(parallel, "_can_fork", lambda: False)
+    return int(count)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity there")
+def test_jobs_respect_affinity() -> None:
+    only = f"{{{min(os.sched_getaffinity(0))}}}"
+    ask = "from tendonrepro.parallel import processors; print(processors())"
+    script = f"import os; os.sched_setaffinity(0, {only}); {ask}"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
 
 
 def work(offset: int, item: int) -> tuple[int, int]:
@@ -85,6 +98,7 @@ def test_a_worker_that_dies_is_an_error_not_a_wait() -> None:
 # Neither a main guard nor an importable function: a script or a console has none.
 SLEEPERS = r"""
 import os, time
+from tendonrepro import parallel
 from tendonrepro.parallel import workers
 
 
@@ -93,7 +107,7 @@ def work(item):
     time.sleep(600)
 
 
-os.cpu_count = lambda: 2
+parallel.processors = lambda: 2
 with workers() as start:
     list(start(work, [1, 2]))
 """
