@@ -10,8 +10,9 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from queue import Empty
 from typing import Any, TypeAlias, TypeVar
 
 from tendonrepro.errors import TendonreproError
@@ -144,8 +145,20 @@ def _processes(jobs: int) -> Iterator[Executor]:
         hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
+        _forget_waiting(executor)
         # After an interrupt nobody waits for the rest.
         executor.shutdown(kill_workers=True)
+
+
+def _forget_waiting(executor: Any) -> None:
+    """Empty the queue of what no worker has begun.
+
+    An executor that ends early drops the tasks, but not their numbers. Its thread would look for the first
+    one and die with a traceback. loky has no public way to say this.
+    """
+    with suppress(Empty):
+        while True:
+            executor._work_ids.get_nowait()
 
 
 @contextmanager

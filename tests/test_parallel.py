@@ -136,6 +136,55 @@ def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number:
     assert not alive
 
 
+# Far more pieces than the queue between the processes holds.
+PIECES = r"""
+import sys, time
+from tendonrepro import parallel
+from tendonrepro.parallel import as_ready, workers
+
+
+def work(item):
+    time.sleep(600 * (item > 0))
+
+
+def in_order(function, items):
+    with workers() as start:
+        yield from start(function, items)
+
+
+def as_they_come(function, items):
+    yield from as_ready(function, items, 2)
+
+
+parallel.processors = lambda: 2
+try:
+    for _ in globals()[sys.argv[1]](work, range(100)):
+        print("begun", flush=True)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")
+@pytest.mark.parametrize("way", ["in_order", "as_they_come"])
+def test_an_interrupt_says_nothing_of_work_that_waits(tmp_path: Path, way: str) -> None:
+    script = tmp_path / "pieces.py"
+    script.write_text(PIECES)
+    parent = subprocess.Popen(
+        [sys.executable, script, way],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+        start_new_session=True,
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "begun\n"
+    os.killpg(parent.pid, signal.SIGINT)
+    out, err = parent.communicate(timeout=60)
+    assert (parent.returncode, out, err) == (130, "", "")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no masks there")
 def test_an_interrupt_waits_for_the_end_of_a_block() -> None:
     before, done = signal.signal(signal.SIGINT, signal.default_int_handler), []
