@@ -48,7 +48,7 @@ OWNERS = {
     "matio": ["dataset/matlab.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
-    "filelock": ["results/store.py", "dataset/fetch.py"],
+    "filelock": ["results/place.py", "dataset/fetch.py"],
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/command.py"],
     "SALib": ["verdicts/sensitivity.py"],
