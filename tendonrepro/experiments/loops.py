@@ -315,14 +315,14 @@ def run_views(config: CompareConfig) -> dict[str, View]:
     return found
 
 
-def growing(loaded: LoadedConfig) -> dict[str, float]:
-    """Runs whose linear loop grows somewhere on the motion, and the frequency, Hz.
+def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
+    """Runs of the package's own laws whose linear loop grows somewhere on the motion, and the frequency, Hz.
 
     A run may end before slow growth is seen in its status.
     """
     found = {}
-    for name, loop in build_loops(loaded.config, loaded.folder):
-        if isinstance(loop.controller, TimeDelayController):
+    for name, loop in loops.items():
+        if isinstance(loop.controller, TimeDelayController) and loop.controller.command is None:
             law, postures = loop.controller.law, stroke(loop.reference.q_d)
             matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
             growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -37,7 +36,7 @@ from tendonrepro.identification.search import (
 )
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.parallel import as_ready
+from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, foretell, run_study
@@ -158,7 +157,7 @@ def run_identify(
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     base = loaded.base
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
-    processors = jobs if jobs > 0 else os.cpu_count() or 1
+    jobs = jobs if jobs > 0 else processors()
     task = Task(
         loaded=loaded,
         fit=fit,
@@ -179,7 +178,7 @@ def run_identify(
     states = f"search-{identity[:16]}"  # those of another search are not taken up
 
     def study() -> Outcome:
-        found = _searches(task, unfinished(folder) / states, processors, talk)
+        found = _searches(task, unfinished(folder) / states, jobs, talk)
         data = head | {"readings": [found[held.name][0] for held in named]}
         data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
         report.write_config(unfinished(folder) / report.CONFIG, found[report.best_of(data)["name"]][1], data)
@@ -203,11 +202,11 @@ def _check_at_least_one(**options: int) -> None:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
 
 
-def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
+def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases = list(task.cases())
-    processes = min(processors, len(cases))
-    simulate = partial(simulate_batch, threads=processors if processes == 1 else 1)
+    processes = min(jobs, len(cases))
+    simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
     with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:

@@ -145,14 +145,14 @@ class TestLaw:
 
 def test_loops_that_grow_are_those_without_decay():
     """Such a run may end well, and the comparison says so."""
-    assert loops.growing(loaded(experiment="decouple")) == {}
+    assert loops.growing(loops.all_loops(loaded(experiment="decouple"))) == {}
     # With this mass of the law and a delay the loop with payload alone grows.
     heavy = "control.gains.M_bar=[0.025, 0.025]"
-    assert loops.growing(loaded(heavy)) == {}
+    assert loops.growing(loops.all_loops(loaded(heavy))) == {}
     delayed, postures = loaded(heavy, "manipulator.actuator.output_delay=1"), list(stroke(reference().q_d))
     views = loops.run_views(delayed.config).items()
     decay = {run: decay_rate(postures, view.plant, view.law, view.delay) for run, view in views}
-    found = loops.growing(delayed)
+    found = loops.growing(loops.all_loops(delayed))
     assert found.keys() == {run for run, rate in decay.items() if rate < 0.0} == {"controller_1_payload"}
     assert 10.7 < found["controller_1_payload"] < 10.8
 
