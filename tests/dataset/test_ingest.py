@@ -341,6 +341,6 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
     for name, content in DAMAGED.items():
         (tmp_path / name).write_bytes(content)
     (tmp_path / "good.csv").write_text("t,q2\n" + "".join(f"{k},{k}\n" for k in range(20)))
-    sources, unread = read_files([tmp_path])
+    sources, unread, _ = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)

@@ -29,7 +29,8 @@ OBJECTS = pytest.mark.parametrize("version", ["objects 7", "objects 7.3"])
 
 
 def written(folder, version, **variables):
-    return dict(tables_of(read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))))
+    tree, _ = read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))
+    return tables_of(tree).tables
 
 
 @NESTED
