@@ -9,7 +9,7 @@ ARGS ?=
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check format bench claims report data findings pages docs docs-links mutants clean
+.PHONY: help figures test test-slow check check-release format bench claims report data findings pages docs docs-links mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,9 @@ check: $(VENV)/.dev  ## lint, format, types, architecture
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --quiet tests/test_architecture.py
+
+check-release: $(VENV)/.test  ## are the stored results of today's readings, claims, configuration and physics?
+	$(BIN)/python -m pytest -m release $(ARGS)
 
 format: $(VENV)/.dev  ## put the code into its format
 	$(BIN)/ruff check --fix .

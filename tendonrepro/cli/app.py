@@ -278,11 +278,12 @@ def _examined() -> dict[str, Any]:
     from tendonrepro.configuration.load import load_config
     from tendonrepro.configuration.published import published
     from tendonrepro.results.store import environment
-    from tendonrepro.simulation.codegen.cache import NOTHING_COMPILED
+    from tendonrepro.simulation.codegen.machine import assembled, vector_code
 
     loads: dict[str, Callable[[], Any]] = {
         "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
         "published numbers": published,
+        "compiler": lambda: assembled(vector_code("nothing", {}, {}), "nothing"),
     }
     checks = dict.fromkeys(loads, "ok")
     for name, load in loads.items():
@@ -291,8 +292,6 @@ def _examined() -> dict[str, Any]:
         except Exception as error:
             checks[name] = f"wrong: {type(error).__name__}: {error}"
     well = {*checks.values()} == {"ok"}
-    later = "will be compiled at the first run, a few seconds"
-    checks["compiled code"] = later if NOTHING_COMPILED else "ok"
     head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
     return head | {"checks": checks, "well": well}
 
@@ -375,13 +374,19 @@ def config_schema(terminal: Terminal, kind: str | None = None) -> None:
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    _open_streams()
     # Matrices are small: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Commands draw to files. A notebook names a backend here that another environment may not have.
+    os.environ.pop("MPLBACKEND", None)
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False) or 0
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough.
+        code = 1
     except OSError as error:
         place = error.filename and str(error.filename)
         code = _fail(1, f"the system refused: {error.strerror}", place, "look at permissions and free space")
@@ -401,6 +406,20 @@ def main() -> None:
             # A closed pipe: Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Give closed standard streams to the null device; else the next file would be opened in their place."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null == number:
+                # Worker processes need it too.
+                os.set_inheritable(number, True)
+            else:
+                os.dup2(null, number)
+                os.close(null)
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8"))
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

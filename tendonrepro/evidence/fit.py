@@ -181,11 +181,17 @@ def _half(left_out: Array) -> Array:
 
 def _position_gain(parameters: Array, hypothesis: Hypothesis) -> Array:
     """Gain of the error over the published one; parameters are the last axis."""
-    found, published = (
-        x[..., 4] if hypothesis.surface == LINEAR else x[..., 3] * x[..., 4]
-        for x in (parameters, _published(hypothesis))
-    )
-    return np.asarray(found / published)
+    return _error_gain(parameters, hypothesis) / published_position_gain(hypothesis)
+
+
+def published_position_gain(hypothesis: Hypothesis) -> float:
+    """Gain of the error, over M_bar, of the published values: ``lam eta``, or ``K_p`` if linear."""
+    return float(_error_gain(_published(hypothesis), hypothesis))
+
+
+def _error_gain(parameters: Array, hypothesis: Hypothesis) -> Array:
+    linear = hypothesis.surface == LINEAR
+    return np.asarray(parameters[..., 4] if linear else parameters[..., 3] * parameters[..., 4])
 
 
 def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +23,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.study import Outcome, run_study
@@ -227,7 +227,7 @@ def predictions(
             errors, stable = [], []
             for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
-                batch = simulate_batch(loops, loaded.compare.status, threads=os.cpu_count() or 1)
+                batch = simulate_batch(loops, loaded.compare.status, threads=processors())
                 count = len(BASE) + len(EXPERIMENTS)
                 errors.append(batch.statistics["mae"].reshape(-1, count, len(joints)))
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))

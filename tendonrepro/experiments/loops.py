@@ -73,7 +73,7 @@ def build_reference(
 
 def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
     if isinstance(reference, Sampled):
-        return _sampled_motions(folder / reference.file, joints)
+        return _sampled_motions(folder / reference.file, joints, reference.interpolation)
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
         return [_motions(single, (joint,), folder)[0] for single, joint in parts]
@@ -94,6 +94,8 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.raised_cosine(amplitude, reference.period.si)
         case "minimum_jerk":
             return trajectory.minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
+        case "ramp":
+            return trajectory.ramp(amplitude, reference.rise.si, reference.hold.si)
         case "sine":
             offset = float(reference.offset.si[i])
             return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
@@ -104,8 +106,9 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.trapezoidal(amplitude, *limits, hold)
 
 
-def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
-    time, angles = read_samples(path)
+def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
+    time, angles = read_samples(path, interpolation)
+    through = {"quintic": trajectory.sampled, "linear": trajectory.straight_lines}[interpolation]
     for joint in joints:
         if joint not in angles:
             message = f"has no column for joint {joint}"
@@ -113,7 +116,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
         if start := np.rad2deg(angles[joint][0]):
             message = f"joint {joint} starts at {start:g} deg; it must start at 0, the start posture"
             raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
-    return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+    return [Motion((through(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
@@ -285,14 +288,14 @@ def run_views(config: CompareConfig) -> dict[str, View]:
     return found
 
 
-def growing(loaded: LoadedConfig) -> dict[str, float]:
-    """Runs whose linear loop grows somewhere on the motion, and the frequency, Hz.
+def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
+    """Runs of the package's own laws whose linear loop grows somewhere on the motion, and the frequency, Hz.
 
     A run may end before slow growth is seen in its status.
     """
     found = {}
-    for name, loop in build_loops(loaded.config, loaded.folder):
-        if isinstance(loop.controller, TimeDelayController):
+    for name, loop in loops.items():
+        if isinstance(loop.controller, TimeDelayController) and loop.controller.command is None:
             law, postures = loop.controller.law, stroke(loop.reference.q_d)
             matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
             growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-from html import unescape
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -110,14 +109,13 @@ def part(found: Stored, name: str) -> dict[str, Any]:
 
 
 def plate(path: Path) -> dict[str, Any]:
-    """A figure with the caption that it holds; narrow ones stand side by side."""
-    svg = path.read_text(encoding="utf-8")
-    kept = re.search(r"<dc:description>([^<]*)<", svg)
+    """A figure with the caption that lies beside it; narrow ones stand side by side."""
+    svg, caption = path.read_text(encoding="utf-8"), path.with_suffix(".txt")
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     return {
         "address": address(svg.encode()),
-        # What made a figure stands in the picture too.
-        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else path.stem,
+        # What follows the first line, on what made a figure, stands in the picture too.
+        "caption": caption.read_text(encoding="utf-8").partition("\n")[0] if caption.exists() else path.stem,
         "narrow": width is not None and float(width[1]) < _COLUMN_PT,
     }
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.integrate import ode
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
@@ -65,8 +66,6 @@ def simulate(loop: Loop) -> dict[str, Array]:
 
 
 def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
-    from scipy.integrate import ode
-
     problem = ode(arm.slope).set_integrator(
         solver.method,
         rtol=solver.rtol,

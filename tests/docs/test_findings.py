@@ -68,7 +68,7 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) 
         ("docs/findings.md", f"it is below {100 * (growth['q95'] - 1):.1f} %"),
         ("docs/findings.md", f"stable plants is {100 * (growth['median'] - 1):.1f} %"),
         ("docs/findings.md", f"The median plant has {joint_3:.2f}."),
-        ("docs/findings.md", f"are that large on {100 * alike:.2g} % of the stable plants"),
+        ("docs/findings.md", f"are that large on {100 * alike:.2g} % of the plants"),
         ("docs/findings.md", f"on {100 * readings['printed']['smoother']['share']:.1f} % of the plants"),
         ("docs/findings.md", f"closest`) misses them by {100 * min(misfits.values()):.1f} %"),
         ("docs/findings.md", f"applied torque stored misses them by {100 * applied:.1f} %"),

@@ -88,6 +88,7 @@ def test_panels_say_their_units_and_have_the_size_of_a_column_or_page(name: str)
 
 def shown_texts(artists: FigureArtists) -> list[Text]:
     texts = [text for legend in artists.figure.legends for text in legend.get_texts()]
+    texts += artists.figure.texts
     for panel in artists.axes.values():
         titles = [title for title in panel.findobj(Text) if title.get_text() and title not in panel.texts]
         ticks = {label for axis in (panel.xaxis, panel.yaxis) for label in axis.get_ticklabels(which="both")}
@@ -103,10 +104,33 @@ def apart(first: Bbox, second: Bbox) -> bool:
     return Bbox.intersection(first, second) is None
 
 
+def fitted(file: TraceFile) -> TraceFile:
+    """The same with a plant that was fitted to the print, under two readings."""
+    under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
+    runs = {
+        name: replace(trace, attributes=trace.attributes | {"readings": under})
+        for name, trace in file.runs.items()
+    }
+    source = "mass: {value: 1, source: 'identified: Tables 2 and 3, misfit 0.04'}"
+    return replace(file, config_yaml=source, runs=runs)
+
+
+def with_a_long_origin(file: TraceFile) -> TraceFile:
+    """The same by a configuration with a long name and changes, as long as a picture names each."""
+    config = '{"config": {"origin": "/home/me/an_arm_of_my_own_with_many_joints_and_a_very_long_name.yaml"}'
+    changes = f'"overrides": ["control.gains.alpha={"0" * 37}"]'
+    return replace(fitted(file), manifest_json=f"{config}, {changes}}}")
+
+
+@pytest.mark.parametrize("long", [False, True])
 @every_figure
-def test_no_text_touches_another_or_leaves_the_page(name: str) -> None:
-    artists = drawn(name)
+def test_no_text_touches_another_or_leaves_the_page(name: str, long: bool) -> None:
+    artists = draw(name, shown(name, with_a_long_origin(source(name)))) if long else drawn(name)
+    origin = artists.figure.get_supxlabel().split()
+    assert "".join(origin) == artists.origin.replace(" ", "")
+    assert "phi_branch=power+weights=extrapolating" in artists.origin or not long
     with journal_style():
+        artists.figure.draw_without_rendering()
         texts = shown_texts(artists)
     page = artists.figure.bbox
     boxes = [(text.get_text(), text.get_window_extent()) for text in texts]
@@ -205,24 +229,15 @@ def test_every_picture_says_that_it_is_simulated_and_by_which_configuration(numb
     said = draw(number, file).figure.get_supxlabel()
     assert said == "Simulated, configuration mine.yaml, a.b=1 (00000000)"
     many = replace(file, manifest_json=manifest.replace('"a.b=1"', ", ".join(['"a.long.key=1"'] * 9)))
-    assert draw(number, many).figure.get_supxlabel().endswith("mine.yaml, 9 settings changed (00000000)")
+    assert draw(number, many).origin.endswith("mine.yaml, 9 settings changed (00000000)")
     assert draw(number, replace(file, source="measured")).figure.get_supxlabel() == "Measured"
 
 
 def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
-    file = compare_file()
-    under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
-    runs = {
-        name: replace(trace, attributes=trace.attributes | {"readings": under})
-        for name, trace in file.runs.items()
-    }
-    fitted = replace(
-        file, config_yaml="mass: {value: 1, source: 'identified: Tables 2 and 3, misfit 0.04'}", runs=runs
-    )
     under_said = "phi_branch=power+weights=extrapolating"
-    assert under_said in draw(14, fitted).figure.get_supxlabel()
-    assert under_said in outcome_of(fitted).text()
-    assert "phi_branch" not in outcome_of(file).text()
+    assert under_said in draw(14, fitted(compare_file())).origin
+    assert under_said in outcome_of(fitted(compare_file())).text()
+    assert "phi_branch" not in outcome_of(compare_file()).text()
 
 
 def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:
@@ -314,7 +329,7 @@ def test_diverged_run_is_drawn_to_its_end_and_named_so() -> None:
     (mark,) = [found for found in artists.axes["c"].lines if found.get_marker() == "x"]
     assert np.asarray(mark.get_xdata()).item() == pytest.approx(4.23)
     assert low <= np.asarray(mark.get_ydata()).item() <= high
-    assert "Run controller_2: diverged at 4.23 s." in artists.caption
+    assert "controller_2 (diverged at 4.23 s)" in artists.caption
     mean = draw(15, file).lines["c", "Controller 2"]
     assert np.asarray(mean.get_xdata())[-1] == pytest.approx(4.23)
     assert artists.axes["c"].get_xlim() == pytest.approx((0.0, 18.0))
@@ -327,7 +342,7 @@ def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: 
     for value in changed.values():
         value[-3:] = np.array([[1e300], [-1e300], [np.nan]])
     artists = draw(15, replace(compare_file(), runs={trace.name: with_status(trace, "diverged", **changed)}))
-    assert len(save_drawing(artists, tmp_path)) == 3
+    assert len(save_drawing(artists, tmp_path)) == 4
     assert np.isfinite(artists.axes["c"].get_ylim()).all()
 
 
@@ -349,10 +364,7 @@ def test_a_law_of_the_users_own_joins_the_others_and_ringing_is_said() -> None:
     assert legend_texts(artists)[:4] == [*THREE, "Own law (ringing)"]
     (line,) = (line for (letter, name), line in artists.lines.items() if letter == "c" and name not in THREE)
     assert line.get_color() == SERIES[3].colour
-    assert "Run own_law: ringing." in artists.caption
-    assert drawn("fig13").caption.startswith("Figure 13. ")
-    assert "here Controller 1" in drawn("fig13").caption
-    assert drawn("fig13").caption.endswith("Simulated; tendonrepro 0.1.0, configuration 000000000000.")
+    assert "own_law (ringing)" in artists.caption
 
 
 def test_figure_15_has_the_bound_of_section_4_3() -> None:
@@ -374,7 +386,7 @@ def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
     missing = "abcdgh"
     assert remarks == {letter: ["not recorded"] * (letter in missing) for letter in "abcdefghij"}
     assert all(len(artists.axes[letter].get_yticks()) == 0 for letter in missing)
-    assert "Measured;" in artists.caption
+    assert "Measured, run" in artists.caption
     assert legend_texts(draw(10, make_decouple_file(source="measured")))[0] == "Encoder (measured)"
     errors_below = draw(14, make_compare_file(without=("e",))).axes["d"]
     assert [text.get_text() for text in errors_below.texts] == ["not recorded"]
@@ -394,11 +406,16 @@ def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() ->
 
 
 @pytest.mark.pictures
-def test_three_files_with_numbered_names(tmp_path: Path) -> None:
+def test_three_pictures_with_numbered_names_and_a_caption_beside_them(tmp_path: Path) -> None:
     paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures")
-    assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png"]
-    starts = [path.read_bytes()[:5] for path in paths]
+    assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png", "fig09.txt"]
+    starts = [path.read_bytes()[:5] for path in paths[:3]]
     assert starts == [b"%PDF-", b"<?xml", b"\x89PNG\r"]
+    caption, origin = paths[3].read_text(encoding="utf-8").split("\n\n")
+    assert caption == drawn("fig09").caption
+    assert caption.startswith("Figure 9. ")
+    assert "run decouple, 0 to 36 s" in caption
+    assert drawn("fig09").origin in origin
     assert set(paths[0].parent.iterdir()) == set(paths)
     (tmp_path / "blocked").write_text("in the way")
     with pytest.raises(TendonreproError, match="fig09"):

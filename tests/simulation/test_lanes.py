@@ -1,10 +1,6 @@
-"""Code on lanes does what the functions do that it was made from, and is kept where it can be."""
+"""Code on lanes does what the functions do that it was made from."""
 
 from __future__ import annotations
-
-import hashlib
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +8,6 @@ from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulation.codegen import cache, machine
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.kernel import advance_code, runge_kutta
@@ -123,37 +118,6 @@ def test_pointers_lead_each_lane_to_its_own_numbers() -> None:
     w.view(np.int64)[0] = [row.ctypes.data for row in numbers]
     run(source, w, "prepare_sums", "sums")
     np.testing.assert_array_equal(numbers, wanted)
-
-
-def test_machine_code_on_disk_is_used_only_as_it_was_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tape, rows = LaneTape(), LaneRows()
-    x = rows.variables(tape, "x", 1)[0]
-    source = lane_code("twice", tape, {0: 2.0 * x}, rows)
-    (tmp_path / "full").write_text("not a folder", encoding="utf-8")
-    for folder, damage in ((tmp_path, None), (tmp_path, b"x"), (tmp_path / "full", None)):
-        for file in tmp_path.glob("twice_*.o") if damage else ():
-            file.write_bytes(file.read_bytes()[:-1] + damage)
-        w = aligned(np.full((1, LANES), 3.0))
-        monkeypatch.setattr(machine, "CACHE", folder)
-        (address,) = assembled.__wrapped__(source, "twice")
-        callable_code(address)(w.ctypes.data, 0.0)
-        assert w.tolist() == [[6.0] * LANES]
-    (file,) = tmp_path.glob("twice_*.o")
-    whole = file.read_bytes()
-    assert hashlib.sha256(whole[32:]).digest() == whole[:32]
-
-
-def test_without_a_usable_cache_a_temporary_folder_serves(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    (tmp_path / "file").write_text("not a folder", encoding="utf-8")
-    monkeypatch.setattr(cache.platformdirs, "user_cache_dir", lambda _: str(tmp_path / "file"))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    folder = cache.cache_folder()
-    assert folder.is_dir()
-    assert folder.is_relative_to(tmp_path)
 
 
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:

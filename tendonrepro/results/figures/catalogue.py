@@ -78,7 +78,9 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         message = f"these {file.experiment} traces do not hold what {title_of(name)} shows"
         raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
     with journal_style():
-        return spec.draw(file, traces).finish(name, _caption(name, file, traces), origin_of(file))
+        canvas = spec.draw(file, traces)
+        caption = caption_of(name, canvas, f"{file.source.capitalize()}, {runs_of(traces)}")
+        return canvas.finish(name, caption, origin_of(file))
 
 
 def begin_drawing(figures: Iterable[tuple[TraceFile, Path, str]], start: Start = map) -> Iterable[list[Path]]:
@@ -106,11 +108,19 @@ def origin_of(file: TraceFile) -> str:
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
-def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
-    ends = [f"Run {trace.name}: {trace.told_status}." for trace in traces if trace.status != "ok"]
-    made = f"{file.source.capitalize()}; tendonrepro {file.tendonrepro_version}"
-    origin = f"{made}, configuration {file.config_sha256[:12]}."
-    return " ".join([f"{title_of(name)}. {FIGURES[name].caption}", *ends, origin])
+def caption_of(name: str, canvas: Canvas, made: str) -> str:
+    """Caption of a figure on its canvas: what it shows, how that was `made`, and the window of time."""
+    windows = " and ".join(f"{start:.4g} to {end:.4g} s" for start, end in canvas.windows)
+    title = [f"{title_of(name)}."] if title_of(name) != name else []
+    return " ".join([*title, FIGURES[name].caption, f"{made}, {windows}."])
+
+
+def runs_of(traces: list[Trace]) -> str:
+    """Names of runs, with the status of those that are not ok."""
+    names = [
+        trace.name if trace.status == "ok" else f"{trace.name} ({trace.told_status})" for trace in traces
+    ]
+    return f"run{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
 FIGURES: dict[str, FigureSpec] = {

@@ -112,6 +112,11 @@ class Canvas:
         self._bands[letter, name] = band
         self._framing[letter].extend(edges)
 
+    @property
+    def windows(self) -> list[tuple[float, float]]:
+        """Spans of time that the panels show, s, each once."""
+        return sorted({panel.get_xlim() for panel in self.axes.values()})
+
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
         self.axes[letter].axhline(0.0, color="#999999", linewidth=0.4, zorder=0.9)
@@ -138,7 +143,7 @@ class Canvas:
         style.imprint(self.figure, origin)
         self.figure.align_ylabels()
         style.settle(self.figure)
-        return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
+        return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands, origin=origin)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows."""

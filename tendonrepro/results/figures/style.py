@@ -11,6 +11,7 @@ from functools import partial
 from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
+from textwrap import wrap
 from typing import Any, Literal
 
 from matplotlib import style
@@ -19,6 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from tendonrepro import __version__
 from tendonrepro.files import write_atomically
 
 COLUMN_MM = 85.0
@@ -26,6 +28,9 @@ COLUMN_MM = 85.0
 
 PAGE_MM = 175.0
 """Width of two journal columns."""
+
+_EDGE = 0.005
+"""Free space beside what is printed below the panels, as a share of the width."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +93,16 @@ def open_figure(width_mm: float, height_mm: float) -> Figure:
 
 
 def imprint(figure: Figure, text: str) -> None:
-    """Say below all panels where a figure comes from; captions get lost when pictures are passed on."""
-    figure.supxlabel(text, x=0.995, ha="right", fontsize="x-small", color="#555555")
+    """Say below all panels where a figure comes from; captions get lost when pictures are passed on.
+
+    A text that is wider than the figure is broken into lines.
+    """
+    label = figure.supxlabel(text, x=1.0 - _EDGE, ha="right", fontsize="x-small", color="#555555")
+    for width in range(len(text), 0, -1):
+        lines = wrap(text, width, break_on_hyphens=False)
+        label.set_text("\n".join(lines))
+        if label.get_window_extent().width <= (1.0 - 2.0 * _EDGE) * figure.bbox.width:
+            break
 
 
 def settle(figure: Figure) -> None:
@@ -117,7 +130,8 @@ def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Ax
 class Drawing:
     """A finished figure, and its panels.
 
-    `stem` is the name of its files, which hold the `caption`; the `origin` is printed below the panels.
+    `stem` is the name of its files. The `caption` says what it shows; it lies beside the figure as text.
+    The `origin` is printed below the panels.
     """
 
     stem: str
@@ -134,8 +148,11 @@ def title_of(name: str) -> str:
 
 
 def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG; a TendonreproError where a file cannot be written."""
-    title, caption = title_of(drawn.stem), drawn.caption
+    """Write a figure as PDF, SVG and PNG, and its caption as text.
+
+    A TendonreproError tells where a file cannot be written.
+    """
+    title, caption = title_of(drawn.stem), " ".join(about(drawn))
     metadata: dict[str, dict[str, Any]] = {
         "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
         "svg": {"Title": title, "Description": caption, "Date": None},
@@ -143,7 +160,7 @@ def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
     }
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
     with journal_style():
-        if drawn.origin:
+        if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
@@ -151,4 +168,12 @@ def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
             image = BytesIO()
             drawn.figure.savefig(image, format=suffix, metadata=entries)
             write_atomically(path, image.getvalue())
-    return paths
+    told = folder / f"{drawn.stem}.txt"
+    write_atomically(told, "\n\n".join(about(drawn)) + "\n")
+    return [*paths, told]
+
+
+def about(drawn: Drawing) -> list[str]:
+    """Paragraphs of the text beside a figure: the caption, and what made the figure."""
+    origin = f"{drawn.origin}; " if drawn.origin else ""
+    return [drawn.caption, f"{origin}drawn by tendonrepro {__version__}."]

@@ -1,4 +1,4 @@
-"""Recorded operations as vector instructions, and their machine code on disk.
+"""Recorded operations as vector instructions, and their machine code.
 
 A product may be fused with a sum, in all lanes alike.
 """
@@ -6,21 +6,15 @@ A product may be fused with a sum, in all lanes alike.
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import binding
 
 from tendonrepro.arrays import Array
-from tendonrepro.errors import TendonreproError
-from tendonrepro.files import write_atomically
-from tendonrepro.simulation.codegen.cache import CACHE
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
 LANES = 8
@@ -227,50 +221,24 @@ def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> 
 
 @cache
 def assembled(source: str, *names: str) -> tuple[int, ...]:
-    """Addresses of functions of a source, by machine code from disk if it is there and whole."""
-    digest = hashlib.sha256("\n".join((source, *_processor(), str(binding.llvm_version_info))).encode())
-    path = CACHE / f"{names[-1]}_{digest.hexdigest()[:16]}.o"
-    code = _stored(path)
-    if code is None:
-        code = _simplified(binding.parse_assembly(_DECLARED + source))
-        with suppress(TendonreproError):
-            write_atomically(path, hashlib.sha256(code).digest() + code)
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target())
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    """Addresses of functions of a source, compiled once in a process."""
+    target = _target()
+    module = binding.parse_assembly(_DECLARED + source)
+    passes = binding.create_new_module_pass_manager()
+    # Combines instructions that undo each other.
+    passes.add_instruction_combine_pass()
+    passes.run(module, binding.create_pass_builder(target, binding.PipelineTuningOptions()))
+    engine = binding.create_mcjit_compiler(module, target)
     engine.finalize_object()
     _engines.append(engine)
     return tuple(map(engine.get_function_address, names))
-
-
-def _simplified(module: Any) -> bytes:
-    """Machine code of a module, after instructions that undo each other are combined."""
-    target = _target()
-    passes = binding.create_new_module_pass_manager()
-    passes.add_instruction_combine_pass()
-    passes.run(module, binding.create_pass_builder(target, binding.PipelineTuningOptions()))
-    code: bytes = target.emit_object(module)
-    return code
-
-
-def _stored(path: Path) -> bytes | None:
-    try:
-        image = path.read_bytes()
-    except OSError:
-        return None
-    digest, code = image[:32], image[32:]
-    return code if hashlib.sha256(code).digest() == digest else None
-
-
-@cache
-def _processor() -> tuple[str, str]:
-    return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
 
 
 def _target() -> Any:
     """Everything this processor can do; every engine owns one."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    cpu, features = _processor()
+    cpu, features = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
     target = binding.Target.from_default_triple()
     return target.create_target_machine(cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True)
 
