@@ -54,11 +54,14 @@ def even_step(time: Array) -> float:
     steps = np.diff(known)
     if len(known) < 3 or (steps < 0.0).any() or (steps > 0.0).all() or not steps.any():
         return 0.0
-    # The first and last value of the clock may stand for fewer samples than the others.
-    changes = np.flatnonzero(steps)
-    if len(changes) < 2:
-        return float((known[-1] - known[0]) / (len(known) - 1))
-    return float((known[changes[-1]] - known[changes[0]]) / (changes[-1] - changes[0]))
+    numbers = np.arange(len(known))
+    slope = float(np.polyfit(numbers, known, 1)[0])
+    # The simplest number that keeps every sample within the rounding.
+    for digits in range(1, 9):
+        step = float(f"{slope:.{digits - 1}e}")
+        if abs(step - slope) * len(known) <= steps[steps > 0.0].min():
+            return step
+    return slope
 
 
 def rows_of(source: Source, run: Run) -> tuple[NDArray[np.bool_], list[str]]:

@@ -94,6 +94,7 @@ class Assembly:
             uses = {column: use for column, use in _uses(source, run).items() if use.signal not in taken}
             if all(use.variable == "time" for use in uses.values()):
                 continue
+            _refuse_twins(source, uses)
             rows, notes = rows_of(source, run)
             for clock, columns in by_clock(source.columns, uses).items():
                 time, told = times_of(source, rows, clock, uses, run)
@@ -174,6 +175,16 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     end = min((found[joint][1] for joint in of), default=float(time[-1]))
     judged = {"status": worst, "status_time": end}
     return judged if worst == "ok" else judged | {"status_joints": of}
+
+
+def _refuse_twins(source: Source, uses: dict[str, Use]) -> None:
+    """Refuse two columns of one table that are the same signal."""
+    found: dict[tuple[str, int], str] = {}
+    for column, use in uses.items():
+        other = found.setdefault(use.signal, column)
+        if use.variable != "time" and other != column:
+            message = f"{other!r} and {column!r} of {source.name} are both {use.variable} {use.joint}"
+            raise ConfigError(message, hint="delete the line of one of them")
 
 
 def _uses(source: Source, run: Run) -> dict[str, Use]:

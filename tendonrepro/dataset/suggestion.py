@@ -81,14 +81,14 @@ def written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterat
     """Lines of a mapping; those of `left` are comments."""
     shared: Lines = {}
     apart: dict[str, Lines] = {}
-    seen: set[str] = set()
+    sharing: list[RunGuess] = []
     for run in runs:
         own = _columns_of(run)
-        held = own.keys() | {name for guess in run.columns for name in guess.source.columns}
-        # What is shared would be taken from every table that holds it.
-        if all(shared.get(name, ("",))[0] == own.get(name, ("",))[0] for name in held & seen):
-            shared = own | shared
-            seen |= held
+        # What is shared is taken from every table that holds it.
+        together = own | shared
+        if all(_matching(together, one) == _uses(_columns_of(one)) for one in (*sharing, run)):
+            shared = together
+            sharing.append(run)
         else:
             apart[run.name] = own
     yield f"schema_version: {SCHEMA_VERSION}"
@@ -102,6 +102,20 @@ def written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterat
     if left:
         yield "# Left out, and why. To use a column, move its line under columns."
         yield from (f"#   {line}" for line in left)
+
+
+def _uses(lines: Lines) -> dict[str, str]:
+    return {name: use for name, (use, _) in lines.items()}
+
+
+def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
+    """Lines that a run would take, from any of its tables."""
+    tables = {one.source.name: one.source for one in run.columns} | {
+        one.source.name: one.source for one in run.asked
+    }
+    names = {name for table in tables.values() for name in table.columns}
+    names |= {f"{table.last}:{name}" for table in tables.values() for name in table.columns}
+    return {name: use for name, use in _uses(lines).items() if name in names}
 
 
 def quoted(text: str) -> str:

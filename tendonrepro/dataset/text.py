@@ -139,10 +139,16 @@ def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
     """Separator, None for blanks, and decimal comma: what makes most numbers."""
 
     def numbers(way: tuple[str | None, bool]) -> int:
-        cells = [split(line, way[0], comma=way[1]) for line in lines]
-        return sum(1 if is_number(cell) else -1 for row in cells for cell in row if cell)
+        cells = [cell for line in lines for cell in split(line, way[0], comma=False) if cell]
+        return sum(1 if _is_number_by(cell, comma=way[1]) else -1 for cell in cells)
 
     return max(_WAYS, key=numbers)
+
+
+def _is_number_by(cell: str, *, comma: bool) -> bool:
+    """Whether a cell is a number; where decimals have a comma a point alone is none."""
+    has_point_alone = "." in cell and "," not in cell
+    return is_number(with_point(cell)) and not has_point_alone if comma else is_number(cell)
 
 
 def split(line: str, separator: str | None, *, comma: bool) -> list[str]:

@@ -200,11 +200,10 @@ def variable_of(says: frozenset[str]) -> str | None:
         (kind,) = kinds
         if kind == "rate" and roles <= {"desired", "measured"}:
             return "dq_d" if roles == {"desired"} else "dq"
-        if kind == "time" and roles <= {"desired", "measured"}:
-            # The times of one curve among several.
-            return "time" if not says & {"angle", "motor"} else None
         mixed = says & {"angle", "motor"} if kind != "torque" else says >= {"angle", "motor"}
-        return None if roles - {"measured"} or mixed else _OF_KIND[kind]
+        # Times may be those of the desired curve.
+        allowed = {"measured", "desired"} if kind == "time" else {"measured"}
+        return None if roles - allowed or mixed else _OF_KIND[kind]
     if "motor" in says:
         return "q_motor_encoder" if roles <= {"measured"} else None
     if roles:
