@@ -34,6 +34,7 @@ OWNERS = {
     "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
     "yaml": ["configuration/strict_yaml.py"],
+    "h5netcdf": ["results/traces.py"],
     "xarray": ["results/traces.py", "api/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": [

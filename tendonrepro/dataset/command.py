@@ -19,9 +19,9 @@ from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import refuse_existing, to_json, write_atomically
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.store import environment, refuse_existing
+from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
@@ -40,7 +40,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
         If a path is missing.
     """
     if mapping is not None:
-        refuse_existing(mapping, force=force, option="--mapping")
+        refuse_existing(mapping, force=force, option="--mapping", inputs=paths)
     sources, unread = read_files(paths)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
@@ -97,7 +97,7 @@ def run_ingest(
         If a path is missing.
     """
     if not dry_run:
-        refuse_existing(out, force=force)
+        refuse_existing(out, force=force, inputs=[mapping, *paths])
     text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
     loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))

@@ -24,6 +24,7 @@ _ORDERS = {
     "in_order": "share_c1_lt_c2_lt_c3",
     "in_reverse": "share_c3_lt_c2_lt_c1",
     "first_best": "share_c1_best",
+    "first_worst": "share_c1_worst",
     "last_two_tie": "share_c2_ties_c3",
 }
 """What is kept of the rankings, and its name in an ensemble's ``summary.json``."""

@@ -18,8 +18,10 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs, fitted_under
 
 _LONGEST_CHANGES = 60
-_MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
-_ERRORS = "Where errors are of the size of encoder steps, their mean in a band of the RMS about it."
+_ERRORS = (
+    "Where an error is of the size of encoder steps, all errors are drawn as a centred "
+    f"{paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it."
+)
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,8 @@ FIGURES: dict[str, FigureSpec] = {
     **{
         f"fig{9 + joint:02d}": FigureSpec(
             partial(paper.draw_joint, joint=joint),
-            f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
+            f"Angle of joint {joint} calculated from the motors and by its encoder; their difference, whose "
+            "steps are those of the encoder. The paper gives no size of the difference.",
             ("q_calculated", "q_encoder"),
             ("decouple",),
             joints=(joint,),
@@ -152,7 +155,7 @@ FIGURES: dict[str, FigureSpec] = {
     },
     "fig13": FigureSpec(
         paper.draw_motors,
-        "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
+        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference. "
         "The paper does not say with which controller: here Controller 1.",
         ("q_encoder", "q_d"),
         ("controller_1",),
@@ -160,24 +163,33 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "fig14": FigureSpec(
         paper.draw_tracking,
-        f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
+        f"Joint angles, with the desired ones, and tracking errors of the controllers. {_ERRORS} Table 2 has "
+        "the mean errors.",
         ("q_encoder", "e"),
         some=True,
     ),
     "fig15": FigureSpec(
         paper.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
-        f"{paper.RIPPLE_WINDOW:g} s; below raw samples of {paper.ZOOM * 1e3:g} ms, at the grey line.",
+        f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it over "
+        f"{paper.RIPPLE_WINDOW:g} s. What the bands of all controllers cover is grey. The dark "
+        f"line marks the {paper.ZOOM * 1e3:g} ms that the figure {paper.RAW} shows sample by sample.",
         ("s", "H_hat", "tau_m"),
         some=True,
     ),
     "fig16": FigureSpec(
         paper.draw_payload,
-        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
-        f"{_MAE}. {_ERRORS}",
+        "Controller 1 without and with a payload at the end-effector: joint angles, with the desired ones, "
+        f"and tracking errors. {_ERRORS} Table 3 has the mean errors.",
         ("q_encoder", "e"),
         ("controller_1", "controller_1_payload"),
+        some=True,
+    ),
+    paper.RAW: FigureSpec(
+        paper.draw_samples,
+        f"Every sample of the sliding variable and of the torque over {paper.ZOOM * 1e3:g} ms, where the "
+        "desired angle of the joint first rises fastest. A torque is held until the next sample.",
+        ("s", "tau_m"),
         some=True,
     ),
 }

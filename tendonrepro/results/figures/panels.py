@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,8 +20,10 @@ from tendonrepro.results.figures.style import Drawing, Stroke
 _ENVELOPE_COLUMNS = 600
 # Free space above and below the curves, as a share of their range.
 _MARGIN = 0.06
-# Share of white in the inside of a band and in its edges, which lie above all insides.
-_INSIDE, _EDGE = 0.85, 0.35
+# Share of white in the insides of bands, in the order in which they are drawn, then from the first on again:
+# with the colours of controllers they differ in lightness too. And in the edges, which lie above all insides.
+_INSIDES, _EDGE = (0.6, 0.65, 0.65), 0.35
+_SHARED = "#EDEDED"
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,9 @@ class Canvas:
         self.places: dict[str, tuple[int, str]] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
-        self._legend: dict[str, Artist] = {}
+        self._insides: dict[str, str] = {}
+        self._edges: dict[str, list[tuple[Array, Array, Array]]] = {}
+        self._legend: dict[str, tuple[str, Artist]] = {}
         grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
         self.axes = style.letter_panels(grid.flat, [title for title, _ in texts])
@@ -89,7 +94,7 @@ class Canvas:
         self.lines[letter, name] = line
         if label:
             line.set_label(label)
-            self._legend.setdefault(label, line)
+            self._legend.setdefault(label, (name, line))
         if not diverged:
             self._framing[letter].append(y)
         elif len(y):
@@ -98,19 +103,43 @@ class Canvas:
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
         """Draw the band between two edges (T,), below all curves.
 
-        Bands are opaque, the first on top; edges lie above all bands.
+        Bands are opaque, the narrowest on top; what all cover is grey, and edges lie above. In the legend a
+        band lies behind the curve of its name.
         """
         low, high = edges
+        white = _INSIDES[len(self._insides) % len(_INSIDES)]
+        colour = self._insides.setdefault(name, style.paler(stroke.colour, white))
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set(
-            zorder=0.5 / (1 + len(self._bands)), facecolor=style.paler(stroke.colour, _INSIDE), linewidth=0.0
-        )
+        band.set(facecolor=colour, linewidth=0.0)
         self.axes[letter].add_patch(band)
         look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
+        self._edges.setdefault(letter, []).append((time, low, high))
         self._framing[letter].extend(edges)
+
+    def _order_bands(self, letter: str, edges: list[tuple[Array, Array, Array]]) -> None:
+        """Lay the narrow bands of a panel on the wide ones, and in grey what all of several cover."""
+        bands = [band for (panel, _), band in self._bands.items() if panel == letter]
+        widths = [float(np.mean(high - low)) for _, low, high in edges]
+        for place, one in enumerate(np.argsort(widths)[::-1], start=1):
+            bands[one].set_zorder(0.7 * place / (1 + len(bands)))
+        if len(bands) > 1:
+            time = min((time for time, _, _ in edges), key=lambda time: float(time[-1]))
+            low = np.max([np.interp(time, own, values) for own, values, _ in edges], axis=0)
+            high = np.min([np.interp(time, own, values) for own, _, values in edges], axis=0)
+            look: dict[str, Any] = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
+            self.axes[letter].fill_between(time, low, high, where=high > low, **look)
+
+    def leave_room(self, letter: str, values: Array) -> None:
+        """Let a panel show these values, whether or not a curve goes there."""
+        self._framing[letter].append(values)
+
+    def mark_time(self, letter: str, time: float, label: str) -> None:
+        """Mark a time, s, with a line that the legend explains."""
+        mark = self.axes[letter].axvline(time, color="#6E6E6E", linewidth=0.9, zorder=0.85, label=label)
+        self._legend.setdefault(label, ("", mark))
 
     @property
     def windows(self) -> list[tuple[float, float]]:
@@ -127,11 +156,13 @@ class Canvas:
 
     def explain_bands(self, label: str) -> None:
         """Add a legend entry for the bands of all curves."""
-        self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
+        self._legend[label] = "", Patch(facecolor=_SHARED, edgecolor="#777777", linewidth=0.5)
 
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay the figure out for all formats."""
         drawn = {letter for letter, _ in self.lines}
+        for letter, edges in self._edges.items():
+            self._order_bands(letter, edges)
         for letter, axes in self.axes.items():
             if letter not in drawn:
                 axes.set_yticks([])
@@ -147,7 +178,11 @@ class Canvas:
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows."""
-        handles, labels = list(self._legend.values()), list(self._legend)
+        handles: list[Any] = []
+        for name, artist in self._legend.values():
+            inside = self._insides.get(name)
+            handles.append((Patch(facecolor=inside, linewidth=0.0), artist) if inside else artist)
+        labels = list(self._legend)
         for rows in range(1, len(labels) + 1):
             columns = -(-len(labels) // rows)
             legend = self.figure.legend(handles, labels, loc="outside upper center", ncols=columns)
