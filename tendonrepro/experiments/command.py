@@ -18,6 +18,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, Prepared, begin_all, outcome_of, prepared, trace_file
 from tendonrepro.experiments.user_law import laws_of
+from tendonrepro.files import refuse_file
 from tendonrepro.parallel import interrupts_blocked, workers
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
@@ -220,6 +221,7 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in a folder, or in those directly below it."""
+    refuse_file(out)
     paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"

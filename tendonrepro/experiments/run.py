@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops, run_status
+from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import to_json
@@ -136,6 +136,9 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
+        "start_offset": loop.start_angles.tolist(),
+        "friction_scale": friction_scale(chosen),
+        "reference_lag": loop.reference_lag,
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights

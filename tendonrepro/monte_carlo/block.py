@@ -16,7 +16,7 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import under
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import build_law, build_loops, run_status
+from tendonrepro.experiments.loops import build_law, build_loops, reference_lag, run_status
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
 from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
@@ -106,6 +106,7 @@ def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
         loop,
         controller=TimeDelayController(build_law(changed, changed.runs[run].law)),
         cold=changed.control.readings.start == "cold",
+        reference_lag=reference_lag(changed),
         joint_encoder=build_encoder(encoders.joint),
         motor_encoder=build_encoder(encoders.motor),
         actuator=build_actuator(changed),

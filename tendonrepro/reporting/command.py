@@ -13,8 +13,8 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from tendonrepro import __version__
-from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import shipped, write_atomically
+from tendonrepro.errors import DataMissingError
+from tendonrepro.files import refuse_existing, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
@@ -47,10 +47,8 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     path = out or folder / "report.html"
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
-    if path.is_dir():
-        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
-    if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
-        raise UsageError("exists and is no report", where=str(path), hint="choose another --out, or --force")
+    earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
+    refuse_existing(path, force=force or earlier)
     found = stored_under(folder)
     content = page(found).encode()
     write_atomically(path, content)

@@ -24,7 +24,7 @@ from filelock import FileLock, Timeout
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import sha256_of, to_json
+from tendonrepro.files import refuse_file, sha256_of, to_json
 
 MANIFEST = "manifest.json"
 _LOCK = ".lock"
@@ -83,6 +83,7 @@ def replaced(
     if Path.cwd().is_relative_to(target):
         message = "is the folder you are in, and a results folder is replaced as a whole"
         raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
+    refuse_file(folder)
     try:
         partial.mkdir(parents=True, exist_ok=True)
         with _only_writer(partial, folder, keep):
@@ -172,8 +173,9 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
     ------
     UsageError
         If it holds results of another configuration (`digest`), command or version, files that no manifest
-        lists, or changed files; hidden ones do not count.
+        lists, or changed files; hidden ones do not count. In any case if it is a file, or lies below one.
     """
+    refuse_file(folder)
     if force or not folder.exists():
         return
     for path, message in _objections(folder, digest, command):
@@ -199,14 +201,6 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
     for name, sha256 in _outputs(folder).items():
         if (folder / name).exists() and sha256_of(folder / name) != sha256:
             yield folder / name, "was changed since tendonrepro wrote it"
-
-
-def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
-    """Raise a UsageError where a file is in the way, unless `force`."""
-    if path.exists() and not force:
-        message = "is there already"
-        hint = f"choose another name with {option}, or overwrite it with --force"
-        raise UsageError(message, where=str(path), hint=hint)
 
 
 def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import shipped, to_json
+from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
@@ -63,6 +63,7 @@ def run_claims(
     UsageError
         For an unknown id, a baseline with ids, or where something would be overwritten.
     """
+    refuse_file(out)
     before = None if baseline is None else _baseline(baseline, ids)
     sources, verdicts, judged_by = judged(out, measured, ids, talk)
     changes = {} if before is None else changed(before, verdicts)

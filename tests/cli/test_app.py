@@ -104,12 +104,26 @@ def test_a_second_run_gives_identical_numbers_and_figures(compared: tuple[Path, 
 def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "traces.h5").write_text("without a manifest")
-    (tmp_path / "file").write_text("in the way")
-    cases = {("compare", "--out", "out"): 2, ("compare", "--out", "file/out"): 1, ("figures",): 4}
+    cases = {("compare", "--out", "out"): 2, ("figures",): 4}
     for words, code in cases.items():
         error = answer(*words, *(SHORT if code < 4 else ()), cwd=tmp_path, code=code)["error"]
         assert "out" in error["where"] or "traces.h5" in error["where"] + error["message"]
     assert (tmp_path / "out" / "traces.h5").read_text() == "without a manifest"
+
+
+def test_a_limit_of_the_size_of_files_is_a_sentence_and_the_old_result_stays(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="Windows has no such limits")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "earlier.json").write_text("old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        words = ["compare", "--controllers", "2", *SHORT, "--out", "out", "--force"]
+        error = answer(*words, cwd=tmp_path, code=1)["error"]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "traces.h5" in error["message"]
+    assert [path.read_text() for path in tmp_path.rglob("*") if path.is_file()] == ["old"]
 
 
 @pytest.mark.slow

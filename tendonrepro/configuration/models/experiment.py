@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from pydantic import ConfigDict, Field, StrictInt
 
 from tendonrepro.configuration.models.control import Control
@@ -15,11 +16,13 @@ from tendonrepro.configuration.quantity import (
     Pair,
     Physical,
     Scalar,
+    Vector,
     nonneg,
     positive,
     wrong_sizes,
 )
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
+from tendonrepro.configuration.strict_yaml import Key
 
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""
@@ -121,6 +124,10 @@ class CompareRun(Model):
 
     law: Annotated[str, Field(description="name of one of the laws")]
     payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
+    start_offset: Annotated[Moving, Physical("rad", "joint angles less the reference at t = 0")] | None = None
+    friction_scale: (
+        Annotated[Scalar, positive("1", "factor on dry and viscous friction of links and winches")] | None
+    ) = None
 
 
 class CompareConfig(Experiment):
@@ -194,6 +201,19 @@ def _misfits(config: Config) -> Mistakes:
         for name, run in config.runs.items():
             if run.law not in laws:
                 yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+            if run.start_offset is not None:
+                yield from _beyond_range(config, ("runs", name, "start_offset", "value"), run.start_offset)
+
+
+def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:
+    """Links work between hanging and upright, at the start too."""
+    if len(offset.si) == len(config.joints) and len(config.posture.si) == config.manipulator.joints:
+        links = np.degrees(np.cumsum(config.posture.si)[-len(offset.si) :] + np.cumsum(offset.si))
+        for joint, angle in zip(config.joints, links, strict=True):
+            if not 0.0 < angle < 180.0:
+                start = f"would start link {joint} at {angle:.4g} deg from hanging"
+                yield key, f"{start}; links must stay between 0 and 180 deg"
+                return
 
 
 def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:

@@ -19,7 +19,7 @@ from PIL import Image
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import atomic_path
+from tendonrepro.files import atomic_path, refuse_existing
 from tendonrepro.physics.tendon_path import TendonPath, path_points
 from tendonrepro.results.figures.arm import (
     draw_discs,
@@ -33,7 +33,6 @@ from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import PAGE_MM, imprint, journal_style, open_figure, settle, stroke_of
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.store import refuse_existing
 from tendonrepro.results.summary import tensions
 from tendonrepro.results.traces import read_traces
 
@@ -75,13 +74,13 @@ def animate(
     DataMissingError
         If the traces cannot be read or do not say where the tendons go.
     """
+    if out is not None:
+        _refuse(out, source, force=force)
     file = read_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
     target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
-    if target.suffix != ".gif":
-        raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
-    refuse_existing(target, force=force)
+    _refuse(target, source, force=force)
     places = _places(scene.trace.time, speed)
     film = []
     with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
@@ -97,6 +96,12 @@ def animate(
     with atomic_path(target) as temporary:
         film[0].save(temporary, "GIF", comment=origin_of(file).encode(), **look)
     return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
+
+
+def _refuse(target: Path, source: Path, *, force: bool) -> None:
+    if target.suffix != ".gif":
+        raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
+    refuse_existing(target, force=force, inputs=[source])
 
 
 def _places(time: Array, speed: float) -> list[int]:
