@@ -172,7 +172,8 @@ FIGURES: dict[str, FigureSpec] = {
         paper.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
         f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it over "
-        f"{paper.RIPPLE_WINDOW:g} s. What the bands of all controllers cover is grey. The dark "
+        f"{paper.RIPPLE_WINDOW:g} s. The bound of s is that of section 4.3 for Controller 1. "
+        "What the bands of all controllers cover is grey. The dark "
         f"line marks the {paper.ZOOM * 1e3:g} ms that the figure {paper.RAW} shows sample by sample.",
         ("s", "H_hat", "tau_m"),
         some=True,

@@ -44,6 +44,8 @@ RAW = "samples"
 
 _RAW_ROWS = {"s": r"$s$ (rad/s)", "tau_m": r"Torque $\tau_m$ (N m)"}
 _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
+# Columns of panels up to which a title and a remark stand on one line.
+_WIDE_PANELS = 3
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Free space above and below a motion, as a share of its range, so that equal motions have equal axes.
@@ -210,7 +212,9 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True)
         if variable == "s":
-            canvas.note(letter, _bound_of_s(runs, joint))
+            # Above the title where panels are narrow.
+            raised = "\n" if len(joints) > _WIDE_PANELS else ""
+            canvas.note(letter, f"{_bound_of_s(runs, joint)}{raised}")
         if variable in _RAW_ROWS:
             middle = float(np.mean(_near(runs, joint)))
             canvas.mark_time(letter, middle, f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows")
@@ -238,7 +242,7 @@ def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
             bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
-            return rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
+            return rf"bound: $|s| \leq {bound:.2g}$"
     return ""
 
 
