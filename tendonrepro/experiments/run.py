@@ -11,6 +11,7 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
@@ -139,6 +140,7 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
         "start_offset": loop.start_angles.tolist(),
         "friction_scale": friction_scale(chosen),
         "reference_lag": loop.reference_lag,
+        "errors_from": errors_from(config),
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights
