@@ -1,4 +1,4 @@
-"""Words to the user on standard error: notes, and a progress bar for long work."""
+"""Words to the user: notes and a progress bar on standard error, counts, and columns."""
 
 from __future__ import annotations
 
@@ -43,6 +43,11 @@ class Talk:
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
+
+
+def count_of(number: int, one: str, many: str | None = None) -> str:
+    """A number and its noun, "1 reading" or "2 readings"; `many` where the plural has more than an s."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
 
 
 def columns(rows: Iterable[Sequence[str]]) -> str:

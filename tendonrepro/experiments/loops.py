@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
-from tendonrepro.configuration.models.experiment import MOST_SAMPLES
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun, errors_from
 from tendonrepro.configuration.models.reference import (
     InTurns,
     PerJoint,
@@ -171,6 +172,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
         from_joint=np.asarray(np.linalg.inv(to_joint), dtype=np.float64),
         stores_applied=readings.stored_torque == "applied",
         motor_side=readings.feedback == "motor",
+        feed_forward=0.0 if readings.reference_acceleration == "absent" else 1.0,
     )
 
 
@@ -205,16 +207,20 @@ def build_loops(
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
+        if errors_from(config) >= reference.time[-1]:
+            message = f"must be before the end of the motion, {reference.time[-1]:g} s"
+            raise ConfigError(message, where="errors_from")
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))
-            yield name, _loop(config, run.payload.si, controller, reference)
+            yield name, _compare_loop(config, run, controller, reference)
         return
     loop = config.position_loop
     servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
-        yield name, _loop(config, choice.payload.si, PositionController(servo), reference)
+        plant = rig.build_plant(config, choice.payload.si)
+        yield name, _loop(config, plant, PositionController(servo), reference)
 
 
 def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
@@ -237,15 +243,39 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
     return loops
 
 
+def friction_scale(run: CompareRun) -> float:
+    """Factor on the friction of a run."""
+    return 1.0 if run.friction_scale is None else run.friction_scale.si
+
+
+def reference_lag(config: CompareConfig) -> float:
+    """Time constant by which laws get the reference's rates late, s."""
+    lag = config.control.reference_lag
+    late = config.control.readings.reference_acceleration == "late"
+    return lag.si if late and lag is not None else 0.0
+
+
+def _compare_loop(
+    config: CompareConfig, run: CompareRun, controller: TimeDelayController, reference: DesiredMotion
+) -> Loop:
+    plant = rig.build_plant(config, run.payload.si, friction_scale(run))
+    return replace(
+        _loop(config, plant, controller, reference),
+        cold=config.control.readings.start == "cold",
+        start_offset=run.start_offset.si if run.start_offset else None,
+        reference_lag=reference_lag(config),
+    )
+
+
 def _loop(
     config: Config,
-    payload_mass: float,
+    plant: Plant,
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
     solver = config.solver
     return Loop(
-        plant=rig.build_plant(config, payload_mass),
+        plant=plant,
         joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
         motor_encoder=rig.build_encoder(config.manipulator.encoders.motor),
         actuator=rig.build_actuator(config),
@@ -254,7 +284,7 @@ def _loop(
         L=config.sampling_period.si,
         solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
         divergence_limit=config.status.divergence_limit.si,
-        cold=isinstance(config, CompareConfig) and config.control.readings.start == "cold",
+        cold=False,
         seed=int(config.seed.si),
     )
 
@@ -283,7 +313,7 @@ def run_views(config: CompareConfig) -> dict[str, View]:
     delay = int(config.manipulator.actuator.output_delay.si)
     found = {}
     for name, run in config.runs.items():
-        plant = rig.build_plant(config, run.payload.si)
+        plant = rig.build_plant(config, run.payload.si, friction_scale(run))
         found[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
     return found
 

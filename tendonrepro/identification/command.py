@@ -20,7 +20,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.identification import report
@@ -171,7 +171,8 @@ def run_identify(
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        text = f"identify would make {len(head['searches'])} searches of {head['evaluations']} plants"
+        searches = count_of(len(head["searches"]), "search", "searches")
+        text = f"identify would make {searches} of {head['evaluations']} plants"
         plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
         return head | plan | {"text": f"{text}\nwould write to {folder}"}
     states = f"search-{identity[:16]}"  # those of another search are not taken up

@@ -179,6 +179,21 @@ def sampled(time: Array, angle: Array) -> Shape:
     return shape
 
 
+def late(rates: Array, L: float, lag: float) -> Array:
+    """Rates (T, ...) of a reference after a first-order filter at rest, sampled every L s.
+
+    ``lag`` is the filter's time constant, s; 0 changes nothing.
+    """
+    from scipy.linalg import solve_banded
+
+    if lag == 0.0:
+        return rates
+    # Every value is the newest rate's share and the rest of the value before: a system of two diagonals.
+    newest = -np.expm1(-L / lag)
+    band = np.array([np.ones(len(rates)), np.full(len(rates), newest - 1.0)])
+    return np.asarray(solve_banded((1, 0), band, newest * rates))
+
+
 def straight_lines(time: Array, angle: Array) -> Shape:
     """Straight lines between samples, as :func:`ramp`.
 

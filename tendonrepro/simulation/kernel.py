@@ -161,7 +161,7 @@ def sample_code(
     x, k, live = rows.parameters(tape, numbers), tape.write("argument", "k"), one("live")
     own, desired, noise = one("plant"), at("desired", k, 3 * n), at("noise", k, 3 * n)
     state = tape.load(own, of_plant("state", 4 * n))
-    example = start((np.zeros(n), np.zeros(n)), np.zeros(n), numbers.law)
+    example = start((np.zeros(n), np.zeros(n)), np.zeros(n), np.zeros(n), numbers.law)
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
     delay = x.hardware.actuator.delay
     pending = list(read("pending", delay * n).reshape(-1, n))

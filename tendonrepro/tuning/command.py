@@ -115,7 +115,7 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
-        message = f"with the published gains only {len(found)} of {len(numbers)} draws are stable"
+        message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
         raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
     return found
 

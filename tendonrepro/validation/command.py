@@ -13,7 +13,7 @@ from typing import Any
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
@@ -112,7 +112,9 @@ def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: 
 
 def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
     doubts = (f"check {doubt}" for doubt in data["doubts"])
-    yield "\n".join([f"{data['measured']}, resting on {len(data['guesses'])} guesses", *doubts])
+    yield "\n".join(
+        [f"{data['measured']}, resting on {count_of(len(data['guesses']), 'guess', 'guesses')}", *doubts]
+    )
     yield from measured_tables(measured, paper, data["measured"])
     yield data["windows"]["remark"]
     motion = [data["reference"]] if data["reference"] else []
