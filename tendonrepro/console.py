@@ -26,15 +26,6 @@ class Talk:
             self.note(text)
 
     @contextmanager
-    def resumable(self) -> Iterator[None]:
-        """Say, where the block is interrupted, that its work is not lost."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.note("what is finished is kept: the same command goes on from there")
-            raise
-
-    @contextmanager
     def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
         """Show a progress bar while the block runs, if standard error is a terminal.
 

@@ -181,7 +181,7 @@ def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = REA
     digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
     base = replace(loaded.base, sha256=digest, origin=loaded.origin)
     return run_study(
-        "predict", base, request, lambda: study_predict(loaded, talk, draws=draws, readings=readings), talk
+        "predict", base, request, lambda _: study_predict(loaded, talk, draws=draws, readings=readings), talk
     )
 
 

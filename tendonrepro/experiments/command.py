@@ -69,7 +69,13 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     with ExitStack() as stack:
         results = [
             stack.enter_context(
-                replaced(order.folder, one.loaded.sha256, command=order.experiment, force=order.request.force)
+                replaced(
+                    order.folder,
+                    one.loaded.sha256,
+                    command=order.experiment,
+                    force=order.request.force,
+                    talk=talk,
+                )
             )
             for order, one in zip(orders, asked, strict=True)
         ]

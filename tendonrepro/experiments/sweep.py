@@ -66,7 +66,7 @@ class Sweep(NamedTuple):
 def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Run the comparison over one or two of ``dotted.key=a,b,c``, and write the results."""
     sweep = load_sweep(request, over)
-    return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
+    return run_study("sweep", sweep.base, request, lambda _: study_sweep(sweep, over, talk), talk)
 
 
 def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:

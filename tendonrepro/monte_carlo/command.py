@@ -120,7 +120,7 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS) as result:
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS, talk=talk) as result:
         shards = result.path / SHARDS
         _take_over(folder / SHARDS, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
@@ -134,7 +134,7 @@ def run_study(
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
-        with talk.resumable(), talk.bar("simulating", len(missing)) as progress, closing(stream):
+        with talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
                 write_atomically(paths[block], image)

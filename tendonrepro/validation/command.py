@@ -18,7 +18,6 @@ from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
@@ -61,8 +60,11 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = request.load("compare" if file.part("compare").runs else "decouple")
     digest = digest_of({"config": base.sha256, "measured": sha256_of(measured)})
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
-    folder = unfinished(request.folder("validate"))
-    return run_study("validate", base, request, lambda: _study(file, measured, base, folder, talk), talk)
+
+    def study(folder: Path) -> Outcome:
+        return _study(file, measured, base, folder, talk)
+
+    return run_study("validate", base, request, study, talk)
 
 
 def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:

@@ -73,7 +73,7 @@ def run_claims(
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     ensemble = sources.ensemble
-    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force) as result:
+    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force, talk=talk) as result:
         write_claims(verdicts, result.path, judged_by)
         if ensemble is not None:
             _write_influences(ensemble, result)
