@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from tendonrepro import __version__
 from tendonrepro.configuration.request import FORMATS
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
@@ -76,7 +76,7 @@ def run_claims(
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     ensemble = sources.ensemble
-    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force) as result:
+    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force, talk=talk) as result:
         write_claims(verdicts, result.path, judged_by)
         if ensemble is not None:
             _write_influences(ensemble, result, formats)
@@ -103,7 +103,9 @@ def _write_influences(data: EnsembleData, result: NewResult, formats: Sequence[s
     if found and formats:
         from tendonrepro.results.figures.style import save_drawing
 
-        drawn = replace(draw_influences(found), origin=f"Simulated, {len(data)} plants of the box")
+        drawn = replace(
+            draw_influences(found), origin=f"Simulated, {count_of(len(data), 'plant')} of the box"
+        )
         save_drawing(drawn, result.path / "figures", formats)
 
 
