@@ -89,10 +89,16 @@ def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     loop = loops[FIRST]
     held, L = loop.reference, loop.L
     time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
-    angle = CubicSpline(held.time, held.q_d)
     half = 0.5 * time
-    slow = DesiredMotion(time, angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2), 2.0 * held.period)
-    return replace(loop, reference=slow)
+    if held.ddq_d.any():
+        angle = CubicSpline(held.time, held.q_d)
+        rates = angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2)
+    else:
+        # Straight lines keep their corners.
+        before = np.arange(time.size) // 2
+        q_d = np.stack([np.interp(half, held.time, column) for column in held.q_d.T], axis=1)
+        rates = q_d, 0.5 * held.dq_d[before], np.zeros_like(q_d)
+    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * held.period))
 
 
 def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:

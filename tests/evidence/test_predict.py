@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
@@ -84,6 +85,17 @@ def test_what_is_changed_and_nothing_else() -> None:
     assert (flat.rate_gain == flat.eta).all()
     assert law_of(changed("other_encoders")).motor_side
     assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
+
+
+def test_ramps_keep_their_corners_at_half_the_speed() -> None:
+    changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
+    loaded = load_config(None, "compare", overrides=changed)
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
+    assert not slow.reference.ddq_d.any()
+    assert set(np.unique(slow.reference.dq_d)) == set(np.unique(0.5 * first.reference.dq_d))
+    steps = np.diff(slow.reference.q_d, axis=0) / slow.L
+    assert slow.reference.dq_d[:-1] == pytest.approx(steps, abs=1e-9)
 
 
 def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
