@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
@@ -59,7 +59,7 @@ Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
 class Experiment:
     """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``.
 
-    ``error`` names the statistic of both: of the whole run, or ``mae_late`` of all after its first period.
+    ``error`` names the statistic of both: of the whole run, or ``mae_settled`` of all after two seconds.
     """
 
     name: str
@@ -95,12 +95,16 @@ def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     loop = loops[FIRST]
     held, L = loop.reference, loop.L
     time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
-    # Never beyond its samples, at the corners of ramps neither.
-    angle = PchipInterpolator(held.time, held.q_d)
-    rate, acceleration = (make_interp_spline(held.time, values, 1) for values in (held.dq_d, held.ddq_d))
     half = 0.5 * time
-    slow = DesiredMotion(time, angle(half), 0.5 * rate(half), 0.25 * acceleration(half), 2.0 * held.period)
-    return replace(loop, reference=slow)
+    if held.ddq_d.any():
+        angle = CubicSpline(held.time, held.q_d)
+        rates = angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2)
+    else:
+        # Straight lines keep their corners.
+        before = np.arange(time.size) // 2
+        q_d = np.stack([np.interp(half, held.time, column) for column in held.q_d.T], axis=1)
+        rates = q_d, 0.5 * held.dq_d[before], np.zeros_like(q_d)
+    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * held.period))
 
 
 def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
@@ -151,17 +155,17 @@ EXPERIMENTS = (
     Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
     Experiment(
         "controllers_1_2_late",
-        "Controller 1 over Controller 2, first period left out",
+        "Controller 1 over Controller 2, first two seconds left out",
         partial(_run, FIRST),
         SECOND,
-        "mae_late",
+        "mae_settled",
     ),
     Experiment(
         "controllers_2_3_late",
-        "Controller 2 over Controller 3, first period left out",
+        "Controller 2 over Controller 3, first two seconds left out",
         partial(_run, SECOND),
         THIRD,
-        "mae_late",
+        "mae_settled",
     ),
     Experiment("repeat", "Controller 1 repeated from another start", _started_elsewhere),
     *(

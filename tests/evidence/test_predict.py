@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
@@ -91,18 +92,6 @@ def test_what_is_changed_and_nothing_else() -> None:
     assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
 
 
-def test_half_the_speed_of_a_ramp_is_a_ramp() -> None:
-    """Half the rate between its corners, no acceleration, and nothing beyond the ends of a stroke."""
-    config = under(parse_reading("motion=ramp"), COMPARE, NOMINAL)
-    loops = dict(build_loops(config, LOADED.base.folder))
-    fast = loops[FIRST].reference
-    slow = BY_NAME["half_speed"].change(config, LOADED.base.folder, loops).reference
-    assert slow.q_d[::2] == pytest.approx(fast.q_d, abs=1e-12)
-    assert slow.q_d.max() == pytest.approx(fast.q_d.max(), rel=1e-9)
-    assert slow.dq_d[::2] == pytest.approx(0.5 * fast.dq_d, abs=1e-12)
-    assert not slow.ddq_d.any()
-
-
 def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     """Runs from one start are equal to the last bit. Starts a degree apart show in the first period alone."""
     together = BY_NAME["repeat"].change(COMPARE, LOADED.base.folder, LOOPS)
@@ -113,7 +102,7 @@ def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     first, same, other = found["mae"]
     assert (same == first).all()
     assert (abs(other / first - 1.0) > 0.02).all()
-    assert found["mae_late"][2] == pytest.approx(found["mae_late"][0], rel=0.01)
+    assert found["mae_settled"][2] == pytest.approx(found["mae_settled"][0], rel=0.01)
 
 
 def _beside(run: CompareRun) -> CompareRun:
@@ -122,12 +111,23 @@ def _beside(run: CompareRun) -> CompareRun:
 
 
 def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The ratio with the first period left out is that of the statistics without it."""
-    errors = {"mae": np.ones((20, 5, 2)), "mae_late": np.full((20, 5, 2), 2.0)}
-    errors["mae_late"][:, 4] = 3.0
+    """The ratio with the first two seconds left out is that of the statistics without them."""
+    errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
+    errors["mae_settled"][:, 4] = 3.0
     monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
     found = predict._ratios(errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3))
     assert [row.median for row in found] == [1.5, 1.5]
+
+
+def test_ramps_keep_their_corners_at_half_the_speed() -> None:
+    changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
+    loaded = load_config(None, "compare", overrides=changed)
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
+    assert not slow.reference.ddq_d.any()
+    assert set(np.unique(slow.reference.dq_d)) == set(np.unique(0.5 * first.reference.dq_d))
+    steps = np.diff(slow.reference.q_d, axis=0) / slow.L
+    assert slow.reference.dq_d[:-1] == pytest.approx(steps, abs=1e-9)
 
 
 def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
