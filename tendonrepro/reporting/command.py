@@ -118,12 +118,12 @@ def plate(path: Path) -> dict[str, Any]:
     }
 
 
-def orders_picture(found: Stored) -> str:
-    """Address of the picture of the answer."""
-    content = BytesIO()
+def orders_picture(found: Stored) -> dict[str, str]:
+    """Address and caption of the picture of the answer."""
+    content, drawn = BytesIO(), draw_orders(found.summary)
     with journal_style():
-        draw_orders(found.summary).figure.savefig(content, format="svg", metadata={"Date": None})
-    return address(content.getvalue())
+        drawn.figure.savefig(content, format="svg", metadata={"Date": None})
+    return {"address": address(content.getvalue()), "caption": drawn.caption}
 
 
 def address(svg: bytes) -> str:
