@@ -21,8 +21,8 @@ Changes: TypeAlias = Mapping[str, Any] | None
 
 
 def _yaml(value: Any) -> str:
-    """A value as `--set` takes it; arrays are lists."""
-    return json.dumps(value, default=lambda array: array.tolist())
+    """A value as `--set` takes it; arrays are lists, and paths are text."""
+    return json.dumps(value, default=lambda held: str(held) if isinstance(held, Path) else held.tolist())
 
 
 def _overrides(changes: Changes) -> list[str]:

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
@@ -123,7 +124,7 @@ class Result:
             write_traces(result.path / TRACES, self._file)
 
     def __repr__(self) -> str:
-        runs = f", {len(self)} runs" if self._file else ""
+        runs = f", {count_of(len(self), 'run')}" if self._file else ""
         return f"<tendonrepro {self.command}{runs}, configuration {self.manifest['config']['sha256'][:8]}>"
 
     def __str__(self) -> str:

@@ -298,7 +298,7 @@ def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
     file, loaded = read_traces(path), load_config(None, "compare")
     digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
     return run_study(
-        "recover", replace(loaded, sha256=digest), request, lambda: study_recover(path, talk), talk
+        "recover", replace(loaded, sha256=digest), request, lambda _: study_recover(path, talk), talk
     )
 
 

@@ -13,7 +13,7 @@ from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, shipped_folder
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, Prepared, begin_all, outcome_of, prepared, trace_file
@@ -69,7 +69,13 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     with ExitStack() as stack:
         results = [
             stack.enter_context(
-                replaced(order.folder, one.loaded.sha256, command=order.experiment, force=order.request.force)
+                replaced(
+                    order.folder,
+                    one.loaded.sha256,
+                    command=order.experiment,
+                    force=order.request.force,
+                    talk=talk,
+                )
             )
             for order, one in zip(orders, asked, strict=True)
         ]
@@ -99,7 +105,7 @@ def _recorded(
 ) -> TraceFile:
     loaded = experiment.loaded
     for trace in traces:
-        talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
+        talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
     result.manifest = make_manifest(loaded, result.seconds) | {"growing_hz": growing(experiment.loops)}
     if order.solver == "compiled":
         result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}

@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 import tendonrepro as tr
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.load import shipped_folder
+from tendonrepro.console import count_of
 
 
 @pytest.fixture(scope="module")
@@ -245,6 +246,11 @@ def test_a_run_needs_no_stream_and_no_backend_of_a_notebook(command: str, tmp_pa
         check=False,
     )
     assert (other.returncode, other.stderr) == (0, "")
+
+
+def test_one_of_a_kind_is_no_plural() -> None:
+    assert [count_of(number, "reading") for number in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
+    assert [count_of(number, "guess", "guesses") for number in (1, 2)] == ["1 guess", "2 guesses"]
 
 
 def test_usage_errors_are_one_message_and_code_2(tmp_path: Path) -> None:

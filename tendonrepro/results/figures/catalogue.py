@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
@@ -104,7 +105,7 @@ def origin_of(file: TraceFile) -> str:
     name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
     changes = list(manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
-        changes = [f"{len(changes)} settings changed"]
+        changes = [f"{count_of(len(changes), 'setting')} changed"]
     if under := fitted_under(file):
         changes.append(f"fitted to the print under {under}")
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
