@@ -104,13 +104,17 @@ class Symbol(NDArrayOperatorsMixin):
         return self.tape.function(ufunc, self)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """``np.where`` of symbols."""
+        """``np.where`` of symbols, or of arrays of them by one condition."""
         del types
         if function is not np.where or kwargs:
             return NotImplemented
         condition, then, otherwise = args
         if not isinstance(condition, Symbol):
             return _as_object(then if condition else otherwise)
+        if isinstance(then, np.ndarray) or isinstance(otherwise, np.ndarray):
+            return np.frompyfunc(lambda *pair: self.tape.write("choose", condition, *pair), 2, 1)(
+                then, otherwise
+            )
         return self.tape.write("choose", condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:
