@@ -104,6 +104,7 @@ def take_closest(folder: Path) -> None:
         | {key: reading[key] for key in kept}
         | {
             "evaluations": found["evaluations"],
+            "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
         }

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and their digests."""
+"""Files that appear whole or not at all, what must not be in their way, and their digests."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import hashlib
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterator, Mapping
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 
 
 def shipped(folder: str) -> Path:
@@ -21,11 +22,51 @@ def shipped(folder: str) -> Path:
     return installed if installed.is_dir() else package.parent / folder
 
 
+def refuse_file(folder: Path, option: str = "--out") -> None:
+    """Raise a UsageError where `folder`, or a folder above it, is a file."""
+    found = next((place for place in (folder, *folder.parents) if os.path.lexists(place)), folder)
+    if found.exists() and not found.is_dir():
+        raise UsageError("is a file, not a folder", where=str(found), hint=f"name a folder with {option}")
+
+
+def refuse_existing(path: Path, *, force: bool, option: str = "--out", inputs: Iterable[Path] = ()) -> None:
+    """Refuse to write a file where something is that must not be lost.
+
+    Raises
+    ------
+    UsageError
+        If `path` is a folder, a device or one of the `inputs`, or lies below a file. If it is a file,
+        unless `force`.
+    """
+    refuse_file(path.parent, option)
+    if not path.exists():
+        return
+    hint = f"choose another name with {option}"
+    if not path.is_file():
+        raise UsageError("is not a file", where=str(path), hint=hint)
+    if any(path.samefile(given) for given in inputs if given.exists()):
+        raise UsageError("is what is to be read, and would be overwritten", where=str(path), hint=hint)
+    if not force:
+        hint += ", or overwrite it with --force"
+        raise UsageError("is there already", where=str(path), hint=hint)
+
+
+def require_space(path: Path, size: int) -> None:
+    """Raise a TendonreproError where a file of `size` bytes cannot fit; `path` need not exist yet."""
+    place = next((above for above in path.absolute().parents if above.is_dir()), Path())
+    found = shutil.disk_usage(place)
+    # A file system that does not know its size says that it has none.
+    if found.total and found.free < size:
+        message = f"needs {size / 1e6:.1f} MB, and {found.free / 1e6:.1f} MB are free on this disk"
+        raise TendonreproError(message, where=str(path), hint="free some space, or choose another --out")
+
+
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, and rename it to `path` when the block ends well.
 
     The folder is made when missing. The suffix is the same, since some writers choose their format by it.
+    A link stays, and what it names is replaced.
     When the block raises, what was at `path` before is untouched.
 
     Yields
@@ -38,11 +79,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
     TendonreproError
         When the folder or file cannot be written: full disk, missing permission, a folder in the way.
     """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
+    target = path.resolve()
+    temporary = target.with_name(f".{path.stem}.{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:
         message = f"cannot write {path}: {error.strerror or error}"
         raise TendonreproError(message) from error

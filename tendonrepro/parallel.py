@@ -7,9 +7,12 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from queue import Empty
 from typing import Any, TypeAlias, TypeVar
 
 from tendonrepro.errors import TendonreproError
@@ -20,16 +23,26 @@ Result = TypeVar("Result")
 Start: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """Begins to apply a function to items, and yields the results in order."""
 
-MOST_WORKERS = 4
-"""Each worker needs some 150 MB; the paper's experiments have four runs."""
+MOST_WORKERS = 8
+"""A worker takes some 60 MB of its own; the paper's experiments have ten runs and thirteen figures."""
+
+MOST_STARTED = 4
+"""Where a worker starts from nothing it imports for more than a second, and takes some 150 MB."""
 
 LOOK_SECONDS = 1.0
 """How often a worker looks whether the process that started it is still there."""
 
 
+def processors() -> int:
+    """Processors that this process may use: what its affinity and its container's limits leave."""
+    import joblib
+
+    return int(joblib.cpu_count())
+
+
 @contextmanager
 def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
-    """Keep processes for a block of work, `most` of them, while there are processors.
+    """Keep processes for a block of work, `most` of them, while there are processors and pieces of work.
 
     Yields
     ------
@@ -42,12 +55,42 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
     TendonreproError
         If a worker process dies.
     """
-    jobs = min(most, os.cpu_count() or 1)
-    if jobs < 2:
-        yield map
-        return
-    with _processes(jobs) as executor:
-        yield executor.map
+    jobs = min(most, processors())
+    with ExitStack() as stack:
+        if jobs < 2:
+            yield map
+        elif _can_fork():
+            yield partial(_forked, stack, jobs)
+        else:
+            executor = stack.enter_context(_processes(min(jobs, MOST_STARTED)))
+            yield partial(_submitted, executor)
+
+
+def _forked(
+    stack: ExitStack, jobs: int, function: Callable[[Any], Any], items: Sequence[Any]
+) -> Iterator[Any]:
+    """Begin work in copies of this process, which have imported what it has; they end with the work."""
+    if not items:
+        return iter(())
+    copies = stack.enter_context(ExitStack())
+    executor = copies.enter_context(_processes(min(jobs, len(items))))
+    begun = _submitted(executor, function, items)
+
+    def results() -> Iterator[Any]:
+        with copies:
+            yield from begun
+
+    return results()
+
+
+def _submitted(executor: Executor, function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+    begun = [executor.submit(function, item) for item in items]
+    return (one.result() for one in begun)
+
+
+def _can_fork() -> bool:
+    """Whether a copy of this process is sound: a lock that another thread holds would stay closed in it."""
+    return sys.platform == "linux" and threading.active_count() == 1
 
 
 def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Iterator[Result]:
@@ -62,14 +105,14 @@ def as_ready(
 ) -> Generator[Result, None, None]:
     """Yield results as they become ready.
 
-    With one job all work is done in this process; -1 is one job for each processor.
+    With one job all work is done in this process; -1 is one job for each of `processors`.
 
     Raises
     ------
     TendonreproError
         If a worker process dies.
     """
-    jobs = min(len(items), jobs if jobs > 0 else os.cpu_count() or 1)
+    jobs = min(len(items), jobs if jobs > 0 else processors())
     if jobs < 2:
         yield from map(function, items)
         return
@@ -81,17 +124,20 @@ def as_ready(
 @contextmanager
 def _processes(jobs: int) -> Iterator[Executor]:
     """Start processes, and end them with the block, whatever they are at."""
-    from multiprocessing import resource_tracker
+    from multiprocessing import get_context, resource_tracker
 
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    executor = ProcessPoolExecutor(jobs, initializer=_end_with, initargs=(os.getpid(),))
+    context = get_context("fork") if _can_fork() else None
+    executor = ProcessPoolExecutor(jobs, context=context, initializer=_end_with, initargs=(os.getpid(),))
     try:
         if sys.platform != "win32":
             # This process of the standard library lifts the block when it starts.
             resource_tracker.ensure_running()
-        with interrupts_blocked():
+        with interrupts_blocked(), warnings.catch_warnings():
+            # Python 3.12 counts the threads of OpenBLAS too, which ends them before a fork.
+            warnings.simplefilter("ignore", DeprecationWarning)
             executor.submit(int)
         yield executor
     except TerminatedWorkerError as error:
@@ -99,8 +145,20 @@ def _processes(jobs: int) -> Iterator[Executor]:
         hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
+        _forget_waiting(executor)
         # After an interrupt nobody waits for the rest.
         executor.shutdown(kill_workers=True)
+
+
+def _forget_waiting(executor: Any) -> None:
+    """Empty the queue of what no worker has begun.
+
+    An executor that ends early drops the tasks, but not their numbers. Its thread would look for the first
+    one and die with a traceback. loky has no public way to say this.
+    """
+    with suppress(Empty):
+        while True:
+            executor._work_ids.get_nowait()
 
 
 @contextmanager

@@ -78,3 +78,14 @@ def test_sha256_of_a_known_text_and_of_a_missing_file(tmp_path: Path) -> None:
 def test_what_is_not_finite_is_null_in_json() -> None:
     found = json.loads(to_json({"τ": (1.5, float("nan"), {"x": [float("inf"), -float("inf")]})}))
     assert found == {"τ": [1.5, None, {"x": [None, None]}]}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege there")
+def test_a_link_to_a_file_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
+    kept, link = tmp_path / "kept" / "real.txt", tmp_path / "link.txt"
+    write_atomically(kept, "old")
+    link.symlink_to(kept)
+    write_atomically(link, "new")
+    assert link.is_symlink()
+    assert kept.read_text() == "new"
+    assert [*kept.parent.iterdir()] == [kept]

@@ -15,14 +15,27 @@ import psutil
 import pytest
 from support.command import hear_interrupts
 
+from tendonrepro import parallel
 from tendonrepro.errors import ConfigError, TendonreproError
 from tendonrepro.parallel import as_ready, counted, interrupts_blocked, workers
 
 
-@pytest.fixture(params=[1, 2])
+@pytest.fixture(params=[(1, True), (2, True), (2, False)], ids=["alone", "copies", "started anew"])
 def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(os, "cpu_count", lambda: request.param)
-    return int(request.param)
+    count, copies = request.param
+    monkeypatch.setattr(parallel, "processors", lambda: count)
+    if not copies:
+        monkeypatch.setattr(parallel, "_can_fork", lambda: False)
+    return int(count)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity there")
+def test_jobs_respect_affinity() -> None:
+    only = f"{{{min(os.sched_getaffinity(0))}}}"
+    ask = "from tendonrepro.parallel import processors; print(processors())"
+    script = f"import os; os.sched_setaffinity(0, {only}); {ask}"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
 
 
 def work(offset: int, item: int) -> tuple[int, int]:
@@ -85,6 +98,7 @@ def test_a_worker_that_dies_is_an_error_not_a_wait() -> None:
 # Neither a main guard nor an importable function: a script or a console has none.
 SLEEPERS = r"""
 import os, time
+from tendonrepro import parallel
 from tendonrepro.parallel import workers
 
 
@@ -93,7 +107,7 @@ def work(item):
     time.sleep(600)
 
 
-os.cpu_count = lambda: 2
+parallel.processors = lambda: 2
 with workers() as start:
     list(start(work, [1, 2]))
 """
@@ -120,6 +134,55 @@ def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number:
     parent.stdout.close()
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
+
+
+# Far more pieces than the queue between the processes holds.
+PIECES = r"""
+import sys, time
+from tendonrepro import parallel
+from tendonrepro.parallel import as_ready, workers
+
+
+def work(item):
+    time.sleep(600 * (item > 0))
+
+
+def in_order(function, items):
+    with workers() as start:
+        yield from start(function, items)
+
+
+def as_they_come(function, items):
+    yield from as_ready(function, items, 2)
+
+
+parallel.processors = lambda: 2
+try:
+    for _ in globals()[sys.argv[1]](work, range(100)):
+        print("begun", flush=True)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")
+@pytest.mark.parametrize("way", ["in_order", "as_they_come"])
+def test_an_interrupt_says_nothing_of_work_that_waits(tmp_path: Path, way: str) -> None:
+    script = tmp_path / "pieces.py"
+    script.write_text(PIECES)
+    parent = subprocess.Popen(
+        [sys.executable, script, way],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+        start_new_session=True,
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "begun\n"
+    os.killpg(parent.pid, signal.SIGINT)
+    out, err = parent.communicate(timeout=60)
+    assert (parent.returncode, out, err) == (130, "", "")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no masks there")

@@ -21,8 +21,8 @@ Changes: TypeAlias = Mapping[str, Any] | None
 
 
 def _yaml(value: Any) -> str:
-    """A value as `--set` takes it; arrays are lists."""
-    return json.dumps(value, default=lambda array: array.tolist())
+    """A value as `--set` takes it; arrays are lists, and paths are text."""
+    return json.dumps(value, default=lambda held: str(held) if isinstance(held, Path) else held.tolist())
 
 
 def _overrides(changes: Changes) -> list[str]:
@@ -190,6 +190,7 @@ def identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
+    unknowns: int = 10,
     jobs: int = -1,
     out: str | Path = "reports/identify",
     force: bool = False,
@@ -202,6 +203,8 @@ def identify(
         ``controller_2``, or ``all`` sixteen numbers.
     generations, population, seeds : int
         Of each search, members of a generation, and searches of a reading.
+    unknowns : int
+        Parameters that are searched at most, those that move the fitted numbers most.
     config, readings, jobs, out, force
         As of `ensemble`.
     """
@@ -400,13 +403,15 @@ def report(results: str | Path = "reports", out: str | Path | None = None, *, fo
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
     """Simulate in this process, which needs no main guard; a notebook has none."""
     from tendonrepro.experiments.loops import growing
-    from tendonrepro.experiments.run import outcome_of, simulate_all, trace_file
-    from tendonrepro.experiments.user_law import laws_of, with_user_laws
+    from tendonrepro.experiments.run import outcome_of, prepared, simulate_all, trace_file
+    from tendonrepro.experiments.user_law import laws_of
 
-    started, own = time.perf_counter(), laws_of((), laws)
-    loaded = with_user_laws(loaded, own)
-    (traces,) = simulate_all([(loaded, own)], Talk())
-    manifest = make_manifest(loaded, time.perf_counter() - started) | {"growing_hz": growing(loaded)}
+    started = time.perf_counter()
+    experiment = prepared(loaded, laws_of((), laws))
+    loaded = experiment.loaded
+    (traces,) = simulate_all([experiment], Talk())
+    seconds = time.perf_counter() - started
+    manifest = make_manifest(loaded, seconds) | {"growing_hz": growing(experiment.loops)}
     file = trace_file(loaded, traces, manifest)
     return Result(loaded.config.experiment, outcome_of(file), manifest, file)
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import html
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import replaced
+from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
 from tendonrepro.results.study import Outcome
 from tendonrepro.results.traces import TRACES, dataset_of, write_traces
 
@@ -107,23 +107,24 @@ class Result:
         Raises
         ------
         UsageError
-            When the folder holds anything else, without `force`.
+            When there is a file of that name, or, without `force`, a folder that holds anything else.
         """
         target = Path(folder)
-        if self._folder is not None:
-            if target.exists() and not force:
-                raise UsageError("is there already", where=str(target), hint="force=True replaces it")
-            shutil.copytree(self._folder, target, dirs_exist_ok=True)
-            return target
         with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
-            replace(self._outcome, figures=self._drawings).save(result, self.command)
-            if self._file is not None:
-                write_traces(result.path / TRACES, self._file)
+            self._write(result)
             result.manifest = self.manifest
         return target
 
+    def _write(self, result: NewResult) -> None:
+        if self._folder is not None:
+            take_over(self._folder, result.path, read_manifest(self._folder)["outputs"])
+            return
+        replace(self._outcome, figures=self._drawings).save(result, self.command)
+        if self._file is not None:
+            write_traces(result.path / TRACES, self._file)
+
     def __repr__(self) -> str:
-        runs = f", {len(self)} runs" if self._file else ""
+        runs = f", {count_of(len(self), 'run')}" if self._file else ""
         return f"<tendonrepro {self.command}{runs}, configuration {self.manifest['config']['sha256'][:8]}>"
 
     def __str__(self) -> str:

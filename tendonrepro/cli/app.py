@@ -374,13 +374,19 @@ def config_schema(terminal: Terminal, kind: str | None = None) -> None:
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    _open_streams()
     # Matrices are small: threads of the library would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Commands draw to files. A notebook names a backend here that another environment may not have.
+    os.environ.pop("MPLBACKEND", None)
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False) or 0
     except TendonreproError as error:
         code = _fail(error.exit_code, error.message, error.where, error.hint)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough.
+        code = 1
     except OSError as error:
         place = error.filename and str(error.filename)
         code = _fail(1, f"the system refused: {error.strerror}", place, "look at permissions and free space")
@@ -400,6 +406,20 @@ def main() -> None:
             # A closed pipe: Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Give closed standard streams to the null device; else the next file would be opened in their place."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null == number:
+                # Worker processes need it too.
+                os.set_inheritable(number, True)
+            else:
+                os.dup2(null, number)
+                os.close(null)
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8"))
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

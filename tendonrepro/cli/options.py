@@ -13,7 +13,7 @@ import typer
 from typer import Argument, Option
 
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 
 _TERMINAL = {
     "as_json": Annotated[bool, Option("--json", help="Print one JSON object.")],
@@ -70,7 +70,7 @@ class Terminal:
     def list_files(self, paths: list[Path]) -> None:
         """Print files that were written."""
         names = [str(path) for path in paths]
-        self.talk.detail(f"{len(names)} files")
+        self.talk.detail(count_of(len(names), "file"))
         self.show({"schema_version": 1, "files": names}, "\n".join(names))
 
 

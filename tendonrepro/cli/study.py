@@ -65,6 +65,7 @@ def identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
+    unknowns: int = 10,
     jobs: int = -1,
 ) -> None:
     """Plants and interpretations closest to the published numbers.
@@ -85,6 +86,8 @@ def identify(
         Members of a generation.
     seeds
         Searches of each interpretation.
+    unknowns
+        Parameters that are searched at most.
     """
     options = options_of(locals())
     from tendonrepro.identification.command import run_identify

@@ -21,7 +21,7 @@ from tendonrepro.configuration.load import (
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.strict_yaml import dump, load, read_text
 from tendonrepro.errors import UsageError
-from tendonrepro.files import write_atomically
+from tendonrepro.files import refuse_file, write_atomically
 
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 
@@ -51,6 +51,7 @@ def init_config(name: str, folder: Path) -> list[Path]:
     A companion with the same content is left alone. Anything else that is there is refused.
     """
     source = shipped_file(name)
+    refuse_file(folder)
     new = {}
     for path in (*_with_named(source), source.with_name("schema.json")):
         target, text = folder / path.name, read_text(path)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,6 +18,8 @@ MOST_COLUMNS = 40
 """Of an array whose columns are signals."""
 FEWEST = 8
 """Samples of a column that may be a signal."""
+MOST_NAMED = 12
+"""Arrays that a line on what was left out names."""
 
 
 class Unreadable(Exception):
@@ -24,7 +27,11 @@ class Unreadable(Exception):
 
 
 class Columns(dict[str, NDArray[Any]]):
-    """Columns of N rows by name, numbers or words."""
+    """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially."""
+
+    def __init__(self, *columns: Any, **more: Any) -> None:
+        super().__init__(*columns, **more)
+        self.notes: list[str] = []
 
     def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
         """Add a column; a second of its name is numbered."""
@@ -59,8 +66,27 @@ class Source:
         return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
 
-def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
-    """Yield tables with their paths: what lies together with as many rows, or one clock."""
+@dataclass
+class Tables:
+    """What a file holds: `tables` by their place in it, and lines on what is in none of them."""
+
+    tables: dict[str, Columns] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+
+
+def tables_of(tree: Tree) -> Tables:
+    """Tables with their paths: what lies together with as many rows, or one clock."""
+    found = Tables()
+    apart: dict[str, list[str]] = {}
+    _collect(tree, "", found.tables, apart)
+    for why, names in apart.items():
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        found.left_out.append(f"{', '.join(names[:MOST_NAMED])}{more}: {why}")
+    return found
+
+
+def _collect(tree: Tree, path: str, tables: dict[str, Columns], apart: dict[str, list[str]]) -> None:
+    """Put what lies together into tables, and the rest into `apart`: why -> names."""
     groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Tree]] = []
     for name, value in tree.items():
@@ -68,33 +94,55 @@ def tables_of(tree: Tree, path: str = "") -> Iterator[tuple[str, Columns]]:
         if isinstance(value, Series):
             (first, time), *rest = value.items()
             group = groups.setdefault((len(time), time.tobytes()), Columns({first: time}))
-            for column, values in rest:
-                is_named = column.split(" (")[0].split("[")[0].strip()
-                group.add(column if is_named else f"{name}{column}", values)
+            for label, values in rest:
+                is_named = label.split(" (")[0].split("[")[0].strip()
+                group.add(label if is_named else f"{name}{label}", values)
         elif isinstance(value, Columns):
-            yield where, value
+            tables[where] = value
         elif isinstance(value, dict):
             inner.append((where, value))
-        elif (array := _rows(value)) is not None:
-            group = groups.setdefault((len(array), b""), Columns())
-            for number, column in enumerate(array.T, start=1):
-                group.add(f"{name}[{number}]" if array.shape[1] > 1 else name, column)
+        elif not isinstance(value, np.ndarray) or value.size < 2 or value.dtype.kind not in "biufc":
+            is_lost = value is not None and not isinstance(value, str | bytes)
+            is_words = isinstance(value, np.ndarray) and value.dtype.kind in "US"
+            if is_lost and not is_words and np.size(value):
+                apart.setdefault("single values, no signals", []).append(where)
+        elif reason := _no_signals(value):
+            shape = "×".join(map(str, value.shape))
+            apart.setdefault(reason, []).append(f"{where} ({shape})")
+        else:
+            group = groups.setdefault((_samples_of(value), b""), Columns())
+            for index, column in _rows(value):
+                group.add(f"{name}[{index}]" if index else name, column)
     for number, ((rows, clock), columns) in enumerate(groups.items(), start=1):
         which = f"[clock {number}]" if clock else f"[{rows} rows]"
-        yield (path if len(groups) == 1 else f"{path}{which}"), columns
+        tables[path if len(groups) == 1 else f"{path}{which}"] = columns
     for where, value in inner:
-        yield from tables_of(value, where)
+        _collect(value, where, tables, apart)
 
 
-def _rows(value: Any) -> NDArray[np.float64] | None:
-    """Numbers with samples in rows, (N, m); None of anything else."""
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
-        return None
-    array = np.squeeze(value)
-    array = np.atleast_2d(array)
-    array = array.T if array.shape[0] < array.shape[1] else array
-    is_table = array.ndim == 2 and len(array) >= FEWEST and array.shape[1] <= MOST_COLUMNS
-    return array.astype(float) if is_table else None
+def _samples_of(values: NDArray[Any]) -> int:
+    """Length of the longest axis: that of the samples."""
+    return int(max(values.shape))
+
+
+def _no_signals(values: NDArray[Any]) -> str:
+    """Why an array holds no signals, or an empty text."""
+    samples = _samples_of(values)
+    if values.dtype.kind == "c":
+        return "complex numbers"
+    if samples < FEWEST:
+        return f"fewer than {FEWEST} samples"
+    return f"more than {MOST_COLUMNS} columns" if values.size > MOST_COLUMNS * samples else ""
+
+
+def _rows(values: NDArray[Any]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Columns of an array of any dimensions, with their places in it, counted from 1."""
+    moved = np.moveaxis(values, int(np.argmax(values.shape)), 0).astype(float)
+    sizes = moved.shape[1:]
+    columns = moved.reshape(len(moved), -1).T
+    for place, column in zip(product(*map(range, sizes)), columns, strict=True):
+        told = [str(k + 1) for k, size in zip(place, sizes, strict=True) if size > 1]
+        yield ",".join(told), column
 
 
 def read_hdf5(path: Path) -> Tree:
@@ -104,11 +152,15 @@ def read_hdf5(path: Path) -> Tree:
     tree: Tree = {}
 
     def visit(name: str, node: object) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "biuf":
-            group, _, last = name.rpartition("/")
-            unit = node.attrs.get("units", "")
-            unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-            place = tree.setdefault(group.replace("/", "."), {})
+        if not isinstance(node, h5py.Dataset):
+            return
+        group, _, last = name.rpartition("/")
+        unit = node.attrs.get("units", "")
+        unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+        place = tree.setdefault(group.replace("/", "."), {})
+        if node.dtype.names:
+            place[last] = {str(field): node[field] for field in node.dtype.names}
+        else:
             place[f"{last} ({unit})" if unit else last] = node[()]
 
     with h5py.File(path) as file:

@@ -13,15 +13,15 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import refuse_existing, to_json, write_atomically
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.store import environment, refuse_existing
+from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
@@ -40,8 +40,8 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
         If a path is missing.
     """
     if mapping is not None:
-        refuse_existing(mapping, force=force, option="--mapping")
-    sources, unread = read_files(paths)
+        refuse_existing(mapping, force=force, option="--mapping", inputs=paths)
+    sources, unread, left_out = read_files(paths)
     guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
         write_atomically(mapping, guessed["suggestion"])
@@ -49,6 +49,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
         "schema_version": 2,
         "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
         "unread": unread,
+        "left_out": left_out,
         **guessed,
         "mapping": None if mapping is None else str(mapping),
     }
@@ -68,9 +69,16 @@ def _columns(source: Source) -> list[dict[str, Any]]:
 def inspect_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows."""
     parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
+    parts += [f"{file}: {line}" for file, lines in found["left_out"].items() for line in lines]
     parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
-    wrote = f"wrote {found['mapping']}: check every line that says CHECK"
+    wrote = f"wrote {found['mapping']}: check every line that says CHECK{_to_fill(found['suggestion'])}"
     return "\n".join([*parts, wrote if found["mapping"] else found["suggestion"].rstrip()])
+
+
+def _to_fill(suggestion: str) -> str:
+    """What to fill in before the mapping can be ingested."""
+    lines = [number for number, line in enumerate(suggestion.splitlines(), start=1) if "# FILL IN" in line]
+    return f", and fill in line {', '.join(map(str, lines))}" if lines else ""
 
 
 def run_ingest(
@@ -97,17 +105,18 @@ def run_ingest(
         If a path is missing.
     """
     if not dry_run:
-        refuse_existing(out, force=force)
+        refuse_existing(out, force=force, inputs=[mapping, *paths])
     text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
     loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))
-    sources, unread = read_files(paths)
+    sources, unread, left_out = read_files(paths)
     S, S_inv = coupling_of(table_1(published()))
     assembly = Assembly(sources, unread, loaded, S)
     runs = assembly.runs()
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    notes = assembly.notes + [f"{file} was not read: {reason}" for file, reason in unread.items()]
+    notes = assembly.notes + [f"{file}: {line}" for file, lines in left_out.items() for line in lines]
+    notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
     inputs = list({source.file["name"]: source.file for source in sources}.values())
     told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -171,6 +180,8 @@ def ingest_text(found: Mapping[str, Any]) -> str:
     lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
-        lines.append(f"  {len(found['guesses'])} guesses: check the mapping, then say --confirm")
+        lines.append(
+            f"  {count_of(len(found['guesses']), 'guess', 'guesses')}: check the mapping, then say --confirm"
+        )
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
     return "\n".join(lines)

@@ -20,7 +20,7 @@ from urllib3.util import Retry
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import md5_of, to_json, write_atomically
+from tendonrepro.files import md5_of, refuse_file, require_space, to_json, write_atomically
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
@@ -54,6 +54,7 @@ def run_fetch(
         If the record or its files cannot be had.
     """
     number = record_number(record)
+    refuse_file(out)
     held = out.resolve().with_name(f"{out.resolve().name}.lock.json")
     lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
     if number not in {lock.get("record"), lock.get("requested")}:
@@ -67,6 +68,7 @@ def run_fetch(
         if path.exists() and not force:
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
+    require_space(out / "files", sum(file["size"] for file in wanted))
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(held, to_json(lock))

@@ -2,41 +2,52 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.arrays import Source
-from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, SCHEMA_VERSION, Use, kind_of
+from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
+from tendonrepro.dataset.digitised import is_digitised
+from tendonrepro.dataset.mapping import LOOP_STEPS, Use, kind_of
+from tendonrepro.dataset.suggestion import Asked, Guess, RunGuess, around_of, quoted, written
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
-
-Lines: TypeAlias = dict[str, tuple[str, str]]
-"""Column -> what it is, and what to check about that."""
 
 _USUAL = {"rate": "deg/s", "torque": "N m"}
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
-_PAPERS_PAYLOAD = 0.2
+_READING_ERROR = 0.005
+"""Share of a curve's range by which it is taken to be misread."""
+_PLACE = re.compile(r"\[\d+(,\d+)*\]| #\d+$")
+_DERIVATIVE = re.compile(r"(?:q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class Guess:
-    """What a column is taken for, in which run, and what to check."""
+@dataclass
+class _Table:
+    """A table while its columns are guessed."""
 
     source: Source
-    column: str
-    use: Use
-    run: str
-    payload: float | None
-    check: str
+    around: list[Meaning]
+    said: dict[str, Meaning]
+    variables: dict[str, str | None] = field(default_factory=dict)
+    numbers: dict[str, int] = field(default_factory=dict)
+    checks: dict[str, str] = field(default_factory=dict)
+
+    def values(self, column: str) -> Array:
+        """A column's numbers."""
+        return self.source.columns[column]
+
+    def is_numbers(self, column: str) -> bool:
+        """Whether a column holds numbers."""
+        return self.source.columns[column].dtype.kind == "f"
 
 
 def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
@@ -48,54 +59,186 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
         ``suggestion``, the text of a mapping; ``runs``, their numbers of columns; and ``left``, lines for the
         other columns, and why.
     """
-    runs: dict[str, list[Guess]] = {}
+    runs: dict[str, RunGuess] = {}
+    asked: dict[str, list[Asked]] = {}
     left: list[str] = []
     for source in sources:
         for found in _of_table(source):
-            if isinstance(found, str):
-                left.append(found)
+            if isinstance(found, Asked):
+                asked.setdefault(found.run, []).append(found)
                 continue
-            run = runs.setdefault(found.run, [])
-            same = [one.column for one in run if one.use.signal == found.use.signal and found.use.joint]
-            if same:
-                left.append(f"{_scalar(found.column)}: {found.use}  # taken from {same[0]}")
+            run = runs.setdefault(found.run, RunGuess(found.run, found.payload))
+            same = next(
+                (one for one in run.columns if one.use.signal == found.use.signal and found.use.joint), None
+            )
+            if same is None:
+                run.columns.append(found)
             else:
-                run.append(found)
+                left.append(f"{quoted(found.column)}: {found.use}  # taken from {same.column}")
+                _doubt_twin(run, same, found)
+    for name, columns in asked.items():
+        known = runs.setdefault(name, RunGuess(name, None))
+        if any(one.use.joint for one in known.columns):
+            left += map(str, columns)
+        else:
+            known.asked += columns
     left = list(dict.fromkeys(left))
-    counts = {run: sum(one.use.joint > 0 for one in guesses) for run, guesses in runs.items()}
-    runs = {run: guesses for run, guesses in runs.items() if counts[run]}
-    text = "\n".join(_lines(runs, left, title)) + "\n"
-    return {"suggestion": text, "runs": {run: counts[run] for run in runs}, "left": left}
+    whole = {
+        name: run for name, run in runs.items() if run.asked or any(one.use.joint for one in run.columns)
+    }
+    parted = {part.name: part for run in whole.values() for part in _parts(run)}
+    text = "\n".join(written(list(parted.values()), left, title)) + "\n"
+    counts = {name: sum(one.use.joint > 0 for one in run.columns) for name, run in parted.items()}
+    return {"suggestion": text, "runs": counts, "left": left}
 
 
-def _of_table(source: Source) -> Iterator[Guess | str]:
+def _doubt_twin(run: RunGuess, same: Guess, twin: Guess) -> None:
+    """Ask where another column of a table says the same of other numbers."""
+    if twin.source is not same.source or np.array_equal(
+        twin.source.columns[twin.column], same.source.columns[same.column], equal_nan=True
+    ):
+        return
+    other = "q_d" if same.use.variable == "q_encoder" else "q_encoder"
+    line = replace(same.use, variable=other) if same.use.variable in ("q_encoder", "q_d") else same.use
+    check = f"{quoted(twin.column)} says the same; one of the two may be {line}"
+    place = run.columns.index(same)
+    run.columns[place] = replace(same, check="; ".join(filter(None, [same.check, check])))
+
+
+def _parts(run: RunGuess) -> Iterator[RunGuess]:
+    """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
+    tables = {id(one.source): one.source for one in run.columns}
+    for source in tables.values():
+        uses = {one.column: one.use for one in run.columns if one.source is source}
+        clocks = [(clock, columns) for clock, columns in by_clock(source.columns, uses).items()]
+        for clock, columns in clocks:
+            if clock is None:
+                said = f"no times in {source.name}: write the step in s, as 0.001"
+                run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
+                continue
+            time = uses[clock].to_si * source.columns[clock]
+            if is_digitised(time) or len(clocks) > 2:
+                _ask_reading_error(run, source, uses, columns)
+            elif step := even_step(time):
+                check = (
+                    "the times repeat, so they are rounded; this makes them from the numbers of the samples"
+                )
+                run.extras["step_s"] = f"{step:.6g}  # CHECK: {check}"
+            elif len(tables) == 1 and len(clocks) == 1 and (again := len(starts_again(time))):
+                for part in range(1, again + 2):
+                    yield run.part(part, again + 1)
+                return
+    yield run
+
+
+def _ask_reading_error(run: RunGuess, source: Source, uses: dict[str, Use], columns: Sequence[str]) -> None:
+    """Take a run for read off a figure, with an error by the range of its curves."""
+    for column in columns:
+        use = uses[column]
+        if kind_of(use.variable) == "angle":
+            error = math.degrees(use.to_si) * _READING_ERROR * float(np.ptp(_known(source.columns[column])))
+            run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
+
+
+def _known(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _of_table(source: Source) -> Iterator[Guess | Asked]:
     """Guess every column, or give the line to write, and why."""
-    around = [meaning_of(part) for part in _around(source.name)]
-    said = {column: meaning_of(re.sub(r"\[\d+\]| #\d+$", "", column)) for column in source.columns}
-    variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
-    numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
+    around = [meaning_of(part) for part in around_of(source.name)]
+    said = {column: meaning_of(_PLACE.sub("", column)) for column in source.columns}
+    table = _Table(source, around, said)
+    table.variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
+    table.numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
+    _take_times(table)
+    _take_rates(table)
+    variables, numbers = table.variables, table.numbers
     counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
     is_compared = any(one.controller for one in (*said.values(), *around))
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
     joints = [column for column, name in variables.items() if name in _OF_JOINTS and not said[column].unit]
-    sizes = [source.columns[column] for column in joints if source.columns[column].dtype.kind == "f"]
-    most = max((_largest(values) for values in sizes), default=0.0)
+    most = max((_largest(table.values(column)) for column in joints if table.is_numbers(column)), default=0.0)
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
     shift = int(is_compared and counted == {1, 2})
-    for column, values in source.columns.items():
-        variable, one, joint = variables[column], said[column], numbers[column] + shift
-        problem = _problem(one, variable, joint, values.dtype.kind)
-        if problem or variable is None:
-            number = joint if joint in (1, 2, 3) else "JOINT"
-            yield f"{_scalar(column)}: {variable or 'VARIABLE'} {number} {one.unit or 'UNIT'}  # {problem}"
+    for column, one in said.items():
+        for run, payload in _runs_of(table, column):
+            yield _guessed(table, column, one, (run, payload), shift, most)
+
+
+def _guessed(
+    table: _Table, column: str, said: Meaning, run: tuple[str, float | None], shift: int, most: float
+) -> Guess | Asked:
+    """What a column is in one of the runs that it belongs to."""
+    variable, joint = table.variables[column], table.numbers[column] + shift
+    problem = (
+        "" if column in table.checks else _problem(said, variable, joint, table.values(column).dtype.kind)
+    )
+    if problem or variable is None:
+        # A place in an array tells a joint only where the array is known.
+        is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
+        number = str(joint) if is_told else "JOINT"
+        unit = said.unit
+        if unit is None and variable is not None and not said.unknown and table.is_numbers(column):
+            unit = _unit(variable, None, table.values(column), most)[0]
+        return Asked(table.source, column, variable or "VARIABLE", number, unit or "UNIT", run[0], problem)
+    unit, sized = _unit(variable, said.unit, table.values(column), most)
+    use = Use(variable, 0 if variable == "time" else joint, unit)
+    checks = [*filter(None, [table.checks.get(column, "")]), *_checks(said, use, sized)]
+    if use.joint and (shift or said.joint is None):
+        checks.append(
+            f"joint {table.numbers[column]} of the file, taken as {joint}; else {variable} N {unit}"
+        )
+    return Guess(table.source, column, use, *run, "; ".join(checks))
+
+
+def _take_times(table: _Table) -> None:
+    """Take a first column without a name for the times if it increases evenly; ask of times side by side."""
+    columns = list(table.source.columns)
+    if "time" not in table.variables.values() and table.is_numbers(columns[0]):
+        first = columns[0]
+        steps = np.diff(table.values(first))
+        is_even = len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean()
+        if is_even and table.variables[first] is None:
+            table.variables[first] = "time"
+            table.checks[first] = "the first column, whose numbers increase evenly, taken as times"
+    for before, column in pairwise(columns):
+        if table.variables[before] == table.variables[column] == "time":
+            table.checks[column] = (
+                f"times of {quoted(before)} are used; to use these delete the line of those"
+            )
+
+
+def _take_rates(table: _Table) -> None:
+    """Take qd2 for a velocity beside qdd2, or beside a reference of joint 2."""
+    for column, said in table.said.items():
+        found = _DERIVATIVE.match(_PLACE.sub("", column).strip())
+        if not found or table.variables[column] != "q_d" or (said.unit in FACTORS["angle"]):
             continue
-        unit, sized = _unit(variable, one.unit, values, most)
-        use = Use(variable, 0 if variable == "time" else joint, unit)
-        checks = list(_checks(one, use, sized))
-        if use.joint and (shift or one.joint is None):
-            checks.append(f"joint {numbers[column]} of the file, taken as {joint}; else {variable} N {unit}")
-        run, payload = _run_of(source.name, one, around)
-        yield Guess(source, column, use, run, payload, "; ".join(checks))
+        joint = found[1]
+        second = next((one for one in table.said if re.match(rf"(?:q|theta|θ)dd_?{joint}", one, re.I)), None)
+        reference = next((one for one in table.said if _is_reference(table, one, column)), None)
+        beside = second or reference
+        if beside is not None:
+            table.variables[column] = "dq"
+            table.checks[column] = (
+                f"stands beside {quoted(beside)}, taken as a velocity; else q_d {joint} deg"
+            )
+
+
+def _is_reference(table: _Table, column: str, rate: str) -> bool:
+    """Whether a column is the desired angle of the same joint, under another word."""
+    is_same = table.numbers[column] == table.numbers[rate] and table.variables[column] == "q_d"
+    return is_same and not _DERIVATIVE.match(column.strip())
+
+
+def _runs_of(table: _Table, column: str) -> list[tuple[str, float | None]]:
+    """Runs that a column belongs to: that of its controller, or each whose columns name theirs."""
+    said = table.said[column]
+    own = [_run_of(table.source.name, one, table.around) for one in table.said.values() if one.controller]
+    if said.controller is None and own:
+        return list(dict.fromkeys(own))
+    return [_run_of(table.source.name, said, table.around)]
 
 
 def _number_of(column: str, telling: Sequence[Meaning]) -> int:
@@ -103,15 +246,6 @@ def _number_of(column: str, telling: Sequence[Meaning]) -> int:
     place = re.search(r"\[(\d+)\]", column)
     said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
     return said if said is not None else int(place[1]) if place else 0
-
-
-def _around(name: str) -> list[str]:
-    """Names around a column, nearest first: sheet or struct, file, folders."""
-    file, _, inner = name.partition(":")
-    *folders, last = file.split("/")
-    stem = re.sub(r"(\.[A-Za-z][A-Za-z0-9]{0,4})+$", "", last)
-    parts = [part for part in re.split(r"\.(?!\d)", inner) if part]
-    return [*reversed(parts), stem, *reversed(folders)]
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
@@ -150,7 +284,9 @@ def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[
         return said or "", ""
     if kind == "time":
         low, high = LOOP_STEPS
-        step = float(np.nanmedian(np.diff(values)))
+        steps = np.abs(np.diff(values))
+        # Rounded times repeat; times of curves that were read off go back.
+        step = float(np.nanmedian(steps)) or float(np.nanmean(steps))
         unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
         return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
     if kind == "angle":
@@ -183,75 +319,3 @@ def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, f
     if any("decouple" in m.says for m in telling):
         return "decouple", payload
     return re.sub(r"\W+", "_", name).strip("_") or "run", payload
-
-
-def _lines(runs: Mapping[str, Sequence[Guess]], left: Sequence[str], title: str) -> Iterator[str]:
-    shared: Lines = {}
-    apart: dict[str, Lines] = {}
-    seen: set[str] = set()
-    for run, guesses in runs.items():
-        own = _columns_of(guesses)
-        held = own.keys() | {name for guess in guesses for name in guess.source.columns}
-        # What is shared would be taken from every table that holds it.
-        if all(shared.get(name, ("",))[0] == own.get(name, ("",))[0] for name in held & seen):
-            shared = own | shared
-            seen |= held
-        else:
-            apart[run] = own
-    yield f"schema_version: {SCHEMA_VERSION}"
-    yield f"title: {_scalar(title)}"
-    if shared:
-        yield "columns:"
-        yield from _column_lines(shared, "  ")
-    yield "runs:" if runs else "runs: {}"
-    for run, guesses in runs.items():
-        yield from _run_lines(run, guesses, apart.get(run))
-    if left:
-        yield "# Left out, and why. To use a column, move its line under columns."
-        yield from (f"#   {line}" for line in left)
-
-
-def _columns_of(guesses: Sequence[Guess]) -> Lines:
-    """Lines of a run, with the table where two share a column's name."""
-    found: Lines = {}
-    for guess in guesses:
-        others = [one for one in guesses if one.column == guess.column and one.use != guess.use]
-        table = f"{guess.source.last}:" if others else ""
-        found.setdefault(f"{table}{guess.column}", (str(guess.use), guess.check))
-    return found
-
-
-def _run_lines(run: str, guesses: Sequence[Guess], columns: Lines | None) -> Iterator[str]:
-    names = list(dict.fromkeys(guess.source.name for guess in guesses))
-    sources = _scalar(names[0]) if len(names) == 1 else f"[{', '.join(map(_scalar, names))}]"
-    check = _check_of_run(run, guesses)
-    mark = f"  {CHECK} {check}" if check else ""
-    mass = guesses[0].payload or math.nan
-    is_usual = math.isnan(mass) or mass == _PAPERS_PAYLOAD
-    if columns is None and is_usual:
-        yield f"  {run}: {sources}{mark}"
-        return
-    yield f"  {run}:{mark}"
-    yield f"    sources: {sources}"
-    if not is_usual:
-        yield f"    payload_mass_kg: {mass:g}"
-    if columns is not None:
-        yield "    columns:"
-        yield from _column_lines(columns, "      ")
-
-
-def _check_of_run(run: str, guesses: Sequence[Guess]) -> str:
-    if not re.fullmatch(r"controller_[123](_payload)?|decouple", run):
-        return "no controller named; if it is one, write controller_1, _2 or _3 before the colon"
-    telling = [meaning_of(part) for part in _around(guesses[0].source.name)]
-    unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
-    return f"not known: {', '.join(unknown)}; taken as {run}, else rename it" if unknown else ""
-
-
-def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
-    for name, (use, check) in columns.items():
-        yield f"{indent}{_scalar(name)}: {use}" + (f"  {CHECK} {check}" if check else "")
-
-
-def _scalar(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)

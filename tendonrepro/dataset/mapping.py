@@ -16,12 +16,13 @@ A value is factor times number plus offset, in the unit of the file.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import load
@@ -30,6 +31,8 @@ from tendonrepro.results.records import VARIABLES
 
 CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
+PLACEHOLDERS = "VARIABLE", "JOINT", "UNIT"
+"""What stands in a suggested line where a person has to fill something in."""
 SCHEMA_VERSION = 2
 LOOP_STEPS = 5e-5, 0.1
 """Sampling steps of a control loop, s; beyond them the unit of the times is in doubt."""
@@ -75,6 +78,8 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: Any) -> Use:
+    if isinstance(text, str) and (blank := next((one for one in PLACEHOLDERS if one in text.split()), "")):
+        refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
     found = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if found is None:
         refuse(f"{text!r} is not of the form 'variable joint unit', as in 'q_d 2 deg'")
@@ -98,8 +103,9 @@ class Run(Model):
     """Tables of a run; a variable is taken from the first that has it.
 
     `columns`, if any, replace the shared ones; ``source:column`` names one of several. Rows to take have the
-    values of `where`. The part from `from_s` to `to_s` is kept, in the file's time. `step_s` is for tables
-    without times.
+    values of `where`. Where the time of a table starts again, `part` counts the stretches from 1. What lies
+    from `from_s` to `to_s` is kept, in the file's time. `step_s` makes times from the numbers of the samples.
+    `reading_error_deg` says that the angles were read off a figure, and how well, by variable or for all.
     """
 
     sources: Annotated[list[str], Field(min_length=1)]
@@ -110,6 +116,8 @@ class Run(Model):
     from_s: Number = -float("inf")
     to_s: Number = float("inf")
     step_s: Number | None = None
+    part: Annotated[int, Field(ge=1)] | None = None
+    reading_error_deg: Number | dict[str, Number] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -119,12 +127,25 @@ class Run(Model):
             return held | {"sources": [held["sources"]]}
         return held
 
+    def reading_error(self, variable: str) -> float:
+        """Error of a variable read off a figure, rad; 0 where it was recorded."""
+        held = self.reading_error_deg
+        degrees = held.get(variable, 0.0) if isinstance(held, dict) else held
+        return math.radians(degrees or 0.0)
+
 
 class _Tree(Model):
     schema_version: int = SCHEMA_VERSION
     title: str = "Measured data"
     columns: Uses = Field(default_factory=dict)
     runs: dict[Annotated[str, Field(pattern=r"^\w+$")], Run]
+
+    @field_validator("runs")
+    @classmethod
+    def _is_filled(cls, runs: dict[str, Run]) -> dict[str, Run]:
+        if not runs:
+            refuse("no run is named: write one, as 'controller_1: FILE', with its columns under columns")
+        return runs
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +13,8 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Columns, Series, Tree, Unreadable
+from tendonrepro.dataset.arrays import Columns, Tree, Unreadable
+from tendonrepro.dataset.simulink import as_object, as_structure
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -24,13 +24,12 @@ with warnings.catch_warnings():
         # Some machines have no build of it; SciPy reads all but objects and version 7.3.
         matio = None
 
-_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
 
 
-def read_matlab(path: Path) -> Tree:
-    """Read the variables that can be read.
+def read_matlab(path: Path) -> tuple[Tree, list[str]]:
+    """Read the variables that can be read; for the others, lines that say why not.
 
     Raises
     ------
@@ -38,21 +37,30 @@ def read_matlab(path: Path) -> Tree:
         If none can.
     """
     found, reasons = {}, []
+    _refuse_text(path)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         if matio is None:
             held = scipy.io.loadmat(path, spmatrix=False)
-            return {name: _plain(value) for name, value in held.items() if not name.startswith("_")}
+            return {name: _plain(value) for name, value in held.items() if not name.startswith("_")}, []
         for name in _names(path):
             try:
                 # One by one, since a broken one fails the load of all.
                 read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
                 found[name] = _plain(read[name])
             except Exception as error:
-                reasons.append(f"{name}: {error}")
+                reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
+    found |= _streams(path)
     if not found:
         raise Unreadable(f"no variable of this MATLAB file can be read: {'; '.join(reasons)[:200]}")
-    return found
+    return found, reasons
+
+
+def _refuse_text(path: Path) -> None:
+    with path.open("rb") as stream:
+        head = stream.read(200)
+    if head.startswith(b"# Created by Octave") or b"# name:" in head:
+        raise Unreadable("a text file of Octave: save it in Octave with save -v7 FILE.mat VARIABLES")
 
 
 def _names(path: Path) -> list[str]:
@@ -62,12 +70,24 @@ def _names(path: Path) -> list[str]:
     return list(matio.whosmat(str(path)))
 
 
+def _streams(path: Path) -> Tree:
+    """Samples that Simulink streamed to the file, beside objects that do not name them."""
+    if not h5py.is_hdf5(path):
+        return {}
+    with h5py.File(path) as file:
+        held = file.get("#sigstream#", {})
+        numbered = sorted((name for name in held if name.isdigit()), key=int)
+        doubles = [name for name in numbered if int(held[name]["#sampleSize#"][0]) == np.float64().itemsize]
+        streams = {f"stream {name}": held[name]["#data#"][()].tobytes() for name in doubles}
+    return {name: np.frombuffer(content, np.float64) for name, content in streams.items()}
+
+
 def _plain(value: Any) -> Any:
     """Numbers as arrays, tables as `Columns`, all else with members as a dict."""
     if isinstance(value, pd.DataFrame | Mapping):
         return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
     if hasattr(value, "properties") and hasattr(value, "classname"):
-        return _object(value.classname, _members(value.properties))
+        return as_object(value.classname, _members(value.properties))
     if not isinstance(value, np.ndarray):
         return value
     if value.dtype.names is not None:
@@ -85,31 +105,10 @@ def _items(items: list[Any]) -> Any:
 
 
 def _members(members: Any) -> Tree:
-    """Members of a struct, object or map; of Simulink's structure with time its signals."""
+    """Members of a struct, object or map."""
     if not isinstance(members, Mapping):
         return {}
-    tree = {str(name): _plain(value) for name, value in members.items()}
-    if not isinstance(tree.get("signals"), dict) or not isinstance(tree.get("time"), np.ndarray):
-        return tree
-    signals = tree["signals"]
-    items = [signals] if "values" in signals else list(signals.values())
-    labelled = {_text(item["label"]) or f"signal {k}": item["values"] for k, item in enumerate(items, 1)}
-    return {"time (s)": tree["time"]} | labelled
-
-
-def _object(kind: str, tree: Tree) -> Any:
-    """Timeseries, elements and data sets of Simulink's logs; else members."""
-    if kind == "timeseries":
-        return _timeseries(tree)
-    series = tree.get("Values")
-    if isinstance(series, Series) and (name := _text(tree.get("Name"))):
-        # An element of a log has the name it was logged by.
-        time, *rest = series.items()
-        return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
-    if "Dataset" in kind:
-        keys = ("Elements", "Elements_", "Storage_", "Storage")
-        return next((tree[key] for key in keys if tree.get(key) is not None), None)
-    return tree
+    return as_structure({str(name): _plain(value) for name, value in members.items()})
 
 
 def _table(frame: pd.DataFrame) -> Columns:
@@ -132,40 +131,3 @@ def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
     """Durations, or dates since the first, s."""
     since = times - times[0] if times.dtype.kind == "M" else times
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
-
-
-def _timeseries(tree: Tree) -> Series | None:
-    held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
-    info, about, storage = (part if isinstance(part, dict) else {} for part in held)
-    # Streamed logs lie elsewhere.
-    data = next(
-        (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
-    )
-    if data is None:
-        return None
-    time = next((info[key] for key in ("Time_", "Time") if _is_filled(info.get(key))), None)
-    if time is None:
-        start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
-        time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
-    time = np.ravel(time).astype(float) * _SECONDS.get(_text(info.get("Units")), 1.0)
-    axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
-    if axis is None:
-        return None
-    samples = np.moveaxis(data, axis, 0).reshape(len(time), -1)
-    unit = about.get("Units")
-    unit = _text(unit.get("Name") if isinstance(unit, dict) else unit)
-    name = _text(tree.get("Name")) or _text(about.get("Name"))
-    found = Series({"time (s)": time})
-    for k, column in enumerate(samples.T, start=1):
-        found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
-    return found
-
-
-def _is_filled(value: Any) -> bool:
-    return isinstance(value, np.ndarray) and value.size > 0 and value.dtype.kind in "biuf"
-
-
-def _text(value: Any) -> str:
-    while isinstance(value, np.ndarray) and value.size:
-        value = value.flat[0]
-    return value.strip() if isinstance(value, str) else ""

@@ -5,16 +5,20 @@ A process of its own reads: a damaged file can crash the HDF5 library.
 
 from __future__ import annotations
 
-import shutil
 import tarfile
 import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from tendonrepro.dataset.arrays import Columns, Source, Unreadable, read_hdf5, tables_of
+from tendonrepro.dataset.arrays import Source, Tables, Unreadable, read_hdf5, tables_of
+from tendonrepro.dataset.digitised import packaged, read_package
+from tendonrepro.dataset.instruments import labview, read_tdms
+from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
+from tendonrepro.dataset.workbook import read_workbook
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
 
@@ -23,11 +27,21 @@ MOST_BYTES = 2**31
 
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
-_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}
+_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ""}
+_UNICODE = 0x800
+"""Flag of a name in a zip that is Unicode."""
 
 
-def read_files(paths: Sequence[Path]) -> tuple[list[Source], dict[str, str]]:
-    """Read every table of files, folders and archives; files that were not read have a reason.
+class Found(NamedTuple):
+    """Tables; by file why it was `unread`; and by file lines on what is in no table of it."""
+
+    sources: list[Source]
+    unread: dict[str, str]
+    left_out: dict[str, list[str]]
+
+
+def read_files(paths: Sequence[Path]) -> Found:
+    """Read every table of files, folders and archives.
 
     Raises
     ------
@@ -37,25 +51,55 @@ def read_files(paths: Sequence[Path]) -> tuple[list[Source], dict[str, str]]:
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
-    sources: list[Source] = []
-    unread: dict[str, str] = {}
-    reader = ProcessPoolExecutor(max_workers=1)
-    with tempfile.TemporaryDirectory() as scratch:
+    found = Found([], {}, {})
+    with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
         names = {path: "" if path.is_dir() else path.name for path in paths}
-        files = [one for path, name in names.items() for one in _files(path, name, Path(scratch), unread)]
+        folder, unread = Path(scratch), found.unread
+        files = [one for path, name in names.items() for one in _files(path, name, folder, unread)]
+        packages = [path for path, _ in files if path.suffix == ".json"]
+        described = {table.resolve() for path in packages for table in packaged(path)}
         for path, name in files:
+            if path.resolve() in described:
+                # Its package reads it, and knows its units.
+                continue
             try:
-                sources += reader.submit(read_file, path, name).result()
+                sources, left_out = reader.read(path, name)
             except Unreadable as error:
-                unread[name] = str(error)
-            except BrokenProcessPool:
-                unread[name] = "reading it crashed: the file is damaged"
-                reader = ProcessPoolExecutor(max_workers=1)
-    reader.shutdown()
-    if not sources:
-        reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
+                found.unread[name] = str(error)
+                continue
+            found.sources.extend(sources)
+            if left_out:
+                found.left_out[name] = left_out
+    if not found.sources:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in found.unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return sources, unread
+    return found
+
+
+class _Reader:
+    """Reads files, those that might crash a library in a process of their own."""
+
+    def __init__(self) -> None:
+        self._pool: Any = None
+
+    def __enter__(self) -> _Reader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def read(self, path: Path, name: str) -> tuple[list[Source], list[str]]:
+        if not needs_own_process(path):
+            return read_file(path, name)
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(max_workers=1)
+        try:
+            found: tuple[list[Source], list[str]] = self._pool.submit(read_file, path, name).result()
+        except BrokenProcessPool:
+            self._pool = None
+            raise Unreadable("reading it crashed: the file is damaged") from None
+        return found
 
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
@@ -76,7 +120,7 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
 
 def _unpack(path: Path, folder: Path) -> None:
     if zipfile.is_zipfile(path):
-        shutil.unpack_archive(path, folder, "zip")
+        _unzip(path, folder)
     elif tarfile.is_tarfile(path):
         with tarfile.open(path) as archive:
             archive.extractall(folder, filter="data")
@@ -84,8 +128,17 @@ def _unpack(path: Path, folder: Path) -> None:
         raise Unreadable("neither zip nor tar")
 
 
-def read_file(path: Path, name: str) -> list[Source]:
-    """Read the tables of one file.
+def _unzip(path: Path, folder: Path) -> None:
+    """Unpack a zip; names that do not say they are Unicode are Chinese, Western, or plain."""
+    with zipfile.ZipFile(path) as archive:
+        names = [one.filename for one in archive.infolist() if not one.flag_bits & _UNICODE]
+    encoding, _ = encoding_of_bytes(b"\n".join(name.encode("cp437", "ignore") for name in names))
+    with zipfile.ZipFile(path, metadata_encoding=encoding.removesuffix("-sig")) as archive:
+        archive.extractall(folder)
+
+
+def read_file(path: Path, name: str) -> tuple[list[Source], list[str]]:
+    """Read the tables of one file, and lines on what is in none of them.
 
     Raises
     ------
@@ -96,33 +149,59 @@ def read_file(path: Path, name: str) -> list[Source]:
     if size > MOST_BYTES:
         raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
-        tables = _tables(path)
+        found = _tables(path)
     except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
     file = {"name": name, "size": size, "md5": md5_of(path)}
-    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in tables.items() if columns}
-    if not named:
-        raise Unreadable("holds no columns of numbers")
-    return [Source(table, columns, file) for table, columns in named.items()]
+    tables = {inner: columns for inner, columns in found.tables.items() if columns}
+    left_out = [*found.left_out]
+    for inner, columns in found.tables.items():
+        place = f"{inner}: " if inner else ""
+        left_out += [f"{place}{note}" for note in columns.notes]
+    if not tables:
+        reasons = f": {'; '.join(left_out)}" if left_out else ""
+        raise Unreadable(f"holds no columns of numbers{reasons}"[:400])
+    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in tables.items()}
+    return [Source(table, columns, file) for table, columns in named.items()], left_out
 
 
-def _tables(path: Path) -> dict[str, Columns]:
+def _tables(path: Path) -> Tables:
     """Tables of a file by their place in it; its first bytes go before its name."""
-    from tendonrepro.dataset.matlab import read_matlab
-    from tendonrepro.dataset.tables import read_text_table, read_workbook
-
-    with path.open("rb") as stream:
-        head = stream.read(512)
-    suffix = path.suffix.lower()
-    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
-    if suffix == ".mat" or (head.startswith(b"MATLAB") and suffix != ".fig"):
-        return dict(tables_of(read_matlab(path)))
-    if head.startswith(b"\x89HDF"):
-        return dict(tables_of(read_hdf5(path)))
-    if suffix in _BOOKS or head.startswith(b"PK\x03\x04"):
+    head, suffix = _head(path), path.suffix.lower()
+    if needs_own_process(path):
+        return _binary_tables(path, head, suffix)
+    if suffix == ".tdms" or head.startswith(b"TDSm"):
+        return read_tdms(path)
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         return read_workbook(path)
-    if suffix in _TEXTS:
-        return read_text_table(path)
+    if suffix == ".json":
+        return read_package(path)
+    if suffix in _TEXTS | _BOOKS:
+        return labview(read_text_table(path), path)
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")
+
+
+def needs_own_process(path: Path) -> bool:
+    """Whether a library reads a file that a damaged one can crash."""
+    head = _head(path)
+    return path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF"))
+
+
+def _binary_tables(path: Path, head: bytes, suffix: str) -> Tables:
+    from tendonrepro.dataset.matlab import read_matlab
+
+    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
+    if suffix == ".fig":
+        raise Unreadable("a figure of MATLAB: open it there and save the data of its lines")
+    if suffix == ".mat" or head.startswith(b"MATLAB"):
+        tree, reasons = read_matlab(path)
+        found = tables_of(tree)
+        return Tables(found.tables, [*reasons, *found.left_out])
+    return tables_of(read_hdf5(path))
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(512)

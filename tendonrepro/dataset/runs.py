@@ -8,15 +8,16 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.dataset.arrays import Source
+from tendonrepro.dataset.clocks import by_clock, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, Run, Use
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import status_of
-from tendonrepro.results.records import Trace
+from tendonrepro.results.records import READ_OFF, Trace
 from tendonrepro.results.summary import MEASURED
 
 _ANGLES = "q_d", "q_encoder", "q_calculated"
@@ -71,13 +72,14 @@ class Assembly:
             self.notes.append(f"{name}: time starts at {time[0]:.6g} s in the files, at 0 here")
             time = time - time[0]
         if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
-            _complete(variables)
+            _complete(variables, is_read_off=run.reading_error_deg is not None)
         if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
             places = np.array(joints) - 1
             variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(places, places)].T
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
         attributes: dict[str, Any] = {"law": MEASURED, "gains": {}, "readings": {}}
         attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
+        attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
         attributes |= _status(time, variables, joints)
         trace = Trace(name, time, joints, variables, attributes)
         self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
@@ -92,14 +94,28 @@ class Assembly:
             uses = {column: use for column, use in _uses(source, run).items() if use.signal not in taken}
             if all(use.variable == "time" for use in uses.values()):
                 continue
-            rows = _rows(source, run)
-            time = _times(rows, uses, source, run)
-            kept = np.isfinite(time)
-            for column, use in uses.items():
-                if use.variable != "time":
-                    series[use] = time[kept], _in_si(rows[column], use)[kept]
+            _refuse_twins(source, uses)
+            rows, notes = rows_of(source, run)
+            for clock, columns in by_clock(source.columns, uses).items():
+                time, told = times_of(source, rows, clock, uses, run)
+                notes += told
+                kept = np.isfinite(time)
+                for column in columns:
+                    use = uses[column]
+                    values = _in_si(source.columns[column][rows], use)[kept]
+                    series[use] = (
+                        in_order(time[kept], values) if run.reading_error_deg else (time[kept], values)
+                    )
+                    if absent := int((~np.isfinite(values)).sum()):
+                        notes.append(f"{column}: {absent} of {len(values)} samples missing")
+            several = len(run.sources) > 1
+            self.notes += [
+                f"{name}: {source.name + ', ' if several else ''}{note}" for note in dict.fromkeys(notes)
+            ]
         if not series:
             raise ConfigError("none of its tables has a column that the mapping knows")
+        if run.reading_error_deg:
+            return read_off(series, run)
         return self._common(name, series)
 
     def _source(self, name: str) -> Source:
@@ -122,18 +138,24 @@ class Assembly:
         if len(time) < 2:
             hint = "two clocks? 'time us - OFFSET' moves one of them"
             raise ConfigError("its tables have no time in common", hint=hint)
+        if beyond := len(first) - len(time):
+            self.notes.append(f"{name}: {beyond} samples lie where another column has no times, left out")
         if not all(np.array_equal(one, first) for one in times):
-            self.notes.append(f"{name}: tables with other times were interpolated to those of the first")
+            self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
         return time, {use: np.interp(time, *one) for use, one in series.items()}
 
 
-def _complete(variables: dict[str, Array]) -> None:
-    """Find the third of desired angle, measured angle and error; the difference counts."""
+def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
+    """Find the third of desired angle, measured angle and error.
+
+    The difference counts, but where curves were read off figures: those of errors have the finer axes.
+    """
     absent = np.full_like(next(iter(variables.values())), np.nan)
     q_d, q, e = (variables.get(key, absent) for key in ("q_d", "q_encoder", "e"))
     # A joint is filled whole or not at all: gaps stay gaps.
     filled = np.where(np.isnan(q_d).all(axis=0), q + e, q_d)
-    q = np.where(np.isnan(q).all(axis=0), q_d - e, q)
+    has_error = ~np.isnan(e).all(axis=0) if is_read_off else np.isnan(q).all(axis=0)
+    q = np.where(has_error, filled - e, q)
     variables |= {"q_d": filled, "q_encoder": q, "e": filled - q}
 
 
@@ -155,6 +177,16 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     return judged if worst == "ok" else judged | {"status_joints": of}
 
 
+def _refuse_twins(source: Source, uses: dict[str, Use]) -> None:
+    """Refuse two columns of one table that are the same signal."""
+    found: dict[tuple[str, int], str] = {}
+    for column, use in uses.items():
+        other = found.setdefault(use.signal, column)
+        if use.variable != "time" and other != column:
+            message = f"{other!r} and {column!r} of {source.name} are both {use.variable} {use.joint}"
+            raise ConfigError(message, hint="delete the line of one of them")
+
+
 def _uses(source: Source, run: Run) -> dict[str, Use]:
     found = {}
     for name, use in (run.columns or {}).items():
@@ -164,36 +196,9 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
     return found
 
 
-def _rows(source: Source, run: Run) -> pd.DataFrame:
-    table = pd.DataFrame(source.columns)
-    if absent := run.where.keys() - set(table):
-        raise ConfigError(f"{source.name} has no column {absent.pop()!r}")
-    return table[(table[list(run.where)] == pd.Series(run.where, dtype=object)).all(axis=1)]
-
-
-def _times(rows: pd.DataFrame, uses: dict[str, Use], source: Source, run: Run) -> Array:
-    """Times of rows, s, NaN beyond the part to keep."""
-    column = next((column for column, use in uses.items() if use.variable == "time"), None)
-    if column is None and run.step_s is None:
-        hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
-        raise ConfigError(f"{source.name} has no times", hint=hint)
-    time = (run.step_s or 0.0) * np.arange(float(len(rows)))
-    if column is not None:
-        time = _in_si(rows[column], uses[column])
-    time[(time < run.from_s) | (time > run.to_s)] = np.nan
-    kept = time[np.isfinite(time)]
-    if len(kept) < 2:
-        raise ConfigError(f"{source.name} has fewer than two samples that the run takes")
-    if not (np.diff(kept) > 0.0).all():
-        last = kept[np.argmin(np.diff(kept) > 0.0)]
-        message = f"the time of {source.name} does not increase after {last:.6g} s"
-        raise ConfigError(message, hint="several runs below each other? `where` takes the rows of one")
-    return time
-
-
-def _in_si(values: pd.Series, use: Use) -> Array:
+def _in_si(values: NDArray[Any], use: Use) -> Array:
     if values.dtype.kind != "f":
-        raise ConfigError(f"the column of {use} holds words")
+        raise ConfigError(f"the column of {use} holds words: see what inspect says of it")
     return np.array((use.factor * values + use.offset) * use.to_si, np.float64)
 
 

@@ -27,9 +27,12 @@ _COUNTED = KINDS | ROLES | {"angle", "joint", "motor"}
 """Groups behind which a number is that of a joint."""
 _NO_GROUPS = {"units", "phrases"}
 _MASS = re.compile(r"(\d+(?:[.,p]\d+)?)\s*_?(kg|g)(?![a-zA-Z])")
-_UNIT = re.compile(
-    r"[(\[（【]\s*([^()\[\]（）【】]+?)\s*[)\]）】]\s*$|\s*/\s*([^\s/]+)\s*$|[\s_]([^\s_\d]+)$"
+_UNITS = (
+    re.compile(r"[(\[（【]\s*([^()\[\]（）【】]+?)\s*[)\]）】]\s*$"),
+    re.compile(r"\s*/\s*([^\s/]+)\s*$"),
+    re.compile(r"[\s_]([^\s_\d]+)$"),
 )
+"""Units behind a name: in brackets, behind a stroke, or as the last word."""
 _WORD = re.compile(r"[^\W\d_]+|\d+|[^\w\s]")
 _MARKS = frozenset("-–—_/()[]（）【】.,:;#&'\"|")
 
@@ -72,6 +75,11 @@ def plain_unit(text: str) -> str | None:
     return next((unit for unit, words in units.items() if wanted in words), None)
 
 
+def is_known(word: str) -> bool:
+    """Whether ``words.yaml`` has a word."""
+    return word.casefold() in _groups()
+
+
 @cache
 def meaning_of(name: str) -> Meaning:
     """Read a name.
@@ -111,18 +119,20 @@ def meaning_of(name: str) -> Meaning:
 
 
 def _plain(text: str) -> str:
-    """Letters that look alike in one form; an ordinal stands for a degree."""
-    return unicodedata.normalize("NFKC", text.replace("º", "°"))
+    """Letters that look alike in one form, without marks of LaTeX; an ordinal stands for a degree."""
+    return unicodedata.normalize("NFKC", re.sub(r"[\\{}$^]", "", text).replace("º", "°"))
 
 
 def _without_unit(name: str) -> tuple[str, str | None]:
-    found = _UNIT.search(name)
-    if found:
-        unit, rest = plain_unit(next(filter(None, found.groups()))), name[: found.start()]
+    for pattern in _UNITS:
+        found = pattern.search(name)
+        if not found:
+            continue
+        unit, rest = plain_unit(found[1]), name[: found.start()]
         # A trailing s may be the sliding variable.
-        is_sliding = (
-            bool(found[3]) and unit == "s" and "time" not in map(_groups().get, _words(rest.casefold()))
-        )
+        is_last_word = pattern is _UNITS[-1]
+        is_sliding = is_last_word and unit == "s"
+        is_sliding = is_sliding and "time" not in map(_groups().get, _words(rest.casefold()))
         if unit and rest.strip() and not is_sliding:
             return rest, unit
     return name, None
@@ -191,7 +201,9 @@ def variable_of(says: frozenset[str]) -> str | None:
         if kind == "rate" and roles <= {"desired", "measured"}:
             return "dq_d" if roles == {"desired"} else "dq"
         mixed = says & {"angle", "motor"} if kind != "torque" else says >= {"angle", "motor"}
-        return None if roles - {"measured"} or mixed else _OF_KIND[kind]
+        # Times may be those of the desired curve.
+        allowed = {"measured", "desired"} if kind == "time" else {"measured"}
+        return None if roles - allowed or mixed else _OF_KIND[kind]
     if "motor" in says:
         return "q_motor_encoder" if roles <= {"measured"} else None
     if roles:

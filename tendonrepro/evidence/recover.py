@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,10 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.fit import Fit, equally_good, ranked
+from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
@@ -38,6 +39,7 @@ NEAR = 2.001
 """Factor to which gains are the published ones, and a little, so that twice is inside."""
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
+OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
@@ -47,7 +49,8 @@ class Recovered:
     """What the log of one joint, by the paper's number, says.
 
     ``found`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
-    record's; ``place`` is the joint's among the published ones.
+    record's. ``expected`` has the gains that it is compared with, see `expected_of`; ``place`` is the joint's
+    among its joints.
     """
 
     run: str
@@ -56,7 +59,7 @@ class Recovered:
     log: Log
     torque_rounding: float
     angle_rounding: float
-    published: CompareConfig
+    expected: CompareConfig
     place: int
 
     @property
@@ -67,7 +70,7 @@ class Recovered:
     @property
     def rounding(self) -> float:
         """RMS of the torque from rounding of the record, as a share of the torque's step."""
-        M_bar = self.published.control.gains.M_bar.si[self.place]
+        M_bar = self.expected.control.gains.M_bar.si[self.place]
         of_angles = M_bar * self.angle_rounding * np.sqrt(6.0) / self.log.L**2
         both = np.hypot(of_angles, np.sqrt(2.0) * self.torque_rounding) / np.sqrt(12.0)
         return float(both / self.best.step)
@@ -96,17 +99,26 @@ class Recovered:
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
 
     @property
+    def position_gain(self) -> tuple[float, float]:
+        """Gain of the error over the expected one, and half its 90 % interval."""
+        gains, i = self.expected.control.gains, self.place
+        linear = self.best.hypothesis.surface == LINEAR
+        expected = gains.lam.si[i] * (gains.beta if linear else gains.eta).si[i]
+        scale = float(published_position_gain(self.best.hypothesis) / expected)
+        return scale * self.best.position_gain, scale * self.best.position_gain_half
+
+    @property
     def by_gains(self) -> str:
-        """`RECOVERED` if M_bar and the error's gain are the published ones to a factor of two, `NONE` if not.
+        """`RECOVERED` if M_bar and the error's gain are the expected ones to a factor of two, `NONE` if not.
 
         `UNTOLD` where a 90 % interval reaches across a bound. A PID is time-delay control with its own M_bar,
         and feedback with gravity one without a gain of the error. In degrees M_bar is 180/pi times as large.
         """
-        published = self.published.control.gains.M_bar.si[self.place]
-        M_bar = self.best.parameters[2] / published
+        expected, (gain, gain_half) = self.expected.control.gains.M_bar.si[self.place], self.position_gain
+        M_bar = self.best.parameters[2] / expected
         unit = 1.0 if M_bar < np.sqrt(DEGREES_PER_RADIAN) else DEGREES_PER_RADIAN
-        ratios = np.array([M_bar / unit, self.best.position_gain])
-        half = np.array([self.best.half[2] / published / unit, self.best.position_gain_half])
+        ratios = np.array([M_bar / unit, gain])
+        half = np.array([self.best.half[2] / expected / unit, gain_half])
         low, high = ratios - half, ratios + half
         if ((high < 1.0 / NEAR) | (low > NEAR)).any():
             return NONE
@@ -115,7 +127,7 @@ class Recovered:
     @property
     def sampled_as_run(self) -> bool:
         """Whether every sample of the controller was recorded."""
-        return bool(np.isclose(self.log.L, self.published.sampling_period.si, rtol=0.05))
+        return bool(np.isclose(self.log.L, self.expected.sampling_period.si, rtol=0.05))
 
     @property
     def advice(self) -> str:
@@ -131,7 +143,7 @@ class Recovered:
                 "The log has noise, or another filter. Record what the controller computed, with all digits."
             )
         if self.by_gains == NONE:
-            M_bar, gain = self.best.parameters[2], self.best.position_gain
+            M_bar, (gain, _) = self.best.parameters[2], self.position_gain
             found = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
             return f"{found} Check unit and coordinates of the torque."
         return ""
@@ -142,7 +154,7 @@ class Recovered:
         if self.answer != RECOVERED:
             # Noise of the record makes light weights fit best, whatever the true ones.
             return ""
-        alpha = self.published.control.gains.alpha.si
+        alpha = self.expected.control.gains.alpha.si
         named = {"tde": np.array([1.0, 0.0])} | {
             name: estimator_weights(alpha, name)[:, self.place]
             for name in ("interpolating", "extrapolating", "swapped")
@@ -152,11 +164,11 @@ class Recovered:
         return near[0] if len(near) == 1 else ""
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
-        """Name, value, half of the 90 % interval and published value.
+        """Name, value, half of the 90 % interval and expected value.
 
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
-        gains, i = self.published.control.gains, self.place
+        gains, i = self.expected.control.gains, self.place
         values, half = self.best.parameters, self.best.half
         yield "w_1", values[0], half[0], None
         yield "w_2", values[1], half[1], None
@@ -167,7 +179,19 @@ class Recovered:
             yield "K_p", values[4], half[4], float(beta * lam)
 
 
-def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
+def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
+    """Configuration with the gains that a log is compared with.
+
+    They are the paper's. It has none for other joints than its own, and a simulated log of such joints is
+    compared with the configuration that made it.
+    """
+    joints = {joint for trace in file.runs.values() for joint in trace.joint}
+    if joints <= set(paper.joints) or (file.source, file.experiment) != ("simulated", "compare"):
+        return paper
+    return CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
+
+
+def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
     """Runs with torque, desired and measured angles, and these angles' rounding (n,)."""
     for name, trace in file.runs.items():
         torque = "tau_cmd" if "tau_cmd" in trace else "tau_m"
@@ -176,11 +200,10 @@ def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace
         L = float(np.median(np.diff(trace.time)))
         q_d = trace["q_d"]
         dq_d = trace["dq_d"] if "dq_d" in trace else np.gradient(q_d, L, axis=0)
-        step = published.manipulator.encoders.joint.resolution.si
+        step = expected.manipulator.encoders.joint.resolution.si
         freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
-        S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(published)[0]
-        gains = published.control.gains
-        places = [published.joints.index(joint) for joint in trace.joint]
+        S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
+        gains = expected.control.gains
         log = Log(
             L=L,
             q=np.column_stack([q for q, _ in freed]),
@@ -191,32 +214,49 @@ def read_logs(file: TraceFile, published: CompareConfig) -> Iterator[tuple[Trace
             command=trace[torque],
             applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
             S=S,
-            b=gains.b.si[places],
-            Delta=gains.Delta.si[places],
+            b=_of_joints(gains.b.si, expected, trace.joint),
+            Delta=_of_joints(gains.Delta.si, expected, trace.joint),
             encoder_step=step,
         )
         yield trace, log, np.array([rounding for _, rounding in freed])
 
 
+def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> Array:
+    """A gain by joint; NaN of a joint that the configuration does not move."""
+    known = dict(zip(config.joints, values, strict=True))
+    return np.array([known.get(joint, np.nan) for joint in joints])
+
+
 def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recovered]:
-    """Read the controller off every run and joint; UsageError if no run has what it takes."""
-    published = loaded.config
-    assert isinstance(published, CompareConfig)
-    logs = [*read_logs(file, published)]
+    """Read the controller off every run and joint.
+
+    Raises
+    ------
+    UsageError
+        If no run has what it takes, or none of its joints has expected gains.
+    """
+    assert isinstance(loaded.config, CompareConfig)
+    expected = expected_of(file, loaded.config)
+    logs = [*read_logs(file, expected)]
     if not logs:
         message = "no run has desired angles, encoder angles and torques"
         raise UsageError(message, hint="name the columns of torque in the mapping, then ingest again")
+    tasks = [
+        (trace.name, joint, log, i, float(rounding[i]))
+        for trace, log, rounding in logs
+        for i, joint in enumerate(trace.joint)
+        if joint in expected.joints
+    ]
+    if not tasks:
+        joints = " and ".join(map(str, expected.joints))
+        raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
     found = []
-    with talk.bar("fitting controllers", sum(len(trace.joint) for trace, _, _ in logs)) as progress:
-        for trace, log, rounding in logs:
-            for i, joint in enumerate(trace.joint):
-                torque = float(torque_rounding(log)[i])
-                fits = ranked(log, i, (torque, float(rounding[i])))
-                place = published.joints.index(joint)
-                found.append(
-                    Recovered(trace.name, joint, fits, log, torque, float(rounding[i]), published, place)
-                )
-                progress(1)
+    with talk.bar("fitting controllers", len(tasks)) as progress:
+        for run, joint, log, i, angle in tasks:
+            torque = float(torque_rounding(log)[i])
+            fits, place = ranked(log, i, (torque, angle)), expected.joints.index(joint)
+            found.append(Recovered(run, joint, fits, log, torque, angle, expected, place))
+            progress(1)
     return found
 
 
@@ -224,7 +264,8 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     published = load_config(None, "compare")
     assert isinstance(published.config, CompareConfig)
-    both = replace(file, runs={name: trace.of_joints(COMPARED) for name, trace in file.runs.items()})
+    runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
+    both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
     if not any(read_logs(both, published.config)):
         return []
     return [_data(one) for one in recovered(both, published, talk)]
@@ -240,9 +281,16 @@ def study_recover(path: Path, talk: Talk) -> Outcome:
     UsageError
         If no run has torque, desired and measured angles.
     """
-    held = recovered(read_traces(path), load_config(None, "compare"), talk)
-    data = {"schema_version": 1, "log": str(path), "runs": [_data(one) for one in held]}
-    return Outcome(data, _tables(held))
+    paper = load_config(None, "compare")
+    held = recovered(read_traces(path), paper, talk)
+    own = held[0].expected is not paper.config
+    data = {
+        "schema_version": 1,
+        "log": str(path),
+        "gains_from": "configuration" if own else "paper",
+        "runs": [_data(one) for one in held],
+    }
+    return Outcome(data, [*([OWN_GAINS] if own else []), *_tables(held)])
 
 
 def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
@@ -250,7 +298,7 @@ def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
     file, loaded = read_traces(path), load_config(None, "compare")
     digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
     return run_study(
-        "recover", replace(loaded, sha256=digest), request, lambda: study_recover(path, talk), talk
+        "recover", replace(loaded, sha256=digest), request, lambda _: study_recover(path, talk), talk
     )
 
 
@@ -272,8 +320,8 @@ def _data(one: Recovered) -> dict[str, Any]:
         "torque_rounding": one.torque_rounding,
         "angle_rounding": one.angle_rounding,
         "period": one.log.L,
-        "position_gain": one.best.position_gain,
-        "position_gain_half_90": one.best.position_gain_half,
+        "position_gain": one.position_gain[0],
+        "position_gain_half_90": one.position_gain[1],
         "condition": one.best.condition,
         "bias": one.best.bias,
         "samples": one.best.samples,

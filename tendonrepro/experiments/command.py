@@ -13,11 +13,12 @@ from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, shipped_folder
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
-from tendonrepro.experiments.run import PRECISE, outcome_of, simulate_all, trace_file
-from tendonrepro.experiments.user_law import UserLaw, laws_of, with_user_laws
+from tendonrepro.experiments.run import PRECISE, Prepared, begin_all, outcome_of, prepared, trace_file
+from tendonrepro.experiments.user_law import laws_of
+from tendonrepro.files import refuse_file
 from tendonrepro.parallel import interrupts_blocked, workers
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
@@ -64,23 +65,29 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
     """
     asked = [_load(order, talk) for order in orders]
     if orders[0].request.dry_run:
-        return {order.name: _plan(order, *one, talk) for order, one in zip(orders, asked, strict=True)}
+        return {order.name: _plan(order, one, talk) for order, one in zip(orders, asked, strict=True)}
     with ExitStack() as stack:
         results = [
             stack.enter_context(
-                replaced(order.folder, loaded.sha256, command=order.experiment, force=order.request.force)
+                replaced(
+                    order.folder,
+                    one.loaded.sha256,
+                    command=order.experiment,
+                    force=order.request.force,
+                    talk=talk,
+                )
             )
-            for order, (loaded, _) in zip(orders, asked, strict=True)
+            for order, one in zip(orders, asked, strict=True)
         ]
         start = stack.enter_context(workers())
-        # Loading matplotlib takes as long as the workers take to start. Interrupted, it makes Python crash.
+        simulated = begin_all(asked, talk, orders[0].solver, start)
+        # Other processes simulate meanwhile. Interrupted, loading matplotlib makes Python crash.
         with interrupts_blocked():
             from tendonrepro.results.figures.catalogue import available, begin_drawing
 
-        simulated = simulate_all(asked, talk, orders[0].solver, start)
         made = [
-            (order, _recorded(order, loaded, traces, result, talk), result)
-            for order, (loaded, _), traces, result in zip(orders, asked, simulated, results, strict=True)
+            (order, _recorded(order, one, traces, result, talk), result)
+            for order, one, traces, result in zip(orders, asked, simulated, results, strict=True)
         ]
         figures = [
             (file, result.path / "figures", name) for _, file, result in made for name in available(file)
@@ -94,11 +101,12 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
 
 
 def _recorded(
-    order: Order, loaded: LoadedConfig, traces: Sequence[Trace], result: NewResult, talk: Talk
+    order: Order, experiment: Prepared, traces: Sequence[Trace], result: NewResult, talk: Talk
 ) -> TraceFile:
+    loaded = experiment.loaded
     for trace in traces:
-        talk.detail(f"{trace.name}: {trace.status}, {len(trace.time)} samples")
-    result.manifest = make_manifest(loaded, result.seconds) | {"growing_hz": growing(loaded)}
+        talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
+    result.manifest = make_manifest(loaded, result.seconds) | {"growing_hz": growing(experiment.loops)}
     if order.solver == "compiled":
         result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
     return trace_file(loaded, traces, result.manifest)
@@ -150,8 +158,9 @@ def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
     return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
 
 
-def _plan(order: Order, loaded: LoadedConfig, laws: Sequence[UserLaw], talk: Talk) -> dict[str, Any]:
-    samples = {name: loop.reference.time.size for name, loop in all_loops(loaded, laws).items()}
+def _plan(order: Order, experiment: Prepared, talk: Talk) -> dict[str, Any]:
+    loaded = experiment.loaded
+    samples = {name: loop.reference.time.size for name, loop in experiment.loops.items()}
     plan = planned(order.experiment, loaded, order.folder, order.request, talk)
     return plan | {"experiment": order.experiment, "config": loaded.origin, "samples": samples}
 
@@ -218,6 +227,7 @@ def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
     """Traces in a folder, or in those directly below it."""
+    refuse_file(out)
     paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
@@ -244,8 +254,8 @@ def _make_again(
     return found
 
 
-def _load(order: Order, talk: Talk) -> tuple[LoadedConfig, list[UserLaw]]:
-    """Configuration and laws; the digest covers stepper and laws."""
+def _load(order: Order, talk: Talk) -> Prepared:
+    """Configuration, laws and loops; the digest covers stepper and laws."""
     if order.solver == "compiled" and order.laws:
         message = "only the paper's own control laws run on lanes"
         raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
@@ -254,5 +264,4 @@ def _load(order: Order, talk: Talk) -> tuple[LoadedConfig, list[UserLaw]]:
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
-    laws = laws_of(order.laws)
-    return with_user_laws(loaded, laws), laws
+    return prepared(loaded, laws_of(order.laws))

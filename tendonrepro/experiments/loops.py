@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
-from tendonrepro.configuration.models.experiment import MOST_SAMPLES
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun, errors_from
 from tendonrepro.configuration.models.reference import (
     InTurns,
     PerJoint,
@@ -73,7 +74,7 @@ def build_reference(
 
 def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
     if isinstance(reference, Sampled):
-        return _sampled_motions(folder / reference.file, joints)
+        return _sampled_motions(folder / reference.file, joints, reference.interpolation)
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
         return [_motions(single, (joint,), folder)[0] for single, joint in parts]
@@ -94,6 +95,8 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.raised_cosine(amplitude, reference.period.si)
         case "minimum_jerk":
             return trajectory.minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
+        case "ramp":
+            return trajectory.ramp(amplitude, reference.rise.si, reference.hold.si)
         case "sine":
             offset = float(reference.offset.si[i])
             return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
@@ -104,8 +107,9 @@ def _shape(reference: Single, i: int) -> Shape:
             return trajectory.trapezoidal(amplitude, *limits, hold)
 
 
-def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
-    time, angles = read_samples(path)
+def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
+    time, angles = read_samples(path, interpolation)
+    through = {"quintic": trajectory.sampled, "linear": trajectory.straight_lines}[interpolation]
     for joint in joints:
         if joint not in angles:
             message = f"has no column for joint {joint}"
@@ -113,7 +117,7 @@ def _sampled_motions(path: Path, joints: Sequence[int]) -> list[Motion]:
         if start := np.rad2deg(angles[joint][0]):
             message = f"joint {joint} starts at {start:g} deg; it must start at 0, the start posture"
             raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
-    return [Motion((trajectory.sampled(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+    return [Motion((through(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
@@ -168,6 +172,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
         from_joint=np.asarray(np.linalg.inv(to_joint), dtype=np.float64),
         stores_applied=readings.stored_torque == "applied",
         motor_side=readings.feedback == "motor",
+        feed_forward=0.0 if readings.reference_acceleration == "absent" else 1.0,
     )
 
 
@@ -202,16 +207,20 @@ def build_loops(
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
+        if errors_from(config) >= reference.time[-1]:
+            message = f"must be before the end of the motion, {reference.time[-1]:g} s"
+            raise ConfigError(message, where="errors_from")
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))
-            yield name, _loop(config, run.payload.si, controller, reference)
+            yield name, _compare_loop(config, run, controller, reference)
         return
     loop = config.position_loop
     servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
-        yield name, _loop(config, choice.payload.si, PositionController(servo), reference)
+        plant = rig.build_plant(config, choice.payload.si)
+        yield name, _loop(config, plant, PositionController(servo), reference)
 
 
 def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
@@ -234,15 +243,39 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
     return loops
 
 
+def friction_scale(run: CompareRun) -> float:
+    """Factor on the friction of a run."""
+    return 1.0 if run.friction_scale is None else run.friction_scale.si
+
+
+def reference_lag(config: CompareConfig) -> float:
+    """Time constant by which laws get the reference's rates late, s."""
+    lag = config.control.reference_lag
+    late = config.control.readings.reference_acceleration == "late"
+    return lag.si if late and lag is not None else 0.0
+
+
+def _compare_loop(
+    config: CompareConfig, run: CompareRun, controller: TimeDelayController, reference: DesiredMotion
+) -> Loop:
+    plant = rig.build_plant(config, run.payload.si, friction_scale(run))
+    return replace(
+        _loop(config, plant, controller, reference),
+        cold=config.control.readings.start == "cold",
+        start_offset=run.start_offset.si if run.start_offset else None,
+        reference_lag=reference_lag(config),
+    )
+
+
 def _loop(
     config: Config,
-    payload_mass: float,
+    plant: Plant,
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
     solver = config.solver
     return Loop(
-        plant=rig.build_plant(config, payload_mass),
+        plant=plant,
         joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
         motor_encoder=rig.build_encoder(config.manipulator.encoders.motor),
         actuator=rig.build_actuator(config),
@@ -251,7 +284,7 @@ def _loop(
         L=config.sampling_period.si,
         solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
         divergence_limit=config.status.divergence_limit.si,
-        cold=isinstance(config, CompareConfig) and config.control.readings.start == "cold",
+        cold=False,
         seed=int(config.seed.si),
     )
 
@@ -280,19 +313,19 @@ def run_views(config: CompareConfig) -> dict[str, View]:
     delay = int(config.manipulator.actuator.output_delay.si)
     found = {}
     for name, run in config.runs.items():
-        plant = rig.build_plant(config, run.payload.si)
+        plant = rig.build_plant(config, run.payload.si, friction_scale(run))
         found[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
     return found
 
 
-def growing(loaded: LoadedConfig) -> dict[str, float]:
-    """Runs whose linear loop grows somewhere on the motion, and the frequency, Hz.
+def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
+    """Runs of the package's own laws whose linear loop grows somewhere on the motion, and the frequency, Hz.
 
     A run may end before slow growth is seen in its status.
     """
     found = {}
-    for name, loop in build_loops(loaded.config, loaded.folder):
-        if isinstance(loop.controller, TimeDelayController):
+    for name, loop in loops.items():
+        if isinstance(loop.controller, TimeDelayController) and loop.controller.command is None:
             law, postures = loop.controller.law, stroke(loop.reference.q_d)
             matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
             growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)

@@ -53,7 +53,7 @@ def build_arm(config: Config, payload_mass: float) -> Arm:
     )
 
 
-def build_drive(config: Config) -> Drive:
+def build_drive(config: Config, friction_scale: float = 1.0) -> Drive:
     """Winches and tendons of the moving joints."""
     manipulator, n = config.manipulator, len(config.joints)
     winches, tendons, friction = manipulator.winches, manipulator.tendons, manipulator.friction
@@ -69,7 +69,7 @@ def build_drive(config: Config) -> Drive:
         damping=tendons.damping_factor.si * tendons.axial_damping.si[-n:] * radius**2,
         slack=tendons.clearance.si[-n:] / (2.0 * radius),
         one_way=np.full(n, float(tendons.unilateral == "on")),
-        friction=_friction(friction.winch, winches.viscous, n),
+        friction=_friction(friction.winch, winches.viscous, n, friction_scale),
         pulley_loss=friction.per_pulley.si * guide_pulleys,
         reducer_loss=np.full(n, 1.0 - friction.reducer_efficiency.si),
         wobble=np.full(n, wobble.peak_to_peak.si / 2.0),
@@ -77,9 +77,10 @@ def build_drive(config: Config) -> Drive:
     )
 
 
-def _friction(dry: DryFriction, viscous: Vector, n: int) -> Friction:
+def _friction(dry: DryFriction, viscous: Vector, n: int, scale: float) -> Friction:
     values = {name: getattr(dry, name).si[-n:] for name in DryFriction.model_fields}
-    return Friction(viscous=viscous.si[-n:], **values)
+    values["coulomb"] = scale * values["coulomb"]
+    return Friction(viscous=scale * viscous.si[-n:], **values)
 
 
 def build_preload(config: Config) -> Array:
@@ -105,13 +106,13 @@ def build_disturbance(config: Config) -> disturbance.Disturbance:
             return disturbance.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
 
 
-def build_plant(config: Config, payload_mass: float) -> Plant:
-    """Everything that moves, with a payload in kg."""
+def build_plant(config: Config, payload_mass: float, friction_scale: float = 1.0) -> Plant:
+    """Everything that moves, with a payload in kg, and a factor on friction of links and winches."""
     link, n = config.manipulator.friction.link, len(config.joints)
     return Plant(
         arm=build_arm(config, payload_mass),
-        drive=build_drive(config),
-        link_friction=_friction(link, link.viscous, n),
+        drive=build_drive(config, friction_scale),
+        link_friction=_friction(link, link.viscous, n, friction_scale),
         preload=build_preload(config),
         disturbance=build_disturbance(config),
     )

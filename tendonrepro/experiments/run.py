@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
-from tendonrepro.console import Talk
+from tendonrepro.configuration.models.experiment import errors_from
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops, run_status
+from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
 from tendonrepro.experiments.rig import plant_record
-from tendonrepro.experiments.user_law import UserLaw, runs_of
+from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.results.paper_tables import made_tables, table_data
@@ -28,28 +29,66 @@ PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
 
 
-def simulate_all(
-    asked: Sequence[tuple[LoadedConfig, Sequence[UserLaw]]],
+class Prepared(NamedTuple):
+    """An experiment that is ready to run: configuration, a user's laws, and the loop of every run by name."""
+
+    loaded: LoadedConfig
+    laws: Sequence[UserLaw]
+    loops: Mapping[str, Loop]
+
+
+def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> Prepared:
+    """Build the loops of an experiment, which takes a user's laws into its digest."""
+    loaded = with_user_laws(loaded, laws)
+    return Prepared(loaded, laws, all_loops(loaded, laws))
+
+
+def simulate_all(experiments: Sequence[Prepared], talk: Talk) -> list[list[Trace]]:
+    """Simulate every run of every experiment in this process; one that diverged ends early."""
+    return list(begin_all(experiments, talk))
+
+
+def begin_all(
+    experiments: Sequence[Prepared],
     talk: Talk,
     solver: Literal["scipy", "compiled"] = "scipy",
     start: Start = map,
-) -> list[list[Trace]]:
-    """Simulate every run of every configuration, by what `workers` yields; one that diverged ends early."""
-    loops = [all_loops(*one) for one in asked]
+) -> Iterator[list[Trace]]:
+    """Begin to simulate, by what `workers` yields; yield the traces of one experiment after the other."""
     if solver == "compiled":
-        return [_simulate_together(one[0], named, talk) for one, named in zip(asked, loops, strict=True)]
-    runs = [(*one, name) for one, named in zip(asked, loops, strict=True) for name in named]
-    with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
-        traces = counted(start(lambda run: simulate_run(*run), runs), progress)
-        return [[next(traces) for _ in named] for named in loops]
+        return (_simulate_together(one.loaded, one.loops, talk) for one in experiments)
+    # Copies of this process need not import it once more.
+    from tendonrepro.simulation import stepper
+
+    del stepper
+    runs = [
+        # A user's law is loaded where it runs: it need not survive the way to another process.
+        (one.loaded, one.laws, name, loop if name in one.loaded.config.runs else None)
+        for one in experiments
+        for name, loop in one.loops.items()
+    ]
+    # Before the bar, whose thread forbids such copies.
+    begun = start(_simulated, runs)
+
+    def collected() -> Iterator[list[Trace]]:
+        with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
+            traces = iter(list(counted(begun, progress)))
+        for one in experiments:
+            yield [next(traces) for _ in one.loops]
+
+    return collected()
 
 
-def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str) -> Trace:
-    """Simulate one run."""
+def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str, Loop | None]) -> Trace:
+    return simulate_run(*run)
+
+
+def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str, loop: Loop | None = None) -> Trace:
+    """Simulate one run; without its `loop` it is built."""
     # Where nothing is run, whoever imports this needs no compiler.
     from tendonrepro.simulation.stepper import simulate
 
-    loop = all_loops(loaded, laws)[name]
+    loop = loop or all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:
         # What a user's law does not have, it returned at no sample.
@@ -62,7 +101,7 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
     """Simulate by the stepper of ensembles, which refuses a plant too fast for it."""
     from tendonrepro.simulation.batch import simulate_batch
 
-    with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
+    with talk.bar(f"simulating {count_of(len(loops), 'run')}", len(loops)) as progress:
         batch = simulate_batch(
             [*loops.values()], loaded.config.status, progress=progress, record=True, tolerance=PRECISE
         )
@@ -98,6 +137,10 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
+        "start_offset": loop.start_angles.tolist(),
+        "friction_scale": friction_scale(chosen),
+        "reference_lag": loop.reference_lag,
+        "errors_from": errors_from(config),
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -21,17 +20,24 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.identification import report
 from tendonrepro.identification.misfit import Bench, Printed, Window, printed_numbers, rounding_misfit
-from tendonrepro.identification.search import Effort, Found, Plants, nominal_unit, rows_that_matter, search
+from tendonrepro.identification.search import (
+    UNKNOWNS,
+    Effort,
+    Found,
+    Plants,
+    nominal_unit,
+    rows_that_matter,
+    search,
+)
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.parallel import as_ready
+from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -60,6 +66,7 @@ class Task:
     fit: Target
     readings: tuple[Reading, ...]
     effort: Effort
+    unknowns: int
     seed: int
     printed: Printed
     bench: Bench
@@ -93,6 +100,7 @@ class Task:
             "searches": [case.name for case in self.cases()],
             "evaluations": self.effort.evaluations,
             **asdict(self.effort),
+            "unknowns": self.unknowns,
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.printed.joints),
@@ -120,6 +128,7 @@ def run_identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
+    unknowns: int = UNKNOWNS,
     jobs: int = -1,
 ) -> dict[str, Any]:
     """Search, and write numbers, tables, figures and the best plant's configuration.
@@ -132,6 +141,8 @@ def run_identify(
         ``printed``, ``default``, or names joined by commas.
     generations, population, seeds : int
         Effort of each search; the population is of one seed.
+    unknowns : int
+        Rows of the ranges that are searched at most, those that move the fitted numbers most.
 
     Raises
     ------
@@ -139,19 +150,19 @@ def run_identify(
         For an unknown reading, no effort, or a folder with other results.
     """
     folder = request.folder("identify")
-    least_one = {"generations": generations, "population": population, "seeds": seeds, "jobs": abs(jobs)}
-    for option, value in least_one.items():
-        if value < 1:
-            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
+    _check_at_least_one(
+        generations=generations, population=population, seeds=seeds, unknowns=unknowns, jobs=abs(jobs)
+    )
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     base = loaded.base
     named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
-    processors = jobs if jobs > 0 else os.cpu_count() or 1
+    jobs = jobs if jobs > 0 else processors()
     task = Task(
         loaded=loaded,
         fit=fit,
         readings=named,
         effort=Effort(generations, population, seeds),
+        unknowns=unknowns,
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
         bench=Bench(base, make_box(loaded.config), window, simulate_batch),
@@ -160,16 +171,17 @@ def run_identify(
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        text = f"identify would make {len(head['searches'])} searches of {head['evaluations']} plants"
+        searches = count_of(len(head["searches"]), "search", "searches")
+        text = f"identify would make {searches} of {head['evaluations']} plants"
         plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
         return head | plan | {"text": f"{text}\nwould write to {folder}"}
     states = f"search-{identity[:16]}"  # those of another search are not taken up
 
-    def study() -> Outcome:
-        found = _searches(task, unfinished(folder) / states, processors, talk)
+    def study(made_in: Path) -> Outcome:
+        found = _searches(task, made_in / states, jobs, talk)
         data = head | {"readings": [found[held.name][0] for held in named]}
         data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-        report.write_config(unfinished(folder) / report.CONFIG, found[report.best_of(data)["name"]][1], data)
+        report.write_config(made_in / report.CONFIG, found[report.best_of(data)["name"]][1], data)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         config = {
             "origin": base.origin,
@@ -183,14 +195,21 @@ def run_identify(
     return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
 
 
-def _searches(task: Task, states: Path, processors: int, talk: Talk) -> Results:
+def _check_at_least_one(**options: int) -> None:
+    """Refuse an option below 1, or a UsageError."""
+    for option, value in options.items():
+        if value < 1:
+            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
+
+
+def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases = list(task.cases())
-    processes = min(processors, len(cases))
-    simulate = partial(simulate_batch, threads=processors if processes == 1 else 1)
+    processes = min(jobs, len(cases))
+    simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
-    with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
+    with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)
         with closing(as_ready(work, range(len(cases)), processes)) as stream:
@@ -211,7 +230,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
 
     draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
-    rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws)
+    rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws, task.unknowns)
     bench = task.bench.searching(rows)
     starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     found = search(

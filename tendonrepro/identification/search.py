@@ -38,6 +38,9 @@ FELT = 0.1
 What moves them by less the others make good.
 """
 
+UNKNOWNS = 10
+"""Rows that are searched at most: more than sixteen numbers could settle are no explanation."""
+
 _LOOKED_AT = 8
 
 _WIDTH = 0.25
@@ -216,8 +219,11 @@ def _descend(start: Array, smooth: Rows, look: Plants) -> None:
         least_squares(residuals, start[smooth], slopes, bounds=(0.0, 1.0), ftol=_SETTLED, xtol=_SETTLED)
 
 
-def rows_that_matter(box: Box, look: Plants, draws: Array) -> Rows:
-    """Rows that the fitted numbers feel at the best of some draws (N, P), or all."""
+def rows_that_matter(box: Box, look: Plants, draws: Array, most: int = UNKNOWNS) -> Rows:
+    """Rows that the fitted numbers feel most at the best of some draws (N, P), with their switches.
+
+    At most `most` rows. Where none is felt, those that move the numbers most are searched all the same.
+    """
     first = look(draws)
     best = np.argsort(first.misfits, kind="stable")[:_LOOKED_AT]
     rows = np.arange(len(box.names))
@@ -225,8 +231,13 @@ def rows_that_matter(box: Box, look: Plants, draws: Array) -> Rows:
     moved[:, rows, rows] = nominal_unit(box)
     after = look(moved.reshape(-1, rows.size)).residuals.reshape(_LOOKED_AT, rows.size, -1)
     change = np.sqrt(np.mean((after - first.residuals[best, np.newaxis]) ** 2, axis=(0, 2)))
-    felt = with_switches(box.names, change >= FELT)
-    return felt if felt.any() else np.ones_like(felt)
+    felt = change >= FELT if (change >= FELT).any() else np.ones(rows.size, dtype=np.bool_)
+    chosen = np.zeros(rows.size, dtype=np.bool_)
+    for row in np.argsort(-change, kind="stable"):
+        more = with_switches(box.names, chosen | (rows == row))
+        if felt[row] and more.sum() <= most:
+            chosen = more
+    return chosen
 
 
 def switched_by(name: str) -> set[str]:

@@ -13,7 +13,7 @@ from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
@@ -85,7 +85,7 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
         "cost": cost,
         "blocks": len(blocks),
         "out": str(folder),
-        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}",
+        "text": f"ensemble: {draws} draws, {count_of(len(study.readings), 'reading')}: {cost_text(cost)}",
     }
 
 
@@ -120,7 +120,7 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS) as result:
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS, talk=talk) as result:
         shards = result.path / SHARDS
         _take_over(folder / SHARDS, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
@@ -134,7 +134,7 @@ def run_study(
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
-        with talk.resumable(), talk.bar("simulating", len(missing)) as progress, closing(stream):
+        with talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
                 write_atomically(paths[block], image)
@@ -188,7 +188,8 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
     others = [path for path in shards.iterdir() if path not in ours]
     strangers = [path for path in others if not path.name.startswith(".")]
     if strangers and not force:
-        message = f"an interrupted run of another configuration or version left {len(strangers)} blocks here"
+        left = count_of(len(strangers), "block")
+        message = f"an interrupted run of another configuration or version left {left} here"
         hint = "choose another --out, or say --force to give them up"
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:

@@ -72,6 +72,8 @@ class Law(NamedTuple):
         Between the law's torque coordinates and joint coordinates.
     stores_applied
         It remembers the torque that the drive put out, not the commanded one.
+    feed_forward
+        Share of the desired acceleration that the law gets: 1, or 0 where none is fed forward.
     motor_side
         Angles are ``S q_motor`` of motor encoders, not of joint encoders.
     """
@@ -102,6 +104,7 @@ class Law(NamedTuple):
     error_differenced: bool = False
     stores_applied: bool = False
     motor_side: bool = False
+    feed_forward: float = 1.0
 
 
 SIDE_BY_SIDE = (
@@ -144,18 +147,18 @@ class Memory(NamedTuple):
     H_hat: Array
 
 
-def start_memory(q: Array, tau: Array, lag: int = 1) -> Memory:
+def start_memory(q: Array, tau: Array, lag: int = 1, q_d: Array | None = None) -> Memory:
     """Start-up rule for ``t < 4L``: every delay line holds one value.
 
-    They are the encoder values, rad, and holding torque, N m, of an arm at rest. The reading ``cold`` gives
-    zero torque.
+    They are the encoder values, rad, and holding torque, N m, of an arm at rest, which stands beside the
+    reference where that begins at another ``q_d``. The reading ``cold`` gives zero torque.
     """
     still = np.zeros_like(q)
     return Memory(
         q=np.stack([q] * (ANGLES_BACK * lag)),
         tau=np.stack([tau] * (TORQUES_BACK * lag)),
         de=still,
-        q_d=q,
+        q_d=q if q_d is None else q_d,
         ddq=np.stack([still] * lag),
         H_hat=tau,
     )

@@ -15,6 +15,9 @@ from tendonrepro.arrays import Array
 Shape = Callable[[Array], tuple[Array, Array, Array]]
 """Time since the period's start, s (T,), to angle, velocity, acceleration of one joint, each (T,)."""
 
+_EDGE = 1e-9
+"""Time, s, by which rounding may put a sample before the corner that it stands on."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -106,6 +109,21 @@ def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: fl
     return _up_and_down(stroke, rise + hold)
 
 
+def ramp(amplitude: float, rise: float, hold: float) -> Shape:
+    """Up, hold, down, hold along straight lines, without any acceleration.
+
+    Units are rad and s. The velocity steps at each corner, and a sample on a corner has the new velocity.
+    The impulses of acceleration that such steps would need are left out.
+    """
+
+    def stroke(t: Array) -> tuple[Array, Array, Array]:
+        moving = (t >= -_EDGE) & (t < rise - _EDGE)
+        q = amplitude * np.clip(t / rise, 0.0, 1.0)
+        return q, np.where(moving, amplitude / rise, 0.0), np.zeros_like(t)
+
+    return _up_and_down(stroke, rise + hold)
+
+
 def trapezoid_times(amplitude: float, velocity: float, acceleration: float) -> tuple[float, float]:
     """Duration of a ramp and of a stroke of :func:`trapezoidal`, s."""
     ramp = min(velocity / acceleration, float(np.sqrt(abs(amplitude) / acceleration)))
@@ -157,5 +175,35 @@ def sampled(time: Array, angle: Array) -> Shape:
     def shape(t: Array) -> tuple[Array, Array, Array]:
         inside = np.clip(t + time[0], time[0], time[-1])
         return spline(inside), rate(inside), curvature(inside)
+
+    return shape
+
+
+def late(rates: Array, L: float, lag: float) -> Array:
+    """Rates (T, ...) of a reference after a first-order filter at rest, sampled every L s.
+
+    ``lag`` is the filter's time constant, s; 0 changes nothing.
+    """
+    from scipy.linalg import solve_banded
+
+    if lag == 0.0:
+        return rates
+    # Every value is the newest rate's share and the rest of the value before: a system of two diagonals.
+    newest = -np.expm1(-L / lag)
+    band = np.array([np.ones(len(rates)), np.full(len(rates), newest - 1.0)])
+    return np.asarray(solve_banded((1, 0), band, newest * rates))
+
+
+def straight_lines(time: Array, angle: Array) -> Shape:
+    """Straight lines between samples, as :func:`ramp`.
+
+    ``time`` (N,), s, increases strictly; ``angle`` (N,) is in rad.
+    """
+    slopes = np.append(np.diff(angle) / np.diff(time), 0.0)
+
+    def shape(t: Array) -> tuple[Array, Array, Array]:
+        since = t + time[0]
+        piece = np.searchsorted(time, since + _EDGE, side="right") - 1
+        return np.interp(since, time, angle), slopes[np.maximum(piece, 0)], np.zeros_like(t)
 
     return shape

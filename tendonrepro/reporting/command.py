@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-from html import unescape
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,8 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from tendonrepro import __version__
-from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import shipped, write_atomically
+from tendonrepro.errors import DataMissingError
+from tendonrepro.files import refuse_existing, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
@@ -48,10 +47,8 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     path = out or folder / "report.html"
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
-    if path.is_dir():
-        raise UsageError("is a folder", where=str(path), hint="name the file to write, such as report.html")
-    if path.exists() and not force and _MARK not in path.read_bytes()[:1000]:
-        raise UsageError("exists and is no report", where=str(path), hint="choose another --out, or --force")
+    earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
+    refuse_existing(path, force=force or earlier)
     found = stored_under(folder)
     content = page(found).encode()
     write_atomically(path, content)
@@ -110,14 +107,13 @@ def part(found: Stored, name: str) -> dict[str, Any]:
 
 
 def plate(path: Path) -> dict[str, Any]:
-    """A figure with the caption that it holds; narrow ones stand side by side."""
-    svg = path.read_text(encoding="utf-8")
-    kept = re.search(r"<dc:description>([^<]*)<", svg)
+    """A figure with the caption that lies beside it; narrow ones stand side by side."""
+    svg, caption = path.read_text(encoding="utf-8"), path.with_suffix(".txt")
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     return {
         "address": address(svg.encode()),
-        # What made a figure stands in the picture too.
-        "caption": re.sub(r" (Simulated|Measured); .*", "", unescape(kept[1])) if kept else path.stem,
+        # What follows the first line, on what made a figure, stands in the picture too.
+        "caption": caption.read_text(encoding="utf-8").partition("\n")[0] if caption.exists() else path.stem,
         "narrow": width is not None and float(width[1]) < _COLUMN_PT,
     }
 

@@ -15,7 +15,10 @@ from tendonrepro.results.store import MANIFEST
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
-    "compare": ("Controllers: Figures 13 to 16, Tables 2 and 3", ("table2_paper", "table3_paper")),
+    "compare": (
+        "Controllers: Figures 13 to 16, Tables 2 and 3",
+        ("table2_paper", "table3_paper", "without_start"),
+    ),
     "validate": ("The authors' data beside the model", ()),
 }
 """Experiments that stand on the page, each with its title and tables."""
@@ -24,6 +27,7 @@ _ORDERS = {
     "in_order": "share_c1_lt_c2_lt_c3",
     "in_reverse": "share_c3_lt_c2_lt_c1",
     "first_best": "share_c1_best",
+    "first_worst": "share_c1_worst",
     "last_two_tie": "share_c2_ties_c3",
 }
 """What is kept of the rankings, and its name in an ensemble's ``summary.json``."""

@@ -19,6 +19,9 @@ DECOUPLING_RUNS = ("decouple", "pull_tendon_1")
 RESERVED = "plant"
 """Group of the plant's values; no run may have this name."""
 
+READ_OFF = "read_off_error_"
+"""Attribute of a run read off a figure, before a variable's name: its reading error, rad."""
+
 VARIABLES: dict[str, tuple[str, str]] = {
     "q": ("rad", "joint angle"),
     "dq": ("rad s-1", "joint velocity"),
@@ -60,7 +63,8 @@ class Trace:
         Arrays (T, n) by names of `VARIABLES`.
     attributes : Mapping
         ``law``, ``payload_mass`` (kg), ``status``, ``status_time`` (s), ``reference_period`` (s, 0 without
-        one), ``status_joints`` of a measured run; ``gains`` (name -> list) and ``readings`` (name -> str).
+        one), ``status_joints`` of a measured run, `READ_OFF` and a variable's name of one
+        read off a figure; ``gains`` (name -> list) and ``readings`` (name -> str).
     """
 
     name: str

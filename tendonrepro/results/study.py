@@ -63,7 +63,7 @@ def run_study(
     name: str,
     loaded: LoadedConfig,
     request: Request,
-    study: Callable[[], Outcome],
+    study: Callable[[Path], Outcome],
     talk: Talk,
     keep: str = "",
 ) -> dict[str, Any]:
@@ -74,15 +74,15 @@ def run_study(
     name : str
         Of the command.
     study : callable
-        Finds the numbers; not called in a dry run.
+        Finds the numbers, given the folder in which the result is made; not called in a dry run.
     keep : str
         Folder in the unfinished result for what an interruption must not lose.
     """
     folder = request.folder(name)
     if request.dry_run:
         return planned(name, loaded, folder, request, talk)
-    with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep) as result:
-        outcome = study()
+    with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep, talk=talk) as result:
+        outcome = study(result.path)
         outcome.save(result, name)
         if keep:
             shutil.rmtree(result.path / keep)

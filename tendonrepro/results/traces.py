@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import atomic_path
+from tendonrepro.files import atomic_path, refuse_existing, require_space, write_atomically
 from tendonrepro.results.records import (
     RESERVED,
     SCHEMA_VERSION,
@@ -21,7 +24,6 @@ from tendonrepro.results.records import (
     Trace,
     TraceFile,
 )
-from tendonrepro.results.store import refuse_existing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,21 +35,74 @@ TRACES = "traces.h5"
 # netCDF attributes do not nest, so mappings among a run's are stored flat.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
 
-_PACKED = {"zlib": True, "complevel": 1, "shuffle": True}
+_COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+_CHUNK = 2**17
+"""Samples of a chunk: one MiB, as much as HDF5 keeps in memory while it reads."""
 _ROOT = [field.name for field in fields(TraceFile) if field.name not in ("runs", "plant")]
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
-    """Write a trace file; an OSError where it cannot be written."""
-    import xarray as xr
+    """Write a trace file, whole or not at all; a TendonreproError where it cannot be written.
 
-    attributes = {name: getattr(file, name) for name in _ROOT}
-    root = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes})
-    nodes = {name: dataset_of(trace) for name, trace in file.runs.items()}
-    tree = xr.DataTree.from_dict({"/": root, **nodes, RESERVED: _plant_dataset(file.plant)})
-    encoding = {f"/{name}": dict.fromkeys(node.data_vars, _PACKED) for name, node in nodes.items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    tree.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+    It is made in memory, since HDF5 ends the process where a disk is full.
+    """
+    import h5netcdf
+
+    image = BytesIO()
+    with h5netcdf.File(image, "w") as root:
+        root.attrs.update({"Conventions": "CF-1.11", **{name: getattr(file, name) for name in _ROOT}})
+        for name, trace in file.runs.items():
+            _write_run(root.create_group(name), trace)
+        _write_plant(root.create_group(RESERVED), file.plant)
+    content = image.getvalue()
+    require_space(path, len(content))
+    write_atomically(path, content)
+
+
+def _write_run(group: Any, trace: Trace) -> None:
+    group.attrs.update(_flat(trace.attributes))
+    group.dimensions = {"time": len(trace.time), "joint": len(trace.joint)}
+    _write_variable(group, "time", ("time",), trace.time, "s", "time", **_packed(trace.time))
+    _write_variable(group, "joint", ("joint",), np.array(trace.joint, np.int32), "1", "joint number")
+    for name, (units, meaning) in VARIABLES.items():
+        if name in trace:
+            values = trace[name]
+            options = {"fillvalue": np.nan, **_packed(values)}
+            _write_variable(group, name, ("time", "joint"), values, units, meaning, **options)
+
+
+def _packed(values: Array) -> dict[str, Any]:
+    """How samples are compressed, each column for itself; nothing where there is none."""
+    chunks = (min(len(values), _CHUNK), *[1] * (values.ndim - 1))
+    return {**_COMPRESSION, "chunks": chunks} if values.size else {}
+
+
+def _write_plant(group: Any, plant: PlantRecord) -> None:
+    """Its values, with dimensions named by their sizes."""
+    group.attrs.update(plant.attributes)
+    for name, item in plant.values.items():
+        # A variable has a dimension once, so the columns of a matrix have their own.
+        sizes = {f"size_{size}" + "_other" * axis: size for axis, size in enumerate(item.value.shape)}
+        for key, size in sizes.items():
+            if key not in group.dimensions:
+                group.dimensions[key] = size
+        values = np.asarray(item.value, np.float64)
+        variable = _write_variable(group, name, tuple(sizes), values, item.units, item.long_name)
+        variable.attrs["source"] = item.source
+
+
+def _write_variable(
+    group: Any,
+    name: str,
+    dimensions: tuple[str, ...],
+    values: NDArray[Any],
+    units: str,
+    long_name: str,
+    **options: Any,
+) -> Any:
+    variable = group.create_variable(name, dimensions, values.dtype, data=values, **options)
+    variable.attrs.update({"units": units, "long_name": long_name})
+    return variable
 
 
 def dataset_of(trace: Trace) -> xr.Dataset:
@@ -73,19 +128,6 @@ def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def _plant_dataset(plant: PlantRecord) -> xr.Dataset:
-    """Its values, with dimensions named by their sizes."""
-    import xarray as xr
-
-    variables = {}
-    for name, item in plant.values.items():
-        # A variable has a dimension once, so the columns of a matrix have their own.
-        dimensions = [f"size_{size}" + "_other" * axis for axis, size in enumerate(item.value.shape)]
-        attributes = {key: getattr(item, key) for key in ("units", "source", "long_name")}
-        variables[name] = (dimensions, np.asarray(item.value, np.float64), attributes)
-    return xr.Dataset(variables, attrs=dict(plant.attributes))
-
-
 def read_traces(source: Path) -> TraceFile:
     """Read a trace file, or that of a results folder, bit for bit.
 
@@ -94,7 +136,7 @@ def read_traces(source: Path) -> TraceFile:
     DataMissingError
         Where it is absent, damaged or of another layout.
     """
-    import xarray as xr
+    import h5netcdf
 
     path = source / TRACES if source.is_dir() else source
     hint = "run tendonrepro compare or tendonrepro decouple to make one"
@@ -102,33 +144,33 @@ def read_traces(source: Path) -> TraceFile:
         message = "there is no trace file"
         raise DataMissingError(message, where=str(path), hint=hint)
     try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_times=False) as tree:
-            return _file_of(tree.load())
+        with h5netcdf.File(path, "r") as root:
+            return _file_of(root)
     except Exception as error:
         # What the library says of damage is of any type, and nothing but reading stands in this block.
         message = f"is not a sound trace file of tendonrepro: {error}"
         raise DataMissingError(message, where=str(path), hint=hint) from error
 
 
-def _file_of(tree: xr.DataTree) -> TraceFile:
-    found = int(tree.attrs["schema_version"])
+def _file_of(root: Any) -> TraceFile:
+    found = int(root.attrs["schema_version"])
     if found != SCHEMA_VERSION:
         message = f"its layout has version {found}, this tendonrepro reads version {SCHEMA_VERSION}"
         raise ValueError(message)
-    attributes = {name: tree.attrs[name] for name in _ROOT} | {"schema_version": found}
-    runs = {name: _trace_of(name, node) for name, node in tree.children.items() if name != RESERVED}
-    return TraceFile(**attributes, runs=runs, plant=_plant_of(tree[RESERVED]))
+    attributes = {name: root.attrs[name] for name in _ROOT} | {"schema_version": found}
+    runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != RESERVED}
+    return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]))
 
 
-def _trace_of(name: str, node: Any) -> Trace:
-    variables = {str(key): item.values for key, item in node.data_vars.items()}
-    joint = tuple(node["joint"].values.tolist())
-    return Trace(name, node["time"].values, joint, variables, _attributes_of(node))
+def _trace_of(name: str, group: Any) -> Trace:
+    variables = {key: item[...] for key, item in group.variables.items()}
+    time, joint = variables.pop("time"), tuple(variables.pop("joint").tolist())
+    return Trace(name, time, joint, variables, _attributes_of(group))
 
 
-def _attributes_of(node: Any) -> dict[str, Any]:
+def _attributes_of(group: Any) -> dict[str, Any]:
     # NumPy's scalars and arrays become the plain numbers and lists they were written from.
-    plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in node.attrs.items()}
+    plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in group.attrs.items()}
     nested = {
         name: {key.removeprefix(prefix): plain.pop(key) for key in [*plain] if key.startswith(prefix)}
         for name, prefix in _NESTED.items()
@@ -138,9 +180,14 @@ def _attributes_of(node: Any) -> dict[str, Any]:
     return plain | nested
 
 
-def _plant_of(node: Any) -> PlantRecord:
-    values = {str(name): PlantValue(item.values, **item.attrs) for name, item in node.data_vars.items()}
-    return PlantRecord(values, dict(node.attrs))
+def _plant_of(group: Any) -> PlantRecord:
+    values = {
+        name: PlantValue(
+            np.asarray(item[...]), *(item.attrs[key] for key in ("units", "source", "long_name"))
+        )
+        for name, item in group.variables.items()
+    }
+    return PlantRecord(values, dict(group.attrs))
 
 
 def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
@@ -168,8 +215,9 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
-    target = out or (source / TRACES if source.is_dir() else source).with_suffix(f".{form}")
-    refuse_existing(target, force=force)
+    path = source / TRACES if source.is_dir() else source
+    target = out or path.with_suffix(f".{form}")
+    refuse_existing(target, force=force, inputs=[path])
     file = read_traces(source)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)

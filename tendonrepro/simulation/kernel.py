@@ -199,7 +199,7 @@ def write_sample(
     """Write encoders, law and motors at a sample."""
     n, read, one, write = numbers.hardware.S.shape[0], code.read, code.one, code.write
     x, k, live = code.rows.parameters(code.tape, numbers), code.tape.write("sample"), one("live")
-    example = start((np.zeros(n), np.zeros(n)), np.zeros(n), numbers.law)
+    example = start((np.zeros(n), np.zeros(n)), np.zeros(n), np.zeros(n), numbers.law)
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
     pending = list(read("pending", longest(numbers.hardware.actuator.delay) * n).reshape(-1, n))
     q_d, dq_d, ddq_d = np.split(read("desired", 3 * n), 3)

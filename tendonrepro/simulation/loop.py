@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from tendonrepro.physics.control import Law, Servo
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, link_acceleration
 from tendonrepro.physics.instruments import Actuator, Encoder
+from tendonrepro.physics.trajectory import late
 from tendonrepro.simulation.sampled import CommandFunction
 
 
@@ -89,6 +90,10 @@ class Loop:
         A brake held the arm until the start, and the controller has seen no torque; else its own did.
     seed
         Of the instruments' noise, the same in all runs.
+    start_offset : array (n,), optional
+        Where the arm rests before the start less the reference, rad; on the reference where absent.
+    reference_lag
+        Time constant by which the law gets the reference's rates late, s.
     """
 
     plant: Plant
@@ -102,6 +107,22 @@ class Loop:
     divergence_limit: float
     cold: bool
     seed: int
+    start_offset: Array | None = None
+    reference_lag: float = 0.0
+
+    @property
+    def start_angles(self) -> Array:
+        """Joint angles before the start, rad, (n,)."""
+        return np.zeros(self.plant.preload.size) if self.start_offset is None else self.start_offset
+
+    @property
+    def fed(self) -> DesiredMotion:
+        """Desired motion as the law gets it."""
+        held = self.reference
+        if self.reference_lag == 0.0:
+            return held
+        dq_d, ddq_d = (late(rates, self.L, self.reference_lag) for rates in (held.dq_d, held.ddq_d))
+        return replace(held, dq_d=dq_d, ddq_d=ddq_d)
 
 
 RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")

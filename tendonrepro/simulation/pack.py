@@ -102,11 +102,13 @@ class _Signals:
 
     def __init__(self, loops: Sequence[Loop]) -> None:
         self._n = loops[0].plant.preload.size
-        motions = {id(loop.reference): loop.reference for loop in loops}
+        # The same motion may be fed to some laws late.
+        key = [(id(loop.reference), loop.reference_lag) for loop in loops]
+        motions = {name: loop.fed for name, loop in dict(zip(key, loops, strict=True)).items()}
         seeds = {loop.seed: loop for loop in loops if is_noisy(loop)}
         self._motions, self._noises = [*motions.values()], [unit_noise(loop) for loop in seeds.values()]
         order, sources = list(motions), list(seeds)
-        self._motion = np.array([order.index(id(loop.reference)) for loop in loops])
+        self._motion = np.array([order.index(name) for name in key])
         # The last noise is none.
         self._noise = np.array([sources.index(loop.seed) if is_noisy(loop) else -1 for loop in loops])
         self.names = ("desired", "noise") if seeds else ("desired",)

@@ -26,10 +26,18 @@ CHUNK = 128
 
 
 class Rest(NamedTuple):
-    """State (4 n,) at the start posture, and motor torque (n,) that holds it there."""
+    """State (4 n,) in which an arm waits, motor torque (n,) that holds it, and motor angles read as zero."""
 
     state: Array
     tau: Array
+    zero: Array
+
+
+def rest_at(q: Array, plant: Plant) -> Rest:
+    """Rest at joint angles (n,); encoders are zeroed where the reference begins, at the start posture."""
+    n = len(q)
+    posture = rest_state(np.zeros_like(q), plant)
+    return Rest(rest_state(q, plant), holding_torque(q, plant), posture[2 * n : 3 * n])
 
 
 @dataclass(frozen=True)
@@ -71,22 +79,26 @@ def plant_needs(
     Steps are (levels,), one for each level of demand; 0 where none are enough.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
-    key = {place: (id(loop.plant), id(loop.reference.q_d)) for place, loop in loops.items()}
+    key = {
+        place: (id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes())
+        for place, loop in loops.items()
+    }
     single = {key[place]: loop for place, loop in loops.items()}
     angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
     far = {name: streaming.peak(q_d) for name, q_d in angles.items()}
-    plant, stroke = stacked([(loop.plant, far[id(loop.reference.q_d)]) for loop in single.values()])
+    plant, stroke, q = stacked(
+        [(loop.plant, far[id(loop.reference.q_d)], loop.start_angles) for loop in single.values()]
+    )
     chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
     periods = {loop.L for loop in loops.values()}
     found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
     counts = {L: np.hstack([part[L] for part in found]) for L in periods}
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
-    still = np.zeros_like(plant.preload)
-    torque, state = holding_torque(still, plant), rest_state(still, plant)
+    at_rest = rest_at(q, plant)
     return (
         {place: counts[loop.L][:, places[place]] for place, loop in loops.items()},
-        {place: Rest(state[:, k], torque[:, k]) for place, k in places.items()},
+        {place: Rest(*(part[:, k] for part in at_rest)) for place, k in places.items()},
     )
 
 
@@ -166,11 +178,10 @@ def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) 
 
 
 def hardware_of(loop: Loop, rest: Rest) -> Hardware:
-    """Encoders, zeroed at rest, drives and coupling."""
-    drive, n = loop.plant.drive, loop.plant.preload.size
-    encoders, theta = (loop.joint_encoder, loop.motor_encoder), rest.state[2 * n : 3 * n]
+    """Encoders, drives and coupling."""
+    drive, encoders = loop.plant.drive, (loop.joint_encoder, loop.motor_encoder)
     limit = np.float64(loop.divergence_limit)
-    return Hardware(*encoders, theta, loop.actuator, drive.S, drive.S_inv, limit)
+    return Hardware(*encoders, rest.zero, loop.actuator, drive.S, drive.S_inv, limit)
 
 
 def torque_before(loop: Loop, rest: Rest) -> Array:
@@ -181,11 +192,14 @@ def torque_before(loop: Loop, rest: Rest) -> Array:
 def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str, Array]:
     """First values of rows, (rows, N), by the start-up rule."""
     noise = {seed: unit_noise(loop)(1)[0] for seed, loop in {loop.seed: loop for loop, _ in loops}.items()}
-    found = [(rest.state, noise[loop.seed], torque_before(loop, rest)) for loop, rest in loops]
-    state, first, tau = stacked(found)
+    found = [
+        (rest.state, noise[loop.seed], torque_before(loop, rest), loop.reference.q_d[0])
+        for loop, rest in loops
+    ]
+    state, first, tau, q_d = stacked(found)
     # Where an encoder is ideal there is no step to divide by.
     with np.errstate(divide="ignore", invalid="ignore"):
-        memory = start(measure(state, first, numbers.law, numbers.hardware), tau, numbers.law)
+        memory = start(measure(state, first, numbers.law, numbers.hardware), q_d, tau, numbers.law)
     return {
         "memory": np.concatenate([part.reshape(-1, len(loops)) for part in memory]),
         "pending": np.tile(tau, (longest(numbers.hardware.actuator.delay), 1)),

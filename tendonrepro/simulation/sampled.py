@@ -71,7 +71,8 @@ def sample(
     """One sample, from a state (4 n,) and unit noise (3 n,) of joint encoders, motor encoders and torque."""
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
-    tau, signals, rate, H_hat = _decide(memory, measured, desired, law, command)
+    fed = (*desired[:2], law.feed_forward * desired[2]) if isinstance(law, Law) else desired
+    tau, signals, rate, H_hat = _decide(memory, measured, fed, law, command)
     line = [tau, *pending]
     tau_m = applied_torque(pick(line, actuator.delay), actuator, S, S_inv)
     if isinstance(law, Servo):
@@ -110,9 +111,11 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
     return counted
 
 
-def start(measured: Two, tau: Array, law: Law | Servo) -> Any:
-    """Memory at the first sample, given the torque before."""
-    return (measured[1], tau) if isinstance(law, Servo) else start_memory(measured[0], tau, longest(law.lag))
+def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Any:
+    """Memory at the first sample, given the desired angles and the torque before."""
+    if isinstance(law, Servo):
+        return measured[1], tau
+    return start_memory(measured[0], tau, longest(law.lag), q_d)
 
 
 def longest(count: Any) -> int:

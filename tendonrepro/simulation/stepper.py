@@ -10,19 +10,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.integrate import ode
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.simulation import sampled
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code
 from tendonrepro.simulation.loop import Loop, Solver, recorded_columns, trace_variables
 from tendonrepro.simulation.parts import (
     CompiledPart,
-    Rest,
     hardware_of,
     is_noisy,
+    rest_at,
     sample_part,
     slope_part,
     torque_before,
@@ -65,8 +65,6 @@ def simulate(loop: Loop) -> dict[str, Array]:
 
 
 def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
-    from scipy.integrate import ode
-
     problem = ode(arm.slope).set_integrator(
         solver.method,
         rtol=solver.rtol,
@@ -93,8 +91,7 @@ class Arm:
 
     def __init__(self, loop: Loop) -> None:
         part, n = slope_part(loop.plant), loop.plant.preload.size
-        still = np.zeros(n)
-        self.rest = Rest(rest_state(still, loop.plant), holding_torque(still, loop.plant))
+        self.rest = rest_at(loop.start_angles, loop.plant)
         self.rows, named = _filled(part), part.rows.named
         self.state = self.rows[: 4 * n, 0]
         self.torque = self.rows[named["torque"] :, 0][:n]
@@ -122,7 +119,7 @@ class MachineLaw:
 
     def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
         part, n = sample_part(loop, arm.rest), loop.plant.preload.size
-        self._rows, named, reference = _filled(part), part.rows.named, loop.reference
+        self._rows, named, reference = _filled(part), part.rows.named, loop.fed
 
         def lane(name: str, size: int) -> Array:
             """View of the first lane of a name."""
@@ -153,11 +150,12 @@ class PlainLaw:
         self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
         tau, law = torque_before(loop, arm.rest), loop.controller.law
         measured = sampled.measure(arm.rest.state, self._noise[0], law, self._hardware)
-        self._memory, self._pending = sampled.start(measured, tau, law), [tau] * loop.actuator.delay
+        self._fed, first = loop.fed, loop.reference.q_d[0]
+        self._memory, self._pending = sampled.start(measured, first, tau, law), [tau] * loop.actuator.delay
 
     def __call__(self, k: int) -> bool:
         """Set the arm's torque at sample k; whether the run goes on."""
-        reference, controller, state = self._loop.reference, self._loop.controller, self._arm.state.copy()
+        reference, controller, state = self._fed, self._loop.controller, self._arm.state.copy()
         assert controller.command is not None
         found = sampled.sample(
             state,

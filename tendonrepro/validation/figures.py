@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tendonrepro.results.figures.catalogue import FIGURES, available
+from tendonrepro.results.figures.catalogue import FIGURES, available, caption_of, runs_of
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler, title_of
+from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
 _LABEL = "Thin, dashed: simulated"
@@ -46,15 +46,15 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
                 for one in spec.traces(file):
                     _lay_over(sheet, spec.draw(file, [one]), one, _WIDE * _WIDER**-above)
                     drawn.append(one)
-        laid_over = "Measured wide and pale; the model on it thin and dashed."
-        told = [laid_over if drawn else "Measured; no simulation."]
-        told += [
-            f"Simulated, {one.name} diverged at {one.attributes['status_time']:.2f} s."
-            for one in drawn
-            if one.status == "diverged"
-        ]
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
-        return sheet.finish(name, " ".join([f"{title_of(name)}. {spec.caption}", *told]), origin)
+        return sheet.finish(name, caption_of(name, sheet, _made(traces, drawn)), origin)
+
+
+def _made(measured: list[Trace], simulated: list[Trace]) -> str:
+    """What was measured and simulated, in words of a caption."""
+    told = f"Measured, {runs_of(measured)}"
+    laid_over = f"on it simulated, thin and dashed: {runs_of(simulated)}"
+    return f"{told}, wide and pale; {laid_over}" if simulated else f"{told}; no simulation"
 
 
 def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,9 +15,8 @@ from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError
-from tendonrepro.experiments.loops import build_loops
-from tendonrepro.experiments.run import simulate_run, trace_file
-from tendonrepro.parallel import counted, workers
+from tendonrepro.experiments.run import begin_all, prepared, trace_file
+from tendonrepro.parallel import workers
 from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 from tendonrepro.results.store import make_manifest
@@ -70,9 +68,10 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     """Simulate those runs of a configuration that begin at measured times, s."""
     # The folder it lies in has another name once the result is whole.
     loaded = replace(load_config(path, None), origin=path.name)
-    chosen = [name for name in zeros if name in dict(build_loops(loaded.config, loaded.folder))]
-    with talk.bar(f"simulating {len(chosen)} runs", len(chosen)) as progress, workers(len(chosen)) as start:
-        traces = list(counted(start(partial(simulate_run, loaded, ()), chosen), progress))
+    whole = prepared(loaded)
+    chosen = {name: loop for name, loop in whole.loops.items() if name in zeros}
+    with workers(len(chosen)) as start:
+        (traces,) = begin_all([whole._replace(loops=chosen)], talk, start=start)
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
         write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)

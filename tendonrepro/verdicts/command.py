@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tendonrepro import __version__
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import shipped, to_json
+from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
@@ -63,6 +63,7 @@ def run_claims(
     UsageError
         For an unknown id, a baseline with ids, or where something would be overwritten.
     """
+    refuse_file(out)
     before = None if baseline is None else _baseline(baseline, ids)
     sources, verdicts, judged_by = judged(out, measured, ids, talk)
     changes = {} if before is None else changed(before, verdicts)
@@ -72,7 +73,7 @@ def run_claims(
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     ensemble = sources.ensemble
-    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force) as result:
+    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force, talk=talk) as result:
         write_claims(verdicts, result.path, judged_by)
         if ensemble is not None:
             _write_influences(ensemble, result)
@@ -98,7 +99,9 @@ def _write_influences(data: EnsembleData, result: NewResult) -> None:
     if found:
         from tendonrepro.results.figures.style import save_drawing
 
-        drawn = replace(draw_influences(found), origin=f"Simulated, {len(data)} plants of the box")
+        drawn = replace(
+            draw_influences(found), origin=f"Simulated, {count_of(len(data), 'plant')} of the box"
+        )
         save_drawing(drawn, result.path / "figures")
 
 

@@ -49,7 +49,7 @@ def read_measured(path: Path) -> TraceFile:
     DataMissingError
         If there is none or it cannot be read.
     UsageError
-        If it is simulated.
+        If it is simulated, or holds no run.
     """
     try:
         file = read_traces(path)
@@ -58,6 +58,8 @@ def read_measured(path: Path) -> TraceFile:
         raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
+    if not file.runs:
+        raise UsageError("holds no runs", where=str(path), hint="name them under runs of the mapping")
     return file
 
 

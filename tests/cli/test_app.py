@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 import tendonrepro as tr
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.load import shipped_folder
+from tendonrepro.console import count_of
 
 
 @pytest.fixture(scope="module")
@@ -104,12 +105,26 @@ def test_a_second_run_gives_identical_numbers_and_figures(compared: tuple[Path, 
 def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "traces.h5").write_text("without a manifest")
-    (tmp_path / "file").write_text("in the way")
-    cases = {("compare", "--out", "out"): 2, ("compare", "--out", "file/out"): 1, ("figures",): 4}
+    cases = {("compare", "--out", "out"): 2, ("figures",): 4}
     for words, code in cases.items():
         error = answer(*words, *(SHORT if code < 4 else ()), cwd=tmp_path, code=code)["error"]
         assert "out" in error["where"] or "traces.h5" in error["where"] + error["message"]
     assert (tmp_path / "out" / "traces.h5").read_text() == "without a manifest"
+
+
+def test_a_limit_of_the_size_of_files_is_a_sentence_and_the_old_result_stays(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="Windows has no such limits")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "earlier.json").write_text("old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        words = ["compare", "--controllers", "2", *SHORT, "--out", "out", "--force"]
+        error = answer(*words, cwd=tmp_path, code=1)["error"]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "traces.h5" in error["message"]
+    assert [path.read_text() for path in tmp_path.rglob("*") if path.is_file()] == ["old"]
 
 
 @pytest.mark.slow
@@ -155,6 +170,29 @@ def test_an_interrupted_second_run_leaves_the_first_result(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child on Windows")
+def test_an_interrupt_of_workers_is_one_sentence(command: str, tmp_path: Path) -> None:
+    words = "--draws 256 --set block=16 --readings printed --jobs 2 --out out"
+    process = subprocess.Popen(
+        [command, "ensemble", *words.split()],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+        start_new_session=True,
+    )
+    # The first piece of work is on disk, so that the workers are at the next ones.
+    while not any((tmp_path / ".out.partial").glob("*/[!.]*")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    lines = process.communicate(timeout=60)[1].splitlines()
+    assert process.returncode == 130
+    assert lines[-1] == "error: interrupted"
+    assert not [line for line in lines if line.startswith((" ", "Traceback", "Exception"))]
+
+
+@pytest.mark.slow
 def test_figures_and_tables_are_made_again_from_traces(compared: tuple[Path, Any]) -> None:
     folder, _ = compared
     out = folder / "out"
@@ -166,6 +204,53 @@ def test_figures_and_tables_are_made_again_from_traces(compared: tuple[Path, Any
     assert answer("tables", "--out", ".", cwd=folder)["files"]
     assert run("figures", "9", "--out", "out", cwd=folder).returncode == 4
     assert run("figures", "99", "--out", "out", cwd=folder).returncode == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of POSIX")
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("config list >&-", 0),
+        ("config list 2>&-", 0),
+        ("config list <&- >&- 2>&-", 0),
+        ("config check - <&-", 2),
+        ("nonsense >&-", 2),
+        ("nonsense 2>&-", 2),
+        ("config schema | true; exit ${PIPESTATUS[0]}", 1),
+    ],
+)
+def test_closed_streams_change_no_exit_code(command: str, tmp_path: Path, words: str, code: int) -> None:
+    shell = ["bash", "-c", f'"{command}" {words}']
+    done = subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
+    assert ("config list 2" in words) == bool(done.stdout)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of POSIX")
+def test_a_run_needs_no_stream_and_no_backend_of_a_notebook(command: str, tmp_path: Path) -> None:
+    words = " ".join([*(f"'{word}'" for word in SHORT), "--controllers 1 --out out"])
+    shell = ["bash", "-c", f'"{command}" compare {words} <&- >&- 2>&-']
+    done = subprocess.run(
+        shell, cwd=tmp_path, env=os.environ | {"MPLBACKEND": "module://not_installed.backend"}, check=False
+    )
+    assert done.returncode == 0
+    assert (tmp_path / "out" / "figures" / "fig14.png").stat().st_size > 1000
+    other = subprocess.run(
+        [command, "figures", "13", "--out", "out"],
+        cwd=tmp_path,
+        env=os.environ | {"MPLBACKEND": "module://not_installed.backend"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (other.returncode, other.stderr) == (0, "")
+
+
+def test_one_of_a_kind_is_no_plural() -> None:
+    assert [count_of(number, "reading") for number in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
+    assert [count_of(number, "guess", "guesses") for number in (1, 2)] == ["1 guess", "2 guesses"]
 
 
 def test_usage_errors_are_one_message_and_code_2(tmp_path: Path) -> None:

@@ -101,6 +101,16 @@ CHANGED_LINE = [
     ("lumidouce_ii", "[ 0,  0, 37]", "[ 0,  0, 0]", "manipulator.routing.pulley_diameter.value.2.2"),
     ("lumidouce_ii", "[ 0, 77, 35]", "[ 1, 77, 35]", "manipulator.routing.pulley_diameter.value.1.0"),
     ("lumidouce_ii", "[0, 1,  1]", "[0, 0,  1]", "manipulator.routing.sign.value.1.1"),
+    ("compare", "control:\n", "errors_from: {value: 15.2, unit: s, source: 'assumed: x'}\ncontrol:\n",
+     "errors_from.value"),
+    # a run of its own
+    ("compare", "    law: controller_2",
+     "    start_offset: {value: [-50, 0], unit: deg, source: 'assumed: x'}"
+     "\n    law: controller_2", "runs.controller_2.start_offset.value"),
+    ("compare", "    law: controller_3", "    friction_scale: {value: 0, unit: '1', source: 'assumed: x'}\n"
+     "    law: controller_3", "runs.controller_3.friction_scale.value"),
+    ("compare", "    value:  10\n    unit:   ms", "    value: -1\n    unit:   ms",
+     "control.reference_lag.value"),
     # checks across sections
     ("compare", "joints: [2, 3]", "joints: [1, 2]", "joints"),
     ("decouple", "turns: [[1], [2]", "turns: [[1], [4]", "runs.decouple.reference.turns.1"),
@@ -152,6 +162,24 @@ def test_a_filter_needs_its_cutoff(files: Files, reading: str) -> None:
     assert load_config(path, "compare")
     with pytest.raises(ConfigError):
         load_config(path, "compare", overrides=changed)
+
+
+def test_late_rates_need_their_lag(files: Files) -> None:
+    text, path = TEXTS["compare"], files.path("compare")
+    start = text.index("  reference_lag:")
+    files.replace("compare", text[start : text.index("\n\n", start)], "")
+    assert load_config(path, "compare")
+    with pytest.raises(ConfigError):
+        load_config(path, "compare", overrides=["control.readings.reference_acceleration=late"])
+
+
+def test_a_ramp_takes_time(files: Files) -> None:
+    files.replace("compare", "kind: minimum_jerk ", "kind: ramp ")
+    assert load_config(files.path("compare"), "compare").config.reference.kind == "ramp"
+    files.replace("compare", "    value:  2.3\n", "    value:  0\n")
+    line = TEXTS["compare"][: TEXTS["compare"].index("    value:  2.3\n")].count("\n") + 1
+    (mistake,) = files.mistakes()
+    assert mistake.startswith(f"compare.yaml:{line}: reference.rise.value")
 
 
 def test_a_step_may_be_there_from_the_start(files: Files) -> None:

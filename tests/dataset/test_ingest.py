@@ -212,7 +212,7 @@ def test_a_made_up_record_gives_its_own_tables(from_record):
     decouple = file.runs["decouple"]
     np.testing.assert_allclose(np.rad2deg(decouple["q_encoder"]), q, atol=1e-6)
     np.testing.assert_allclose(np.rad2deg(decouple["q_motor_encoder"]), motors, atol=1e-6)
-    assert set(FIGURES) - set(available(file)) == {"fig06", "fig15"}
+    assert set(FIGURES) - set(available(file)) == {"fig06", "fig15", "samples"}
     manifest = json.loads(file.manifest_json)
     assert {len(entry["md5"]) for entry in manifest["inputs"]} == {32}
     assert manifest["guesses"]
@@ -341,6 +341,6 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
     for name, content in DAMAGED.items():
         (tmp_path / name).write_bytes(content)
     (tmp_path / "good.csv").write_text("t,q2\n" + "".join(f"{k},{k}\n" for k in range(20)))
-    sources, unread = read_files([tmp_path])
+    sources, unread, _ = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)

@@ -11,6 +11,7 @@ from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stated
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
+from tendonrepro.physics.control import phi_slope
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.simulation.batch import simulate_batch
@@ -97,3 +98,22 @@ def batch_errors(metric: str, *overrides: str) -> np.ndarray:
     batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
     assert not batch.status.any()
     return np.rad2deg(batch.statistics[metric])
+
+
+def test_the_references_own_error() -> None:
+    """Closed forms of the error equation, of the slope of φ at zero."""
+    config, theory = load_config(None, "compare").config, "docs/theory.md"
+    assert isinstance(config, CompareConfig)
+    law = build_law(config, "controller_2")
+    lam, k = float(law.lam[0]), float(law.eta[0] * phi_slope(0.0, law, 0))
+    slow, step, offset = 1.0 / (lam * k), 1.0 / (lam * k), (lam + k) / (lam * k)
+    left = [100.0 * (lam * np.exp(-k * t) - k * np.exp(-lam * t)) / (lam - k) for t in (1.0, 2.0)]
+    for pattern, found, half in (
+        (r"λk is ([\d.]+) s⁻² and", [lam * k], 0.05),
+        (r"and 1/k is ([\d.]+) s", [1.0 / k], 0.005),
+        (r"\| e ≈ a/\(λk\) \| ([\d.]+)° for 0.01", [np.rad2deg(0.01 * slow)], 0.0005),
+        (r"\| ([\d.]+) s Δv", [step], 0.0006),
+        (r"\| ([\d.]+) s e₀", [offset], 0.005),
+        (r"an offset (\d+) % is left after one second and (\d+) % after two", left, 0.5),
+    ):
+        assert stated(pattern, theory) == pytest.approx(found, abs=half)

@@ -13,7 +13,9 @@ from support.command import answer
 
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
@@ -91,6 +93,7 @@ def test_the_published_controllers_are_found_to_the_last_digits(controller: int)
         "error_rate=difference_of_error",
         "phi_branch=power",
         "Delta_unit=deg",
+        pytest.param("reference_acceleration=late", marks=pytest.mark.slow),
         pytest.param("differencing=centred", marks=pytest.mark.slow),
         pytest.param("error_rate=low_pass", marks=pytest.mark.slow),
         pytest.param("gain_unit=phi_in_degrees", marks=pytest.mark.slow),
@@ -107,6 +110,19 @@ def test_a_reading_is_found(reading: str) -> None:
     assert one.answer == RECOVERED
     assert reading in one.best.hypothesis.name
     assert one.weights == "interpolating"
+
+
+@pytest.mark.parametrize("kind", ["minimum_jerk", "ramp"])
+def test_an_acceleration_that_is_absent_is_found_where_the_reference_has_one(kind: str) -> None:
+    """Of a ramp, which has none, the simplest answer is named."""
+    small = {"reference.kind": kind, "reference.amplitude": 4}
+    absent = {"control.readings.reference_acceleration": "absent"}
+    file = tr.compare(set=SHORT | small | absent, controllers=[1])._file
+    assert file is not None
+    one = joint_3(replace(file, runs={"controller_1": file.runs["controller_1"]}))
+    assert (one.answer, one.weights) == (RECOVERED, "interpolating")
+    found = one.best.hypothesis.name
+    assert found == ("printed" if kind == "ramp" else "reference_acceleration=absent")
 
 
 @pytest.mark.usefixtures("one_filter")
@@ -174,6 +190,46 @@ def test_rounding_of_angles_on_a_grid_is_undone() -> None:
     assert found - found[0] == pytest.approx(true - true[0], abs=1e-6)
     smooth = np.sin(np.linspace(0.0, 9.0, 4000))
     assert without_rounding(smooth, STEP)[0] is smooth
+
+
+def of_last_two(node: Any) -> Any:
+    """Values by joint, of an arm that lacks the first joint."""
+    if isinstance(node, dict):
+        return {key: of_last_two(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [of_last_two(item) for item in (node[1:] if len(node) == 3 else node)]
+    return node
+
+
+@pytest.fixture(scope="module")
+def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
+    """A run of an arm with two joints, both moving, with another M_bar than the paper's."""
+    tree = load_config(None, "compare").tree
+    arm = {key: of_last_two(tree[key]) for key in ("manipulator", "posture")}
+    arm["posture"]["value"] = [45, 0]
+    path = tmp_path_factory.mktemp("arm") / "two.yaml"
+    path.write_text(dump(tree | arm | {"joints": [1, 2]}))
+    file = tr.compare(path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1])._file
+    assert file is not None
+    return replace(file, runs={"controller_1": file.runs["controller_1"]})
+
+
+def test_own_joints_are_compared_with_their_own_gains(joints_1_2: TraceFile) -> None:
+    for one, w_2 in zip(recovered(joints_1_2, PUBLISHED, QUIET), (0.1, 0.2), strict=True):
+        assert one.answer == RECOVERED
+        assert one.weights == "interpolating"
+        assert one.best.parameters[1:3] == pytest.approx([w_2, 0.03])
+
+
+def test_measured_joints_without_published_gains_are_left_out(joints_1_2: TraceFile) -> None:
+    measured = replace(joints_1_2, source="measured")
+    (found,) = recovered(measured, PUBLISHED, QUIET)
+    assert (found.joint, found.answer) == (2, NONE)
+    alone = {name: run.of_joints((1,)) for name, run in measured.runs.items()}
+    S = measured.plant.values["S"]
+    plant = replace(measured.plant, values={"S": replace(S, value=S.value[:1, :1])})
+    with pytest.raises(UsageError):
+        recovered(replace(measured, runs=alone, plant=plant), PUBLISHED, QUIET)
 
 
 def test_the_command_writes_its_tables(tmp_path: Path) -> None:

@@ -145,14 +145,14 @@ class TestLaw:
 
 def test_loops_that_grow_are_those_without_decay():
     """Such a run may end well, and the comparison says so."""
-    assert loops.growing(loaded(experiment="decouple")) == {}
+    assert loops.growing(loops.all_loops(loaded(experiment="decouple"))) == {}
     # With this mass of the law and a delay the loop with payload alone grows.
     heavy = "control.gains.M_bar=[0.025, 0.025]"
-    assert loops.growing(loaded(heavy)) == {}
+    assert loops.growing(loops.all_loops(loaded(heavy))) == {}
     delayed, postures = loaded(heavy, "manipulator.actuator.output_delay=1"), list(stroke(reference().q_d))
     views = loops.run_views(delayed.config).items()
     decay = {run: decay_rate(postures, view.plant, view.law, view.delay) for run, view in views}
-    found = loops.growing(delayed)
+    found = loops.growing(loops.all_loops(delayed))
     assert found.keys() == {run for run, rate in decay.items() if rate < 0.0} == {"controller_1_payload"}
     assert 10.7 < found["controller_1_payload"] < 10.8
 
@@ -221,6 +221,16 @@ class TestReference:
         moves = np.abs(found.q_d[:-1]).reshape(6, 1000, 2).max(axis=1)
         pattern = [[1, 0], [0, 1], [1, 1]] * 2
         np.testing.assert_allclose(np.rad2deg(moves), pattern * np.array([10.0, 20.0]), rtol=1e-9)
+
+    def test_ramp_and_its_corners_in_a_file_are_one_motion(self, tmp_path):
+        of_ramp = reference(f"reference={motion('ramp', [10, 20], rise=0.5, hold=0.25)}")
+        path = tmp_path / "corners.csv"
+        path.write_text("time_s,q2_deg,q3_deg\n0,0,0\n.5,10,20\n.75,10,20\n1.25,0,0\n1.5,0,0\n")
+        of_file = reference(f"reference={{kind: sampled, file: '{path}', interpolation: linear}}")
+        assert (of_ramp.period, of_file.period) == (1.5, 0.0)
+        for name in ("time", "q_d", "dq_d", "ddq_d"):
+            np.testing.assert_allclose(getattr(of_file, name), getattr(of_ramp, name), atol=1e-12)
+        np.testing.assert_allclose(np.rad2deg(of_ramp.dq_d[0]), [20.0, 40.0], rtol=1e-12)
 
     def test_per_joint(self):
         parts = (

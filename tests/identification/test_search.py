@@ -10,6 +10,7 @@ from support.made_plants import PRINTED, Killed, loaded, measured
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench, log_misfit, log_residuals
 from tendonrepro.identification.search import (
+    UNKNOWNS,
     Effort,
     Evaluated,
     Found,
@@ -107,7 +108,7 @@ BOX = make_box(loaded().config)
 NOMINAL = dict(zip(BOX.names, BOX.nominal, strict=True))
 
 
-def chosen(log_factor):
+def chosen(log_factor, most=UNKNOWNS):
     """Names that are searched where every number is the printed one times exp(log_factor(values by name))."""
 
     def look(units):
@@ -117,7 +118,7 @@ def chosen(log_factor):
         residuals = log_residuals(ours, PRINTED.values).reshape(len(units), -1)
         return Evaluated(log_misfit(ours, PRINTED.values), residuals)
 
-    rows = rows_that_matter(BOX, look, scrambled_sobol(BOX, 1, 0, 0, 256))
+    rows = rows_that_matter(BOX, look, scrambled_sobol(BOX, 1, 0, 0, 256), most)
     return {name for name, is_searched in zip(BOX.names, rows, strict=True) if is_searched}
 
 
@@ -134,8 +135,19 @@ def test_ten_per_cent_are_felt(change, is_searched):
     assert (felt == {"motion"}) == is_searched
 
 
-def test_where_none_is_felt_all_are_searched():
-    assert chosen(lambda values: 0.0 * values["winch_viscous"]) == set(BOX.names)
+def test_where_none_is_felt_as_many_as_allowed_are_searched():
+    assert len(chosen(lambda values: 0.0 * values["winch_viscous"])) == UNKNOWNS
+
+
+def test_of_many_that_are_felt_the_strongest_are_searched():
+    """Each counts with its switch; one whose switch does not fit any more is left for the next."""
+    weights = dict(
+        zip(["winch_viscous", "link_mass_2", "link_mass_3", "amplitude"], (3.0, 2.5, 2.0, 1.5), strict=True)
+    )
+    felt = chosen(
+        lambda values: sum(w * np.log(values[name] / NOMINAL[name]) for name, w in weights.items()), most=3
+    )
+    assert felt == {"winch_viscous", "link_mass_2", "link_mass_3"}
 
 
 def test_a_size_comes_with_its_switch():

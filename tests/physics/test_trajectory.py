@@ -15,8 +15,10 @@ from tendonrepro.physics.trajectory import (
     minimum_jerk,
     motion,
     raised_cosine,
+    ramp,
     sampled,
     smooth_sine,
+    straight_lines,
     trapezoid_times,
     trapezoidal,
 )
@@ -129,6 +131,35 @@ class TestShapes:
             np.testing.assert_allclose(ours, exact, atol=1e-10)
 
 
+class TestStraightLines:
+    """A sample on a corner has the velocity after it, however its time was rounded."""
+
+    RISE, HOLD = 2.07, 1.13
+
+    def ramps(self):
+        corners = np.cumsum([0.0, self.RISE, self.HOLD, self.RISE, self.HOLD])
+        return {
+            "ramp": ramp(A, self.RISE, self.HOLD),
+            "samples": straight_lines(corners, A * np.array([0.0, 1.0, 1.0, 0.0, 0.0])),
+            "samples that begin late": straight_lines(7.5 + corners, A * np.array([0.0, 1.0, 1.0, 0.0, 0.0])),
+        }
+
+    @pytest.mark.parametrize("name", ["ramp", "samples", "samples that begin late"])
+    def test_velocity_steps_on_the_corners_and_no_acceleration(self, name):
+        q, dq, ddq = self.ramps()[name](1e-3 * np.arange(6401))
+        v = A / self.RISE
+        np.testing.assert_allclose(dq, np.repeat([v, 0.0, -v, 0.0], [2070, 1130, 2070, 1131]), rtol=1e-12)
+        np.testing.assert_allclose(np.diff(q), 1e-3 * dq[:-1], atol=1e-12)
+        np.testing.assert_array_equal(ddq, 0.0)
+        assert (q[0], q[-1]) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+    def test_repeated_turns_begin_on_their_own_sample(self):
+        turns = Motion((ramp(A, self.RISE, self.HOLD),) * 4, 6.4)
+        _, dq, _ = motion(1e-3 * np.arange(25601), [turns])
+        np.testing.assert_array_equal(dq[:-1].reshape(4, 6400), np.tile(dq[:6400, 0], (4, 1)))
+        assert dq[-1, 0] == 0.0
+
+
 class TestMotion:
     def test_turns_follow_one_another(self):
         up, period = minimum_jerk(A, 0.6, 0.4), 2.0
@@ -191,6 +222,12 @@ class TestFile:
         with pytest.raises(ConfigError) as caught:
             read_samples(path)
         assert caught.value.where == f"{path}:1"
+
+    def test_straight_lines_need_two_rows(self, tmp_path):
+        time, _ = read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", *ROWS[:2]), "linear")
+        np.testing.assert_array_equal(time, [0.0, 0.5])
+        with pytest.raises(ConfigError):
+            read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", ROWS[0]), "linear")
 
     @pytest.mark.parametrize(
         ("rows", "line"),

@@ -17,9 +17,10 @@ def write_experiment(folder, name, figures):
     (folder / name / "figures").mkdir(parents=True)
     (folder / name / "tables").mkdir()
     for figure in figures:
-        about = f"<dc:description>About {figure}</dc:description>"
-        svg = f"<svg xmlns='http://www.w3.org/2000/svg'><script/>{about}</svg>"
-        (folder / name / "figures" / f"{figure}.svg").write_text(svg, encoding="utf-8")
+        svg = "<svg xmlns='http://www.w3.org/2000/svg'><script/></svg>"
+        path = folder / name / "figures" / f"{figure}.svg"
+        path.write_text(svg, encoding="utf-8")
+        path.with_suffix(".txt").write_text(f"About {figure}\n\nMade up.\n", encoding="utf-8")
     for table in ("table1", "table2_paper", "table3_paper"):
         text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {LIKE_HTML} | 2 |\n"
         (folder / name / "tables" / f"{table}.md").write_text(text, encoding="utf-8")

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from shutil import copy
 
 import h5py
 import netCDF4
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.results import traces
 from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
@@ -91,6 +93,17 @@ class TestFile:
         again = write_traces_to(tmp_path, COMPARE)
         assert sha256_of(again) == sha256_of(compare_path)
 
+    def test_neither_writing_nor_reading_loads_xarray_or_pandas(self, compare_path: Path) -> None:
+        code = f"""
+import sys
+from pathlib import Path
+from tendonrepro.results.traces import read_traces, write_traces
+path = Path({str(compare_path)!r})
+write_traces(path, read_traces(path))
+sys.exit(bool({{"xarray", "pandas"}} & sys.modules.keys()))
+"""
+        subprocess.run([sys.executable, "-c", code], check=True)
+
     def test_root_attributes_are_those_of_the_contract(self, compare_path: Path) -> None:
         with h5py.File(compare_path) as root:
             assert root.attrs["Conventions"] == "CF-1.11"
@@ -152,6 +165,33 @@ def test_an_unusable_file_is_missing_data(tmp_path: Path, damage: Callable[[Path
     assert caught.value.exit_code == 4
 
 
+def test_a_limit_of_the_size_of_files_leaves_the_old_file(tmp_path: Path) -> None:
+    """HDF5 itself would end the process, so nothing could be caught."""
+    resource = pytest.importorskip("resource", reason="Windows has no such limits")
+    path = write_traces_to(tmp_path, dataclasses.replace(COMPARE, runs={}))
+    before, (soft, hard) = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before), hard))
+    try:
+        with pytest.raises(TendonreproError, match=r"traces\.h5") as caught:
+            write_traces(path, COMPARE)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert caught.value.exit_code == 1
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == [before]
+
+
+def test_a_full_disk_is_seen_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: used._replace(free=1000))
+    with pytest.raises(TendonreproError, match=r"traces\.h5"):
+        write_traces(tmp_path / "new" / "traces.h5", COMPARE)
+    assert not [*tmp_path.iterdir()]
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: used._replace(total=0, free=0))
+    write_traces(tmp_path / "traces.h5", COMPARE)
+
+
 def test_another_layout_is_named(tmp_path: Path) -> None:
     path = write_traces_to(tmp_path, dataclasses.replace(COMPARE, runs={}, schema_version=7))
     with pytest.raises(DataMissingError, match="7"):
@@ -160,7 +200,7 @@ def test_another_layout_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, compare_path: Path) -> Path:
-    copy(compare_path, tmp_path)
+    shutil.copy(compare_path, tmp_path)
     return tmp_path
 
 

@@ -106,6 +106,13 @@ CHOICES = """phi_branch=power gain_unit=phi_in_degrees differencing=centred phi_
 error_rate=low_pass start=cold weights=extrapolating torque_coordinates=winch eta_in_controller_2=dropped
 weights=swapped torque_unit=percent_of_rated delay_time=two_periods estimate_filter=acceleration
 estimate_filter=estimate feedback=motor error_rate=difference_of_error"""
+RAMP = (
+    "reference={kind: ramp, amplitude: {value: [11, 8], unit: deg, source: 'assumed: test'}, "
+    "rise: {value: 0.2, unit: s, source: 'assumed: test'}, "
+    "hold: {value: 0.1, unit: s, source: 'assumed: test'}, "
+    "periods: {value: 6, unit: '1', source: 'assumed: test'}}"
+)
+APART = "runs.controller_1.start_offset={value: [0.7, -1.1], unit: deg, source: 'assumed: test'}"
 STORED = "control.readings.stored_torque=applied"
 READINGS = (
     *(f"control.readings.{choice}" for choice in CHOICES.split()),
@@ -125,6 +132,12 @@ READINGS = (
     "manipulator.transmission_error.peak_to_peak=4.4e-4",
     "disturbance={kind: sine, torque: {value: [0.3, 0.1], unit: N m, source: 'assumed: test'}, "
     "frequency: {value: 2, unit: Hz, source: 'assumed: test'}}",
+    "control.readings.reference_acceleration=absent",
+    "control.readings.reference_acceleration=late",
+    f"control.readings.reference_acceleration=late;{RAMP}",
+    f"{RAMP};{APART};control.readings.error_rate=difference_of_error",
+    f"{APART};control.readings.feedback=motor;manipulator.encoders.motor.noise=1e-6",
+    "runs.controller_1.friction_scale={value: 1.4, unit: '1', source: 'assumed: test'}",
 )
 
 

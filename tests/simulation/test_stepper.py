@@ -46,6 +46,72 @@ def make_loop(*overrides, run="controller_1", reference=None):
     return replace(loop, reference=reference or raised_cosine(10.0, 0.8, 301))
 
 
+OFFSET = "runs.controller_1.start_offset={value: [0.7, -1.1], unit: deg, source: 'assumed: test'}"
+LATE = "control.readings.reference_acceleration=late"
+
+
+class TestAStartBesideTheReference:
+    OFFSET_RAD = np.deg2rad([0.7, -1.1])
+
+    def test_the_arm_rests_there_and_both_encoders_see_it(self):
+        at_rest = DesiredMotion(L * np.arange(300), *np.zeros((3, 300, 2)))
+        trace = simulate(make_loop(IDEAL, OFFSET, reference=at_rest))
+        np.testing.assert_allclose(trace["q"][0], self.OFFSET_RAD, atol=1e-12)
+        np.testing.assert_allclose(trace["e"][0], -self.OFFSET_RAD, atol=1e-12)
+        np.testing.assert_allclose(trace["dq"][0], 0.0, atol=1e-12)
+        # The tendons stretch by what gravity asks for there beyond the start posture.
+        seen = np.linalg.inv(S_INV) @ trace["q_motor_encoder"][0]
+        np.testing.assert_allclose(seen, self.OFFSET_RAD, atol=np.deg2rad(0.1))
+        held = simulate(make_loop(IDEAL, reference=at_rest))
+        assert np.abs(trace["theta"][0] - held["theta"][0] - seen).max() < np.deg2rad(0.022)
+        # It is drawn to the reference, and nothing is cut off the trace.
+        sizes = np.abs(trace["e"][[0, 100, 200, 299]])
+        assert (np.diff(sizes, axis=0) < 0.0).all()
+
+    @pytest.mark.parametrize("rate", ["backward_difference", "difference_of_error"])
+    def test_it_is_not_lost_in_the_memory_of_the_reference(self, rate):
+        """The first rate is that of the reference, and not of a jump onto it."""
+        trace = simulate(make_loop(IDEAL, OFFSET, f"control.readings.error_rate={rate}"))
+        law = make_loop().controller.law
+        s = [law.eta[i] * control.phi(-self.OFFSET_RAD[i], law, i) for i in range(2)]
+        np.testing.assert_allclose(trace["s"][0], s, atol=1e-9)
+
+    def test_a_users_law_starts_as_the_papers(self):
+        loop = make_loop(IDEAL, OFFSET, LATE)
+        own = replace(loop, controller=replace(loop.controller, command=control.command))
+        ours, theirs = simulate(own), simulate(loop)
+        for name in ("q", "tau_cmd", "s"):
+            np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9, atol=1e-9)
+
+
+def test_friction_of_a_run_is_scaled_on_links_and_winches():
+    scale = "runs.controller_2.friction_scale={value: 1.3, unit: '1', source: 'assumed: test'}"
+    scaled, plain = make_loop(scale, run="controller_2").plant, make_loop(run="controller_2").plant
+    for ours, theirs in (
+        (scaled.link_friction, plain.link_friction),
+        (scaled.drive.friction, plain.drive.friction),
+    ):
+        np.testing.assert_allclose(ours.coulomb, 1.3 * theirs.coulomb)
+        np.testing.assert_allclose(ours.viscous, 1.3 * theirs.viscous)
+        np.testing.assert_array_equal(ours[2:], theirs[2:])
+    np.testing.assert_equal(make_loop(scale).plant, make_loop().plant)
+
+
+def test_an_acceleration_that_is_absent_or_late_is_missed_by_the_law_alone():
+    """The trace keeps the reference's own; the torque lacks the law's share of it at the first sample."""
+    reference = raised_cosine(10.0, 0.8, 40)
+    fed, absent, late = (
+        simulate(make_loop(IDEAL, *changed, reference=reference))
+        for changed in ((), ("control.readings.reference_acceleration=absent",), (LATE,))
+    )
+    for trace in (absent, late):
+        np.testing.assert_array_equal(trace["ddq_d"], fed["ddq_d"])
+    share = M_BAR * reference.ddq_d[0]
+    np.testing.assert_allclose(fed["tau_cmd"][0] - absent["tau_cmd"][0], share, rtol=1e-9)
+    missed = np.exp(-L / 10e-3) * share
+    np.testing.assert_allclose(fed["tau_cmd"][0] - late["tau_cmd"][0], missed, rtol=1e-9)
+
+
 class Textbook:
     """The same experiment in plain NumPy: equations as printed, two links as in any robotics book."""
 

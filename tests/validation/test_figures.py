@@ -90,7 +90,7 @@ def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(number, file):
 def test_a_simulation_is_claimed_where_it_is_drawn(file):
     gone = make_compare_file(step=0.02, diverged={"controller_1": 5.0}).runs["controller_1"]
     alone = replace(file, runs={gone.name: file.runs[gone.name]})
-    assert "controller_1 diverged at 5.00 s" in draw_overlay("fig14", alone, {gone.name: gone}).caption
+    assert "controller_1 (diverged at 5.00 s)" in draw_overlay("fig14", alone, {gone.name: gone}).caption
     elsewhere = draw_overlay("fig10", file, {gone.name: gone})
     assert "diverged" not in elsewhere.caption
     assert elsewhere.figure.get_supxlabel() == "Measured"

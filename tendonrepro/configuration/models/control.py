@@ -103,6 +103,11 @@ class Readings(Model):
     feedback: Annotated[Literal["joint", "motor"], At("Section 5.1")]
     """Whether the law looks at the joints' encoders, or at S times the motors'."""
 
+    reference_acceleration: Annotated[Literal["fed_forward", "absent", "late"], At("Eq. (18)")] = (
+        "fed_forward"
+    )
+    """Whether the law gets the reference's acceleration, or none, or its rates late by the drawn lag."""
+
     start: Annotated[Literal["filled", "cold"], At("Eqs. (8), (15)")]
     """Whether the delay lines hold the state at rest or zeros before the first sample."""
 
@@ -126,6 +131,10 @@ class Control(Model):
     filter_cutoff: (
         Annotated[Scalar, Physical("Hz", "cutoff of the readings' low-pass filters", at_least=1e-9)] | None
     ) = None
+    reference_lag: (
+        Annotated[Scalar, nonneg("s", "time constant of the reading that has the reference's rates late")]
+        | None
+    ) = None
 
     def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():
@@ -141,3 +150,5 @@ class Control(Model):
             value = getattr(self.readings, reading)
             if value in FILTERED and self.filter_cutoff is None:
                 yield (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"
+        if self.readings.reference_acceleration == "late" and self.reference_lag is None:
+            yield (), "missing key 'reference_lag', which the reading reference_acceleration: late needs"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from pydantic import ConfigDict, Field, StrictInt
 
 from tendonrepro.configuration.models.control import Control
@@ -15,11 +16,13 @@ from tendonrepro.configuration.quantity import (
     Pair,
     Physical,
     Scalar,
+    Vector,
     nonneg,
     positive,
     wrong_sizes,
 )
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
+from tendonrepro.configuration.strict_yaml import Key
 
 MOST_SAMPLES = 1e6
 """Longest run; ten times as much would not fit into the memory of a small machine."""
@@ -121,6 +124,10 @@ class CompareRun(Model):
 
     law: Annotated[str, Field(description="name of one of the laws")]
     payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
+    start_offset: Annotated[Moving, Physical("rad", "joint angles less the reference at t = 0")] | None = None
+    friction_scale: (
+        Annotated[Scalar, positive("1", "factor on dry and viscous friction of links and winches")] | None
+    ) = None
 
 
 class CompareConfig(Experiment):
@@ -130,6 +137,9 @@ class CompareConfig(Experiment):
     reference: ReferenceConfig
     control: Control
     runs: Annotated[dict[Identifier, CompareRun], Field(min_length=1, description="runs by name")]
+    errors_from: (
+        Annotated[Scalar, nonneg("s", "start of each run that errors in tables leave out")] | None
+    ) = None
 
 
 class PositionLoop(Model):
@@ -157,6 +167,12 @@ class DecoupleConfig(Experiment):
 
 
 Config: TypeAlias = CompareConfig | DecoupleConfig
+
+
+def errors_from(config: Config) -> float:
+    """Seconds at the start of each run that errors in tables leave out."""
+    held = config.errors_from if isinstance(config, CompareConfig) else None
+    return held.si if held else 0.0
 
 
 def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
@@ -190,10 +206,29 @@ def _misfits(config: Config) -> Mistakes:
     if "plant" in config.runs:
         yield ("runs", "plant"), "is the name of something else among the results; choose another"
     if isinstance(config, CompareConfig):
-        laws = config.control.laws
-        for name, run in config.runs.items():
-            if run.law not in laws:
-                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+        yield from _compare_misfits(config)
+
+
+def _compare_misfits(config: CompareConfig) -> Mistakes:
+    laws, reference = config.control.laws, config.reference
+    for name, run in config.runs.items():
+        if run.law not in laws:
+            yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+        if run.start_offset is not None:
+            yield from _beyond_range(config, ("runs", name, "start_offset", "value"), run.start_offset)
+    if not isinstance(reference, Sampled) and errors_from(config) >= reference.duration:
+        yield ("errors_from", "value"), f"must be before the end of the motion, {reference.duration:g} s"
+
+
+def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:
+    """Links work between hanging and upright, at the start too."""
+    if len(offset.si) == len(config.joints) and len(config.posture.si) == config.manipulator.joints:
+        links = np.degrees(np.cumsum(config.posture.si)[-len(offset.si) :] + np.cumsum(offset.si))
+        for joint, angle in zip(config.joints, links, strict=True):
+            if not 0.0 < angle < 180.0:
+                start = f"would start link {joint} at {angle:.4g} deg from hanging"
+                yield key, f"{start}; links must stay between 0 and 180 deg"
+                return
 
 
 def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:

@@ -78,6 +78,20 @@ class MinimumJerk(InTurns):
         return 2.0 * (self.rise.si + self.hold.si)
 
 
+class Ramp(InTurns):
+    """Up, hold, down, hold along straight lines, with steps of velocity and no acceleration."""
+
+    kind: Literal["ramp"]
+    amplitude: Amplitude
+    rise: Duration
+    hold: Hold
+
+    @property
+    def cycle(self) -> float:
+        """Of one turn, s."""
+        return 2.0 * (self.rise.si + self.hold.si)
+
+
 class Trapezoidal(InTurns):
     """Up, hold, down, hold with bounded velocity and acceleration; the longest stroke sets the pace."""
 
@@ -119,9 +133,13 @@ class Sampled(Model):
 
     kind: Literal["sampled"]
     file: Annotated[str, Field(min_length=1, description="path, relative to the configuration's folder")]
+    interpolation: Literal["quintic", "linear"] = "quintic"
+    """a smooth spline, or straight lines with steps of velocity and no acceleration"""
 
 
-Single: TypeAlias = Annotated[RaisedCosine | MinimumJerk | Trapezoidal | Sine, Field(discriminator="kind")]
+Single: TypeAlias = Annotated[
+    RaisedCosine | MinimumJerk | Ramp | Trapezoidal | Sine, Field(discriminator="kind")
+]
 
 
 class PerJoint(Model):
@@ -148,14 +166,14 @@ class PerJoint(Model):
 
 
 ReferenceConfig: TypeAlias = Annotated[
-    RaisedCosine | MinimumJerk | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
+    RaisedCosine | MinimumJerk | Ramp | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
 ]
 
 FEWEST = 6
 """Fewest rows of a sampled motion: a quintic spline with its ends at rest passes through them."""
 
 
-def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
+def read_samples(path: Path, interpolation: str = "quintic") -> tuple[Array, dict[int, Array]]:
     """Read columns ``time_s`` and ``q<joint>_deg``.
 
     Returns
@@ -175,8 +193,9 @@ def read_samples(path: Path) -> tuple[Array, dict[int, Array]]:
         message = f"the first line must be time_s,q2_deg,q3_deg or the like, found {header[:80]!r}"
         raise ConfigError(message, where=f"{path}:1")
     lines = [line for line, text in enumerate(rest, 2) if text.partition("#")[0].strip()]
-    if len(lines) < FEWEST:
-        raise ConfigError(f"needs at least {FEWEST} rows of numbers, found {len(lines)}", where=str(path))
+    fewest = 2 if interpolation == "linear" else FEWEST
+    if len(lines) < fewest:
+        raise ConfigError(f"needs at least {fewest} rows of numbers, found {len(lines)}", where=str(path))
     try:
         table = np.loadtxt(rest, delimiter=",", ndmin=2)
         time, *angles = table.T

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
@@ -17,8 +18,10 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs, fitted_under
 
 _LONGEST_CHANGES = 60
-_MAE = "MAE in the order of the legend, plausible: central 90 % of the stable plants"
-_ERRORS = "Where errors are of the size of encoder steps, their mean in a band of the RMS about it."
+_ERRORS = (
+    "Where an error is of the size of encoder steps, all errors are drawn as a centred "
+    f"{paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it."
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,9 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         message = f"these {file.experiment} traces do not hold what {title_of(name)} shows"
         raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
     with journal_style():
-        return spec.draw(file, traces).finish(name, _caption(name, file, traces), origin_of(file))
+        canvas = spec.draw(file, traces)
+        caption = caption_of(name, canvas, f"{file.source.capitalize()}, {runs_of(traces)}")
+        return canvas.finish(name, caption, origin_of(file))
 
 
 def begin_drawing(figures: Iterable[tuple[TraceFile, Path, str]], start: Start = map) -> Iterable[list[Path]]:
@@ -100,31 +105,40 @@ def origin_of(file: TraceFile) -> str:
     name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
     changes = list(manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
-        changes = [f"{len(changes)} settings changed"]
+        changes = [f"{count_of(len(changes), 'setting')} changed"]
     if under := fitted_under(file):
         changes.append(f"fitted to the print under {under}")
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
-def _caption(name: str, file: TraceFile, traces: list[Trace]) -> str:
-    ends = [f"Run {trace.name}: {trace.told_status}." for trace in traces if trace.status != "ok"]
-    made = f"{file.source.capitalize()}; tendonrepro {file.tendonrepro_version}"
-    origin = f"{made}, configuration {file.config_sha256[:12]}."
-    return " ".join([f"{title_of(name)}. {FIGURES[name].caption}", *ends, origin])
+def caption_of(name: str, canvas: Canvas, made: str) -> str:
+    """Caption of a figure on its canvas: what it shows, how that was `made`, and the window of time."""
+    windows = " and ".join(f"{start:.4g} to {end:.4g} s" for start, end in canvas.windows)
+    title = [f"{title_of(name)}."] if title_of(name) != name else []
+    return " ".join([*title, FIGURES[name].caption, f"{made}, {windows}."])
+
+
+def runs_of(traces: list[Trace]) -> str:
+    """Names of runs, with the status of those that are not ok."""
+    names = [
+        trace.name if trace.status == "ok" else f"{trace.name} ({trace.told_status})" for trace in traces
+    ]
+    return f"run{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        partial(paper.draw_angles, variables=("q_motor_encoder", "q_encoder")),
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
-        "3.1 the opposite way.",
+        paper.draw_pull,
+        "Motor 1 turns alone, motors 2 and 3 hold: the arm with its tendons at the start and when motor 1 "
+        "has turned farthest, and the angles on the way. Joint 2 moves all the same. By the printed coupling "
+        "it turns as joint 1. Section 3.1 says the opposite way: link 2 would lie on the dashed line.",
         ("q_motor_encoder", "q_encoder"),
         ("pull_tendon_1",),
-        plant=("S",),
+        plant=("S", "length", "posture"),
         joints=(1, 2),
     ),
     "fig09": FigureSpec(
-        partial(paper.draw_angles, variables=("q_motor_encoder",)),
+        paper.draw_motor_angles,
         "Angles of the three motors.",
         ("q_motor_encoder",),
         ("decouple",),
@@ -132,7 +146,8 @@ FIGURES: dict[str, FigureSpec] = {
     **{
         f"fig{9 + joint:02d}": FigureSpec(
             partial(paper.draw_joint, joint=joint),
-            f"Angle of joint {joint} calculated from the motors and by its encoder; their difference.",
+            f"Angle of joint {joint} calculated from the motors and by its encoder; their difference, whose "
+            "steps are those of the encoder. The paper gives no size of the difference.",
             ("q_calculated", "q_encoder"),
             ("decouple",),
             joints=(joint,),
@@ -141,7 +156,7 @@ FIGURES: dict[str, FigureSpec] = {
     },
     "fig13": FigureSpec(
         paper.draw_motors,
-        "Motor angles from measured and from desired joint angles, through S_inv; their difference. "
+        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference. "
         "The paper does not say with which controller: here Controller 1.",
         ("q_encoder", "q_d"),
         ("controller_1",),
@@ -149,24 +164,34 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "fig14": FigureSpec(
         paper.draw_tracking,
-        f"Joint angles and tracking errors of the controllers; {_MAE}. {_ERRORS}",
+        f"Joint angles, with the desired ones, and tracking errors of the controllers. {_ERRORS} Table 2 has "
+        "the mean errors.",
         ("q_encoder", "e"),
         some=True,
     ),
     "fig15": FigureSpec(
         paper.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
-        f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in bands of the RMS of the samples about it over "
-        f"{paper.RIPPLE_WINDOW:g} s; below raw samples of {paper.ZOOM * 1e3:g} ms, at the grey line.",
+        f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it over "
+        f"{paper.RIPPLE_WINDOW:g} s. The bound of s is that of section 4.3 for Controller 1. "
+        "What the bands of all controllers cover is grey. The dark "
+        f"line marks the {paper.ZOOM * 1e3:g} ms that the figure {paper.RAW} shows sample by sample.",
         ("s", "H_hat", "tau_m"),
         some=True,
     ),
     "fig16": FigureSpec(
         paper.draw_payload,
-        "Controller 1 without and with a payload at the end-effector: joint angles and tracking errors; "
-        f"{_MAE}. {_ERRORS}",
+        "Controller 1 without and with a payload at the end-effector: joint angles, with the desired ones, "
+        f"and tracking errors. {_ERRORS} Table 3 has the mean errors.",
         ("q_encoder", "e"),
         ("controller_1", "controller_1_payload"),
+        some=True,
+    ),
+    paper.RAW: FigureSpec(
+        paper.draw_samples,
+        f"Every sample of the sliding variable and of the torque over {paper.ZOOM * 1e3:g} ms, where the "
+        "desired angle of the joint first rises fastest. A torque is held until the next sample.",
+        ("s", "tau_m"),
         some=True,
     ),
 }

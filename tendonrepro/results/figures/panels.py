@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,8 +20,10 @@ from tendonrepro.results.figures.style import Drawing, Stroke
 _ENVELOPE_COLUMNS = 600
 # Free space above and below the curves, as a share of their range.
 _MARGIN = 0.06
-# Share of white in the inside of a band and in its edges, which lie above all insides.
-_INSIDE, _EDGE = 0.85, 0.35
+# Share of white in the insides of bands, in the order in which they are drawn, then from the first on again:
+# with the colours of controllers they differ in lightness too. And in the edges, which lie above all insides.
+_INSIDES, _EDGE = (0.6, 0.65, 0.65), 0.35
+_SHARED = "#EDEDED"
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class Canvas:
 
     `labels` are (title, y label) of the grid's panels, which share the time axis. The last rows may have x
     axes of their own, shared within a column, labelled `apart`. `places` are row and title, up to a comma.
+    Titled panels `beside`, at the left over all rows, are `pictures`, which have no time axis.
     """
 
     def __init__(
@@ -44,15 +48,24 @@ class Canvas:
         height_mm: float,
         labels: Sequence[Sequence[tuple[str, str]]],
         apart: Sequence[str] = (),
+        beside: Sequence[str] = (),
     ) -> None:
         self.figure = style.open_figure(width_mm, height_mm)
         self.places: dict[str, tuple[int, str]] = {}
+        self.pictures: dict[str, Axes] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
-        self._legend: dict[str, Artist] = {}
-        grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
+        self._insides: dict[str, str] = {}
+        self._edges: dict[str, list[tuple[Array, Array, Array]]] = {}
+        self._legend: dict[str, tuple[str, Artist]] = {}
         texts = [text for row in labels for text in row]
-        self.axes = style.letter_panels(grid.flat, [title for title, _ in texts])
+        sheet = self.figure.add_gridspec(len(labels), len(beside) + len(labels[0]))
+        pictures = [self.figure.add_subplot(sheet[:, column]) for column in range(len(beside))]
+        grid = sheet[:, len(beside) :].subgridspec(len(labels), len(labels[0])).subplots(squeeze=False)
+        titles = [*beside, *(title for title, _ in texts)]
+        lettered = style.letter_panels([*pictures, *grid.flat], titles)
+        self.pictures = dict(list(lettered.items())[: len(beside)])
+        self.axes = {letter: axes for letter, axes in lettered.items() if letter not in self.pictures}
         self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
         self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
@@ -89,7 +102,7 @@ class Canvas:
         self.lines[letter, name] = line
         if label:
             line.set_label(label)
-            self._legend.setdefault(label, line)
+            self._legend.setdefault(label, (name, line))
         if not diverged:
             self._framing[letter].append(y)
         elif len(y):
@@ -98,19 +111,59 @@ class Canvas:
     def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
         """Draw the band between two edges (T,), below all curves.
 
-        Bands are opaque, the first on top; edges lie above all bands.
+        Bands are opaque, the narrowest on top; what all cover is grey, and edges lie above. In the legend a
+        band lies behind the curve of its name.
         """
         low, high = edges
+        white = _INSIDES[len(self._insides) % len(_INSIDES)]
+        colour = self._insides.setdefault(name, style.paler(stroke.colour, white))
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set(
-            zorder=0.5 / (1 + len(self._bands)), facecolor=style.paler(stroke.colour, _INSIDE), linewidth=0.0
-        )
+        band.set(facecolor=colour, linewidth=0.0)
         self.axes[letter].add_patch(band)
         look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
         self._bands[letter, name] = band
+        self._edges.setdefault(letter, []).append((time, low, high))
         self._framing[letter].extend(edges)
+
+    def _order_bands(self, letter: str, edges: list[tuple[Array, Array, Array]]) -> None:
+        """Lay the narrow bands of a panel on the wide ones, and in grey what all of several cover."""
+        bands = [band for (panel, _), band in self._bands.items() if panel == letter]
+        widths = [float(np.mean(high - low)) for _, low, high in edges]
+        for place, one in enumerate(np.argsort(widths)[::-1], start=1):
+            bands[one].set_zorder(0.7 * place / (1 + len(bands)))
+        if len(bands) > 1:
+            time = min((time for time, _, _ in edges), key=lambda time: float(time[-1]))
+            low = np.max([np.interp(time, own, values) for own, values, _ in edges], axis=0)
+            high = np.min([np.interp(time, own, values) for own, _, values in edges], axis=0)
+            look: dict[str, Any] = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
+            self.axes[letter].fill_between(time, low, high, where=high > low, **look)
+
+    def draw_path(self, letter: str, places: Array, label: str) -> None:
+        """Draw a dashed line through places (K, 2) of a picture; the legend names it."""
+        look: dict[str, Any] = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3}
+        (line,) = self.pictures[letter].plot(*places.T, zorder=5.0, **look)
+        self._legend[label] = "", line
+
+    def say_below(self, letter: str, text: str) -> None:
+        """Write a remark below a picture."""
+        axes = self.pictures[letter]
+        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", va="top", fontsize="small")
+
+    def leave_room(self, letter: str, values: Array) -> None:
+        """Let a panel show these values, whether or not a curve goes there."""
+        self._framing[letter].append(values)
+
+    def mark_time(self, letter: str, time: float, label: str) -> None:
+        """Mark a time, s, with a line that the legend explains."""
+        mark = self.axes[letter].axvline(time, color="#6E6E6E", linewidth=0.9, zorder=0.85, label=label)
+        self._legend.setdefault(label, ("", mark))
+
+    @property
+    def windows(self) -> list[tuple[float, float]]:
+        """Spans of time that the panels show, s, each once."""
+        return sorted({panel.get_xlim() for panel in self.axes.values()})
 
     def zero_line(self, letter: str) -> None:
         """Draw a hair line at zero."""
@@ -122,11 +175,13 @@ class Canvas:
 
     def explain_bands(self, label: str) -> None:
         """Add a legend entry for the bands of all curves."""
-        self._legend[label] = Patch(facecolor="#E0E0E0", edgecolor="#777777", linewidth=0.5)
+        self._legend[label] = "", Patch(facecolor=_SHARED, edgecolor="#777777", linewidth=0.5)
 
     def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
         """Set ranges, legend and imprint, and lay the figure out for all formats."""
         drawn = {letter for letter, _ in self.lines}
+        for letter, edges in self._edges.items():
+            self._order_bands(letter, edges)
         for letter, axes in self.axes.items():
             if letter not in drawn:
                 axes.set_yticks([])
@@ -136,13 +191,18 @@ class Canvas:
         if len(self._legend) > 1:
             self._draw_legend()
         style.imprint(self.figure, origin)
-        self.figure.align_ylabels()
+        self.figure.align_ylabels(list(self.axes.values()))
         style.settle(self.figure)
-        return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands)
+        panels = self.pictures | self.axes
+        return FigureArtists(name, self.figure, panels, caption, self.lines, self._bands, origin=origin)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows."""
-        handles, labels = list(self._legend.values()), list(self._legend)
+        handles: list[Any] = []
+        for name, artist in self._legend.values():
+            inside = self._insides.get(name)
+            handles.append((Patch(facecolor=inside, linewidth=0.0), artist) if inside else artist)
+        labels = list(self._legend)
         for rows in range(1, len(labels) + 1):
             columns = -(-len(labels) // rows)
             legend = self.figure.legend(handles, labels, loc="outside upper center", ncols=columns)

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MultipleLocator
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
+from tendonrepro.physics.tendon_path import TendonPath, path_points
+from tendonrepro.results.figures.arm import (
+    draw_discs,
+    draw_links,
+    frame,
+    number_winches,
+    postures,
+    tendon_paths,
+)
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.paper_tables import error_columns
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, run_title
-from tendonrepro.results.tables import NOTHING, rounded
+from tendonrepro.results.tables import rounded
 
 MEAN_WINDOW = 0.05
 """Width of the centred moving mean, s."""
@@ -27,29 +36,90 @@ RIPPLE_WINDOW = 0.5
 Encoder counts come as lone pulses near standstill; in a narrow window the edges would show each of them.
 """
 
-ZOOM = 0.1
+ZOOM = 0.02
 """Time shown of raw samples, s."""
 
+RAW = "samples"
+"""Name of the figure that shows them."""
+
+_RAW_ROWS = {"s": r"$s$ (rad/s)", "tau_m": r"Torque $\tau_m$ (N m)"}
 _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
+# Columns of panels up to which a title and a remark stand on one line.
+_WIDE_PANELS = 3
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
+# Free space above and below a motion, as a share of its range, so that equal motions have equal axes.
+_ROOM = 0.04
+_BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; grey: shared by all"
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
 
 
-def draw_angles(file: TraceFile, traces: list[Trace], *, variables: Sequence[str]) -> Canvas:
-    """Figures 6 and 9: angles of all motors; where motor 1 turns alone those of all joints, too."""
+def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 6: the arm before and after motor 1 alone has turned, and the angles on the way."""
     (trace,) = traces
-    names = [_ANGLES[variable] for variable in variables]
-    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in names]
-    canvas = Canvas(COLUMN_MM, 18.0 + 40.0 * len(names), labels)
-    for letter, name, variable in zip(canvas.axes, names, variables, strict=True):
-        for joint in trace.joint:
-            values, label = _degrees(trace, variable, joint), f"{'/'.join(names).capitalize()} {joint}"
-            canvas.curve(letter, f"{name} {joint}", trace.time, values, stroke_of(joint), label=label)
-    if "q_encoder" in variables:
-        canvas.note("b", _slope(file, trace))
+    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in _ANGLES.values()]
+    turned = _degrees(trace, "q_motor_encoder", 1)
+    last = int(np.nanargmax(np.abs(turned - turned[0])))
+    titles = ["Start", f"Motor 1 turned {turned[last] - turned[0]:.0f}°"]
+    canvas = Canvas(PAGE_MM, 78.0, labels, beside=titles)
+    for letter, variable in zip(canvas.axes, _ANGLES, strict=True):
+        _draw_angles(canvas, letter, trace, variable, "Motor/joint")
+    canvas.note("d", _slope(file, trace))
+    _draw_postures(canvas, file, trace, [0, last])
     return canvas
+
+
+def _draw_postures(canvas: Canvas, file: TraceFile, trace: Trace, places: list[int]) -> None:
+    """Draw the arm at two samples of a run, at the second one also where section 3.1 sees link 2."""
+    joints, angle = postures(file.plant, trace)
+    joints, angle = joints[places], angle[places]
+    paths = _paths_of(file, joints, angle)
+    for place, axes in enumerate(canvas.pictures.values()):
+        if place:
+            draw_links(axes, joints[0], "#F0F0F0")
+        draw_links(axes, joints[place])
+        draw_discs(axes, paths, place)
+        number_winches(axes, paths)
+        for number, path in enumerate(paths, start=1):
+            axes.plot(*path_points(path, place).T, **stroke_of(number).line, zorder=4.0)
+        frame(axes, joints, paths)
+        axes.set_anchor("N")
+    turned = np.rad2deg(np.diff(angle, axis=1, prepend=0.0))
+    turned = turned[1] - turned[0]
+    if of_paper(file) and turned[0] * turned[1] > 0.0:
+        start = joints[1, 1]
+        ends = np.array([start, start + joints[0, 2] - joints[0, 1]])
+        letter = list(canvas.pictures)[-1]
+        canvas.draw_path(letter, ends, "Link 2 in section 3.1, where joint 2 turns back")
+        canvas.say_below(
+            letter, f"joint 1 turned {turned[0]:+.0f}°\njoint 2 turned {turned[1]:+.0f}°, the same way"
+        )
+
+
+def _paths_of(file: TraceFile, joints: Array, angle: Array) -> list[TendonPath]:
+    """The motors' tendons; none where a file does not say where they go, or where they find no way."""
+    if "tensioner_side" not in file.plant.attributes:
+        return []
+    try:
+        return tendon_paths(file.plant, joints, angle)[:-1]
+    except ValueError:
+        return []
+
+
+def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 9: angles of all motors."""
+    (trace,) = traces
+    canvas = Canvas(COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
+    _draw_angles(canvas, "a", trace, "q_motor_encoder", "Motor")
+    return canvas
+
+
+def _draw_angles(canvas: Canvas, letter: str, trace: Trace, variable: str, called: str) -> None:
+    """Draw the angles of all motors or joints, in the legend as they are `called`."""
+    for joint in trace.joint:
+        values, name = _degrees(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
+        canvas.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
 
 
 def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
@@ -58,15 +128,27 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
     canvas = Canvas(COLUMN_MM, 92.0, labels)
     calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
+    _leave_room(canvas, "a", trace, joint)
     canvas.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
     canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
     canvas.zero_line("b")
     difference = calculated - encoder
     canvas.curve("b", "Difference", trace.time, difference, stroke_of(1))
-    beside = "\nthe paper gives no value" if of_paper(file) else ""
-    canvas.note("b", f"MAE {rounded(float(mae(difference)), '.4f')}°{beside}")
+    step = _step_of(encoder)
+    steps = f"encoder step {step:.2g}°\n" if step else ""
+    canvas.note("b", f"{steps}MAE {rounded(float(mae(difference)), '.4f')}°")
     return canvas
+
+
+def _step_of(angle: Array) -> float:
+    """Step in which an encoder counts; zero where none can be seen."""
+    values = np.unique(angle[np.isfinite(angle)])
+    if len(values) < 2:
+        return 0.0
+    step = float(np.diff(values).min())
+    # An angle without steps has more values than samples.
+    return step if np.ptp(values) < step * len(angle) else 0.0
 
 
 def _slope(file: TraceFile, trace: Trace) -> str:
@@ -77,7 +159,7 @@ def _slope(file: TraceFile, trace: Trace) -> str:
     if not first.any():
         return ""
     slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
-    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}"
+    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f}\n$S_{{21}}/S_{{11}}$ = {coupling:.4f}"
 
 
 def _degrees(trace: Trace, name: str, joint: int) -> Array:
@@ -87,61 +169,67 @@ def _degrees(trace: Trace, name: str, joint: int) -> Array:
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
     """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
-    labels = [[("Motors", "Motor angle (deg)")], [("From measured − from expected", "Difference (deg)")]]
+    titles = "Motors, $S^{-1}$ × joint angles", "By encoder − expected"
+    labels = [[(titles[0], "Motor angle (deg)")], [(titles[1], "Difference (deg)")]]
     canvas = Canvas(COLUMN_MM, 98.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
-    encoders = ", simulated encoders" if file.source == "simulated" else ""
-    canvas.note("a", f"{controller_runs(traces)[0].label}{encoders}")
+    canvas.note("a", controller_runs(traces)[0].label)
     canvas.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
         wide = replace(REFERENCE, colour=paler(stroke.colour, _EXPECTED))
-        label = f"{name}, $S^{{-1}}$ × "
-        canvas.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{label}expected")
-        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{label}measured")
+        canvas.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{name}, expected")
+        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, by encoder")
         canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke)
     return canvas
 
 
-def draw_tracking(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 14, a column a joint: trajectories above, errors below, MAE beside that of Table 2."""
-    return _tracking(file, controller_runs(traces))
+def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 14, a column a joint: trajectories above, errors below."""
+    return _tracking(controller_runs(traces))
 
 
-def draw_payload(file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 16, as 14: Controller 1 without and with a payload, beside Table 3."""
+def draw_payload(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 16, as 14: Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
         runs.append(DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
-    return _tracking(file, runs)
+    return _tracking(runs)
 
 
 def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Figure 15, a column a joint: s, H_hat, tau_m as means and bands; below raw s and tau_m."""
-    rows = {"s": r"$s$ (rad/s)", "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": r"Torque $\tau_m$ (N m)"}
-    near = {"s": rows["s"], "tau_m": r"$\tau_m$ (N m)"}
+    """Figure 15, a column a joint: s, H_hat and tau_m as means and bands."""
+    rows = {"s": _RAW_ROWS["s"], "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": _RAW_ROWS["tau_m"]}
     runs = controller_runs(traces)
     joints = joints_of(runs)
-    raw = f"{ZOOM * 1e3:g} ms of raw samples" if len(joints) < 3 else f"{ZOOM * 1e3:g} ms raw"
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    labels += [[(f"Joint {joint}, {raw}", label) for joint in joints] for label in near.values()]
-    canvas = Canvas(PAGE_MM, 205.0, labels, apart=("", "Time (s)"))
-    letters = iter(canvas.axes)
-    for variable, joint in product(rows, joints):
-        letter = next(letters)
+    canvas = Canvas(
+        PAGE_MM, 140.0, [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    )
+    for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True)
         if variable == "s":
-            canvas.note(letter, _bound_of_s(runs, joint))
-        if variable in near:
-            canvas.axes[letter].axvspan(*_near(runs, joint), color="#B0B0B0", linewidth=0.0, zorder=0.7)
-    for variable, joint in product(near, joints):
-        _raw_samples(canvas, next(letters), runs, variable, joint)
-    lines = f"Lines: {MEAN_WINDOW * 1e3:g} ms mean"
-    canvas.explain_bands(f"{lines}; bands: ± RMS of the samples about it, over {RIPPLE_WINDOW:g} s")
+            # Above the title where panels are narrow.
+            raised = "\n" if len(joints) > _WIDE_PANELS else ""
+            canvas.note(letter, f"{_bound_of_s(runs, joint)}{raised}")
+        if variable in _RAW_ROWS:
+            middle = float(np.mean(_near(runs, joint)))
+            canvas.mark_time(letter, middle, f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows")
+    canvas.explain_bands(f"Lines: {_BANDS}")
+    return canvas
+
+
+def draw_samples(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Raw samples of s and tau_m over a short span, a column a joint."""
+    runs = controller_runs(traces)
+    joints = joints_of(runs)
+    labels = [[(f"Joint {joint}", label) for joint in joints] for label in _RAW_ROWS.values()]
+    canvas = Canvas(PAGE_MM, 104.0, labels, apart=("", "Time (s)"))
+    for letter, (variable, joint) in zip(canvas.axes, product(_RAW_ROWS, joints), strict=True):
+        _raw_samples(canvas, letter, runs, variable, joint)
     return canvas
 
 
@@ -154,7 +242,7 @@ def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
             bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
-            return rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
+            return rf"bound: $|s| \leq {bound:.2g}$"
     return ""
 
 
@@ -198,25 +286,22 @@ def joints_of(runs: list[DrawnRun]) -> list[int]:
     return sorted({joint for run in runs for joint in run.trace.joint})
 
 
-def _tracking(file: TraceFile, runs: list[DrawnRun]) -> Canvas:
+def _tracking(runs: list[DrawnRun]) -> Canvas:
     joints = joints_of(runs)
     rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
-    fuzzy = {joint for joint in joints for run in that_hold(runs, "e", joint) if _is_fuzzy(run, joint)}
-    averaged = f", {MEAN_WINDOW * 1e3:g} ms mean ± RMS"
-    labels = [
-        [(f"Joint {joint}{averaged if name == 'e' and joint in fuzzy else ''}", label) for joint in joints]
-        for name, label in rows.items()
-    ]
-    canvas = Canvas(PAGE_MM, 124.0, labels)
+    # All errors are drawn in one way, so that panels can be compared.
+    averaged = any(_is_fuzzy(run, joint) for joint in joints for run in that_hold(runs, "e", joint))
+    canvas = Canvas(
+        PAGE_MM, 110.0, [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    )
     for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
         if variable == "e":
             canvas.zero_line(letter)
-            # The empty lines are those of the title, which stands at the left in larger letters.
-            if note := _errors_note(file, runs, joint):
-                canvas.note(letter, f"{note}\n\n")
         else:
             _desired(canvas, letter, runs, joint)
-        _curves(canvas, letter, runs, variable, joint, averaged=variable == "e" and joint in fuzzy)
+        _curves(canvas, letter, runs, variable, joint, averaged=averaged and variable == "e")
+    if averaged:
+        canvas.explain_bands(f"Errors: {_BANDS}")
     return canvas
 
 
@@ -227,29 +312,22 @@ def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
     return not run.diverged and bool(rmse(ripple) > _FUZZY * rmse(error))
 
 
-def _errors_note(file: TraceFile, runs: list[DrawnRun], joint: int) -> str:
-    """MAE of the runs, of the paper, and of plausible plants."""
-    ours = "ours" if file.source == "simulated" else "measured"
-    rows: dict[str, list[str]] = {ours: [], "paper": [], "plausible": []}
-    holding = that_hold(runs, "e", joint)
-    for run in holding:
-        place = run.trace.joint.index(joint)
-        sizes = {name: float(held[place]) for name, held in error_columns(file, run.trace).items()}
-        low, high = (sizes.get(f"mae_{end}_deg", np.nan) for end in ("low", "high"))
-        rows[ours].append(rounded(sizes["mae_deg"], "z.3f"))
-        rows["paper"].append(rounded(sizes.get("mae_printed_deg"), "z.3f"))
-        rows["plausible"].append(NOTHING if np.isnan(low) else f"{low:.2g}–{high:.2g}")
-    names = " / ".join(run.name.rpartition(", ")[2].replace("Controller ", "C") for run in holding)
-    lines = [f"{name} {' / '.join(cells)}" for name, cells in rows.items() if set(cells) - {NOTHING}]
-    return "\n".join([f"MAE (deg) of {names}", *lines]) if lines else ""
-
-
 def _desired(canvas: Canvas, letter: str, runs: list[DrawnRun], joint: int) -> None:
     """Draw the reference of the run that lasts longest."""
     if holding := that_hold(runs, "q_d", joint):
         longest = max(holding, key=lambda run: run.trace.time[-1])
         values = longest.values("q_d", joint)
         canvas.curve(letter, "Desired", longest.trace.time, values, REFERENCE, label="Desired")
+        _leave_room(canvas, letter, longest.trace, joint)
+
+
+def _leave_room(canvas: Canvas, letter: str, trace: Trace, joint: int) -> None:
+    """Let equal desired motions have equal axes, whatever the runs do."""
+    if "q_d" in trace:
+        motion = _degrees(trace, "q_d", joint)
+        low, high = float(np.nanmin(motion)), float(np.nanmax(motion))
+        room = _ROOM * (high - low)
+        canvas.leave_room(letter, np.array([low - room, high + room]))
 
 
 def _curves(
@@ -281,12 +359,13 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[DrawnRun], variable: st
     start, end = _near(runs, joint)
     canvas.zero_line(letter)
     canvas.axes[letter].set_xlim(start, end)
+    canvas.axes[letter].xaxis.set_major_locator(MultipleLocator(ZOOM / 4.0))
     for run in that_hold(runs, variable, joint):
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
-        values, stroke = run.values(variable, joint)[inside], replace(run.stroke, width=0.7)
-        diverged = run.diverged and time[-1] <= end
-        canvas.curve(letter, run.name, time[inside], values, stroke, diverged=diverged, held=True)
+        values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
+        look: dict[str, Any] = {"label": run.label, "diverged": diverged, "held": True}
+        canvas.curve(letter, run.name, time[inside], values, run.stroke, **look)
 
 
 def averaged_curve(time: Array, values: Array) -> tuple[Array, Array, Array]:

@@ -6,11 +6,13 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
+from textwrap import wrap
 from typing import Any, Literal
 
 from matplotlib import style
@@ -19,13 +21,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from tendonrepro import __version__
 from tendonrepro.files import write_atomically
+from tendonrepro.results.figures.thinned import thinned_fonts
 
 COLUMN_MM = 85.0
 """Width of one journal column."""
 
 PAGE_MM = 175.0
 """Width of two journal columns."""
+
+_EDGE = 0.005
+"""Free space beside what is printed below the panels, as a share of the width."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +95,16 @@ def open_figure(width_mm: float, height_mm: float) -> Figure:
 
 
 def imprint(figure: Figure, text: str) -> None:
-    """Say below all panels where a figure comes from; captions get lost when pictures are passed on."""
-    figure.supxlabel(text, x=0.995, ha="right", fontsize="x-small", color="#555555")
+    """Say below all panels where a figure comes from; captions get lost when pictures are passed on.
+
+    A text that is wider than the figure is broken into lines.
+    """
+    label = figure.supxlabel(text, x=1.0 - _EDGE, ha="right", fontsize="x-small", color="#555555")
+    for width in range(len(text), 0, -1):
+        lines = wrap(text, width, break_on_hyphens=False)
+        label.set_text("\n".join(lines))
+        if label.get_window_extent().width <= (1.0 - 2.0 * _EDGE) * figure.bbox.width:
+            break
 
 
 def settle(figure: Figure) -> None:
@@ -117,7 +132,8 @@ def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Ax
 class Drawing:
     """A finished figure, and its panels.
 
-    `stem` is the name of its files, which hold the `caption`; the `origin` is printed below the panels.
+    `stem` is the name of its files. The `caption` says what it shows; it lies beside the figure as text.
+    The `origin` is printed below the panels.
     """
 
     stem: str
@@ -134,8 +150,11 @@ def title_of(name: str) -> str:
 
 
 def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG; a TendonreproError where a file cannot be written."""
-    title, caption = title_of(drawn.stem), drawn.caption
+    """Write a figure as PDF, SVG and PNG, and its caption as text.
+
+    A TendonreproError tells where a file cannot be written.
+    """
+    title, caption = title_of(drawn.stem), " ".join(about(drawn))
     metadata: dict[str, dict[str, Any]] = {
         "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
         "svg": {"Title": title, "Description": caption, "Date": None},
@@ -143,12 +162,23 @@ def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
     }
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
     with journal_style():
-        if drawn.origin:
+        if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
         for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
             # Made in memory: the writer of PDF does not survive a full disk.
             image = BytesIO()
-            drawn.figure.savefig(image, format=suffix, metadata=entries)
+            # The usual level, 6, takes twice the time for a tenth of the size.
+            options: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
+            with thinned_fonts(drawn.figure) if suffix == "pdf" else nullcontext():
+                drawn.figure.savefig(image, format=suffix, metadata=entries, **options)
             write_atomically(path, image.getvalue())
-    return paths
+    told = folder / f"{drawn.stem}.txt"
+    write_atomically(told, "\n\n".join(about(drawn)) + "\n")
+    return [*paths, told]
+
+
+def about(drawn: Drawing) -> list[str]:
+    """Paragraphs of the text beside a figure: the caption, and what made the figure."""
+    origin = f"{drawn.origin}; " if drawn.origin else ""
+    return [drawn.caption, f"{origin}drawn by tendonrepro {__version__}."]

@@ -1,0 +1,132 @@
+"""Columns of cells as numbers: decimal commas, thousands, durations, dates; what is no number is counted."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tendonrepro.dataset.arrays import FEWEST, Columns
+
+NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
+_EXPONENT = r"(?:[eEdD][-+]?\d+)?"
+_POINT = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d+)?(?:\.\d*)?{_EXPONENT}")
+_COMMA = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d+)?(?:,\d*)?{_EXPONENT}")
+_DURATION = re.compile(r"-?\d+:\d\d(:\d\d(\.\d+)?)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
+_GAPS = {"nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf"}
+_MOST_FAILING = 0.5
+"""Share of cells that are no numbers from which a column is one of words."""
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number with a decimal point.
+
+    >>> is_number("-1.5e-3")
+    True
+    """
+    return bool(NUMBER.fullmatch(cell))
+
+
+def add_column(found: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
+    """Add a column of cells, numbers in float64 or words, to a table, with a note of what is no number.
+
+    Of an empty column nothing is kept. ``first_row`` is the number of the first row, for notes.
+    """
+    if column.dtype.kind in "biuf":
+        values = column.to_numpy(np.float64)
+        if np.isfinite(values).sum() >= FEWEST:
+            found.add(name, values)
+        elif np.isfinite(values).any():
+            found.notes.append(f"column {name!r} left out: {int(np.isfinite(values).sum())} numbers alone")
+        return
+    held = column[column.notna()]
+    cells = held.map(lambda cell: str(cell).strip())
+    cells = cells[cells != ""]
+    if cells.empty:
+        return
+    times = _seconds(held[held.index.isin(cells.index)], cells)
+    if times is not None:
+        _add_filled(found, name if "(" in name else f"{name} (s)", column, times)
+        return
+    numbers, note = _numbers(cells)
+    failing = numbers.isna() & ~cells.str.casefold().isin(_GAPS)
+    if failing.mean() >= _MOST_FAILING:
+        words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
+        found.add(name, words.to_numpy(object).astype(str))
+        ambiguous = note and note.startswith("unclear")
+        found.notes += [f"column {name!r}: {note}"] if ambiguous else []
+        return
+    if note:
+        found.notes.append(f"column {name!r}: {note}")
+    if failing.any():
+        place = int(np.argmax(column.index == failing.idxmax())) + first_row
+        example = str(cells[failing].iloc[0])[:40]
+        found.notes.append(
+            f"column {name!r}: {int(failing.sum())} of {len(column)} cells are no numbers and left as gaps, "
+            f"the first {example!r} in row {place}"
+        )
+    if numbers.notna().sum() >= FEWEST:
+        _add_filled(found, name, column, numbers)
+    else:
+        found.notes.append(f"column {name!r} left out: {int(numbers.notna().sum())} numbers alone")
+
+
+def _add_filled(found: Columns, name: str, column: pd.Series, numbers: pd.Series) -> None:
+    found.add(name, numbers.reindex(column.index).to_numpy(np.float64))
+
+
+def _numbers(cells: pd.Series) -> tuple[pd.Series, str]:
+    """Numbers of cells of text, NaN elsewhere, and what was read specially."""
+    text = cells.str.replace("−", "-", regex=False)
+    plain = pd.to_numeric(text, errors="coerce").astype(float)
+    rest = text[plain.isna() & ~text.str.casefold().isin(_GAPS)]
+    rest = rest[rest.str.contains(r"\d", regex=True)]
+    if rest.empty:
+        return plain, ""
+    by_point = rest[rest.map(lambda cell: bool(_POINT.fullmatch(cell)))]
+    by_comma = rest[rest.map(lambda cell: bool(_COMMA.fullmatch(cell)))]
+    has_points = bool(text[plain.notna()].str.contains(".", regex=False).any())
+    if len(by_point) > len(by_comma) or (len(by_point) == len(by_comma) and has_points):
+        read, note = by_point.str.replace(",", "", regex=False), "a comma between thousands"
+        used = int(by_point.str.contains(",", regex=False).sum())
+    elif len(by_comma) > len(by_point) or not len(by_comma):
+        read, note = by_comma.str.replace(".", "", regex=False).str.replace(",", ".", regex=False), ""
+        used = 0
+    else:
+        example = rest.iloc[0]
+        return plain, (
+            f"unclear in {len(rest)} cells whether a comma is decimal or between thousands, as {example!r}: "
+            "write them without commas"
+        )
+    numbers = pd.to_numeric(read.str.replace(r"[dD]", "e", regex=True), errors="coerce").astype(float)
+    note = f"{used} numbers have {note}, as {by_point.iloc[0]!r}" if used else ""
+    return plain.fillna(numbers.reindex(plain.index)), note
+
+
+def _seconds(held: pd.Series, cells: pd.Series) -> pd.Series | None:
+    """Durations, times of day, or dates since the first, in s; None of other cells."""
+    first = held.iloc[0]
+    if hasattr(first, "total_seconds"):
+        return held.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
+    if hasattr(first, "isoformat") and hasattr(first, "hour") and not hasattr(first, "year"):
+        return _of_durations(cells)
+    if hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):
+        dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
+        return (dates - dates.dropna().iloc[0]).dt.total_seconds() if dates.notna().any() else None
+    return _of_durations(cells) if _DURATION.fullmatch(cells.iloc[0]) else None
+
+
+def _of_durations(cells: pd.Series) -> pd.Series:
+    # A time of two parts is minutes and seconds.
+    full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
+    found: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
+    return found
+
+
+def only_numbers(values: NDArray[Any]) -> bool:
+    """Whether a column holds numbers."""
+    return values.dtype.kind == "f"

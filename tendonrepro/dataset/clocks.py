@@ -1,0 +1,200 @@
+"""Rows and times of a run in a table: several clocks, times that start again, and gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.arrays import Columns, Source
+from tendonrepro.dataset.mapping import Run, Use
+from tendonrepro.errors import ConfigError
+
+Signals: TypeAlias = dict[Use, tuple[Array, Array]]
+"""Times, s, and values of a column, SI."""
+
+_GAP = 1.5
+"""Steps beyond this many median ones are gaps."""
+_FINEST = 0.02
+"""Step of the grid on which curves that were read off are put, at most, s."""
+
+
+def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[str]]:
+    """Columns of signals by the column of their times: the nearest to the left, else the first.
+
+    Of columns of times that stand side by side the first counts.
+    """
+    found: dict[str | None, list[str]] = {}
+    clock, first, before_is_time = None, None, False
+    waiting: list[str] = []
+    for column in table:
+        is_time = column in uses and uses[column].variable == "time"
+        if is_time and not before_is_time:
+            clock = column
+            first = column if first is None else first
+        elif column in uses and not is_time:
+            (waiting if clock is None else found.setdefault(clock, [])).append(column)
+        before_is_time = is_time
+    if waiting:
+        found[first] = waiting + found.get(first, [])
+    return found
+
+
+def starts_again(time: Array) -> NDArray[np.int64]:
+    """Places at which the time goes back, among samples that have one."""
+    return np.flatnonzero(np.diff(time[np.isfinite(time)]) < 0.0) + 1
+
+
+def even_step(time: Array) -> float:
+    """Step of samples whose rounded times repeat, s; 0 if they do not."""
+    known = time[np.isfinite(time)]
+    steps = np.diff(known)
+    if len(known) < 3 or (steps < 0.0).any() or (steps > 0.0).all() or not steps.any():
+        return 0.0
+    numbers = np.arange(len(known))
+    slope = float(np.polyfit(numbers, known, 1)[0])
+    # The simplest number that keeps every sample within the rounding.
+    for digits in range(1, 9):
+        step = float(f"{slope:.{digits - 1}e}")
+        if abs(step - slope) * len(known) <= steps[steps > 0.0].min():
+            return step
+    return slope
+
+
+def rows_of(source: Source, run: Run) -> tuple[NDArray[np.bool_], list[str]]:
+    """Rows that a run takes by `where`, and a note on the others.
+
+    Raises
+    ------
+    ConfigError
+        If a column of `where` is not there.
+    """
+    table = source.columns
+    rows = np.ones(len(next(iter(table.values()))), dtype=bool)
+    for column, wanted in run.where.items():
+        if column not in table:
+            raise ConfigError(f"{source.name} has no column {column!r}")
+        rows &= table[column] == wanted
+    others = int((~rows).sum())
+    return rows, [f"{others} of {len(rows)} rows are not those of where"] if others else []
+
+
+def times_of(
+    source: Source, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: Run
+) -> tuple[Array, list[str]]:
+    """Times of the rows that a run takes, s, NaN where it takes none, and notes.
+
+    Raises
+    ------
+    ConfigError
+        If there are no times, they go back or repeat, or fewer than two samples are left.
+    """
+    if clock is None and run.step_s is None:
+        hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
+        raise ConfigError(f"{source.name} has no times", hint=hint)
+    notes: list[str] = []
+    time = np.arange(float(rows.sum()))
+    if clock is not None:
+        use, held = uses[clock], source.columns[clock][rows]
+        if held.dtype.kind != "f":
+            raise ConfigError(f"the column {clock!r} of times holds words")
+        time = (use.factor * held + use.offset) * use.to_si
+        if absent := int((~np.isfinite(time)).sum()):
+            time = np.where(np.isfinite(time), time, np.nan)
+            notes.append(f"{absent} of {len(time)} rows have no time and are left out")
+    time, told = _part(time, run, source.name)
+    notes += told
+    if run.step_s is not None:
+        known = np.isfinite(time)
+        if clock is not None:
+            notes.append(f"times are made from step_s, not from {clock!r}")
+        time = np.where(known, run.step_s * (np.cumsum(known) - 1.0), np.nan)
+    outside = (time < run.from_s) | (time > run.to_s)
+    if outside.any():
+        notes.append(f"{int(outside.sum())} of {len(time)} rows lie outside from_s to to_s")
+        time[outside] = np.nan
+    return time, notes + _checked(time, source.name, run)
+
+
+def _part(time: Array, run: Run, table: str) -> tuple[Array, list[str]]:
+    """Times of one stretch, NaN elsewhere."""
+    if run.part is None:
+        return time, []
+    places = np.flatnonzero(np.isfinite(time))
+    edges = [0, *starts_again(time).tolist(), len(places)]
+    if run.part >= len(edges):
+        message = f"the time of {table} starts again {len(edges) - 2} times: there is no part {run.part}"
+        raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
+    kept = places[edges[run.part - 1] : edges[run.part]]
+    found = np.full_like(time, np.nan)
+    found[kept] = time[kept]
+    return found, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
+
+
+def _checked(time: Array, table: str, run: Run) -> list[str]:
+    """Notes on gaps."""
+    known = np.flatnonzero(np.isfinite(time))
+    kept = time[known]
+    if len(kept) < 2:
+        raise ConfigError(f"{table} has fewer than two samples that the run takes")
+    if run.reading_error_deg:
+        return []
+    steps = np.diff(kept)
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        rows = ", ".join(str(known[k + 1] + 1) for k in back[:5])
+        message = f"the time of {table} starts again {back.size} times, in row {rows}"
+        raise ConfigError(
+            message, hint="runs below each other? 'part: 1' takes the first, `where` those of a column"
+        )
+    if (steps == 0.0).any():
+        first, count = kept[np.argmin(steps)], int((steps == 0.0).sum())
+        message = f"the time of {table} repeats {count} times, first at {first:.6g} s"
+        hint = f"rounded times? 'step_s: {even_step(kept):.6g}' makes them from the numbers of the samples"
+        raise ConfigError(message, hint=hint)
+    gaps = np.flatnonzero(steps > _GAP * np.median(steps))
+    if not gaps.size:
+        return []
+    longest = gaps[np.argmax(steps[gaps])]
+    return [f"{gaps.size} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"]
+
+
+def in_order(time: Array, values: Array) -> tuple[Array, Array]:
+    """Points of a curve by time; of points at one time the mean."""
+    known = np.isfinite(time) & np.isfinite(values)
+    places, index = np.unique(time[known], return_inverse=True)
+    return places, np.bincount(index, values[known]) / np.bincount(index)
+
+
+def read_off(series: Signals, run: Run) -> tuple[Array, dict[Use, Array]]:
+    """Curves read off figures on one even grid, smoothed as far as their reading error allows.
+
+    Raises
+    ------
+    ConfigError
+        If curves have no time in common or too few points.
+    """
+    from scipy.interpolate import make_splrep
+
+    if few := [use for use, (time, _) in series.items() if len(time) < 5]:
+        raise ConfigError(f"the curve of {few[0]} has fewer than five points")
+    start, end = _shared(time for time, _ in series.values())
+    densest = min(float(np.median(np.diff(time))) for time, _ in series.values())
+    count = max(int(np.ceil((end - start) / min(0.5 * densest, _FINEST))), 1)
+    grid = np.linspace(start, end, count + 1)
+    found = {}
+    for use, (time, values) in series.items():
+        error = run.reading_error(use.variable)
+        found[use] = make_splrep(time, values, k=3, s=len(time) * error**2)(grid)
+    return grid, found
+
+
+def _shared(times: Iterable[Array]) -> tuple[float, float]:
+    held = list(times)
+    start, end = max(float(one[0]) for one in held), min(float(one[-1]) for one in held)
+    if end <= start:
+        raise ConfigError("its curves have no time in common")
+    return start, end

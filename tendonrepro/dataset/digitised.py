@@ -1,0 +1,74 @@
+"""Curves read off figures: WebPlotDigitizer's table of all curves, svgdigitizer's data packages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
+from tendonrepro.dataset.text import read_text_table
+
+_EVEN = 0.1
+"""Share of the median step by which a step of a recorder may differ."""
+_MOST_POINTS = 5000
+"""Points of a curve that somebody may have read off a figure."""
+
+
+def is_digitised(time: Array) -> bool:
+    """Whether times are as uneven as those of points read off a figure.
+
+    A recorder that loses samples still has most steps alike.
+    """
+    steps = np.diff(time[np.isfinite(time)])
+    if not 2 < len(steps) < _MOST_POINTS:
+        return False
+    middle = np.median(np.abs(steps))
+    return bool((np.abs(steps - middle) > _EVEN * middle).mean() > 0.5)
+
+
+def packaged(path: Path) -> dict[Path, dict[str, Any]]:
+    """Paths and descriptions of the tables of a frictionless data package; none of other files."""
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8-sig"))
+        resources = tree["resources"] if isinstance(tree, dict) else []
+        return {path.parent / one["path"]: one for one in resources if (path.parent / one["path"]).is_file()}
+    except (ValueError, KeyError, TypeError, OSError):
+        return {}
+
+
+def read_package(path: Path) -> Tables:
+    """Read the tables of a frictionless data package, with the units of its fields.
+
+    Raises
+    ------
+    Unreadable
+        If a JSON file is none, or its tables are missing.
+    """
+    resources = packaged(path)
+    if not resources:
+        raise Unreadable("a JSON file that is no data package with a table beside it")
+    found = Tables()
+    for table, resource in resources.items():
+        fields = _fields(resource)
+        held = read_text_table(table).tables[""]
+        name = str(resource.get("name") or table.stem)
+        columns = Columns()
+        columns.notes = held.notes
+        for column, values in held.items():
+            # A curve is called y where its figure does not say more; then the table's name tells.
+            said = name if column.casefold() in ("y", "value") else column
+            columns.add(said, values, fields.get(column, ""))
+        found.tables["" if len(resources) == 1 and name == path.stem else name] = columns
+    return found
+
+
+def _fields(resource: dict[str, Any]) -> dict[str, str]:
+    schema = resource.get("schema")
+    listed: Sequence[Any] = schema.get("fields", []) if isinstance(schema, dict) else []
+    named = (one for one in listed if isinstance(one, dict) and "name" in one)
+    return {str(one["name"]): str(one.get("unit") or "") for one in named}

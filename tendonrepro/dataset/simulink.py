@@ -1,0 +1,205 @@
+"""Logs of Simulink, scopes and dSPACE, once their MATLAB structures and objects are plain trees."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.dataset.arrays import Columns, Series, Tree
+
+_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
+_NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
+_UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
+
+
+def as_object(kind: str, members: Tree) -> Any:
+    """Time series, elements and data sets of Simulink's logs; of other objects their members.
+
+    Properties of a base class lie under ``any``.
+    """
+    base = members.pop("any", None)
+    members = members | (base if isinstance(base, dict) else {})
+    if kind == "timeseries":
+        return _timeseries(members)
+    if kind == "Simulink.SimulationOutput":
+        return members["Data"] if isinstance(members.get("Data"), dict) else members
+    if kind.endswith("Dataset") or "DatasetStorage" in kind:
+        return _dataset(members)
+    if kind.startswith("Simulink.SimulationData.") and "Values" in members:
+        return {_element_name(members): members["Values"]}
+    return members
+
+
+def as_structure(members: Tree) -> Tree:
+    """Name the signals of scopes, named blocks of columns and dSPACE's captures; others stay as they are."""
+    if isinstance(members.get("signals"), dict) and isinstance(members.get("time"), np.ndarray):
+        return _scope(members["time"], members["signals"])
+    if isinstance(members.get("X"), dict) and isinstance(members.get("Y"), dict):
+        captured = _capture(members["X"], members["Y"])
+        if captured:
+            return captured
+    # A signal of a scope has labels of its axes beside its values.
+    return members if "values" in members else _named_block(members)
+
+
+def _named_block(members: Tree) -> Tree:
+    """A structure with a block of columns and as many names."""
+    named = next((texts(value) for key, value in members.items() if _NAMES.search(key)), [])
+    for key, value in members.items():
+        is_block = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "biuf"
+        if len(named) > 1 and is_block and len(named) in value.shape:
+            block = value if value.shape[1] == len(named) else value.T
+            found = Columns()
+            for name, column in zip(named, block.T, strict=True):
+                found.add(name, column.astype(float))
+            return {key: found} | {other: held for other, held in members.items() if other != key}
+    return members
+
+
+def texts(value: Any) -> list[str]:
+    """Texts of a cell array, or an only one; none of anything else."""
+    cells = list(value.values()) if isinstance(value, dict) else [value]
+    found = [text(cell) for cell in cells]
+    return found if all(found) else []
+
+
+def text(value: Any) -> str:
+    """A text, or an empty one of anything else."""
+    while isinstance(value, np.ndarray) and value.size:
+        value = value.flat[0]
+    return value.strip() if isinstance(value, str) else ""
+
+
+def _element_name(members: Tree) -> str:
+    """Name an element was logged by, else that of its signal, else of its block."""
+    path = members.get("BlockPath")
+    block = text(path.get("path")) if isinstance(path, dict) else ""
+    own = (text(members.get("Name")), text(members.get("PropagatedName")), block.rpartition("/")[2])
+    return next((name for name in own if name), "")
+
+
+def _dataset(members: Tree) -> Any:
+    """Signals of a data set by name; a storage within it holds the same."""
+    for key in ("Elements", "Elements_", "Storage", "Storage_"):
+        held = members.get(key)
+        if isinstance(held, Series):
+            return _named(held, "")
+        if isinstance(held, dict) and held:
+            # An only element stands alone, not in a numbered list.
+            return _elements(held if all(name.isdigit() for name in held) else {"1": held})
+    return None
+
+
+def _elements(held: Tree) -> Tree:
+    found: Tree = {}
+    for number, item in held.items():
+        # An element is its name and values; a bare time series has its own name.
+        is_element = isinstance(item, dict) and len(item) == 1
+        name, values = next(iter(item.items())) if is_element else ("", item)
+        for path, series in _members_of(values, (name,) if name else ()):
+            label = " ".join(path)
+            key = label or (_own_name(series) if isinstance(series, Series) else "") or f"signal {number}"
+            while key in found:
+                key += f" #{number}"
+            found[key] = _named(series, label) if isinstance(series, Series) else series
+    return found
+
+
+def _members_of(values: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Signals of a bus, with names from the element down."""
+    if isinstance(values, dict) and not isinstance(values, Columns):
+        for name, member in values.items():
+            yield from _members_of(member, (*path, name))
+    elif values is not None:
+        yield path, values
+
+
+def _own_name(series: Series) -> str:
+    return next((re.split(r"\[| \(", name)[0] for name in list(series)[1:]), "")
+
+
+def _named(series: Series, name: str) -> Series:
+    """The series under another name; places in it and units stay."""
+    time, *rest = series.items()
+    if not name:
+        return series
+    return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
+
+
+def _scope(time: NDArray[Any], signals: Tree) -> Tree:
+    """Signals of a structure with time, by label, or title and legend."""
+    items = [signals] if "values" in signals else list(signals.values())
+    found: Tree = {"time (s)": time} if time.size else {}
+    for number, item in enumerate(items, start=1):
+        if not isinstance(item, dict) or not isinstance(item.get("values"), np.ndarray):
+            continue
+        values, labels, legend = item["values"], texts(item.get("label")), texts(item.get("legend"))
+        title = text(item.get("title"))
+        # A scope's title may be a pattern, and its labels may be those of the axes.
+        name = (title if not title.startswith("%<") else "") or (labels[-1] if labels else "")
+        name = name or f"signal {number}"
+        parts = legend if legend else labels if len(labels) > 1 else []
+        flat = values.ndim == 2 and values.shape[1] == len(parts) > 1
+        said = _UNIT_AT_END.match(name)
+        head, unit = (said[1], f" {said[2]}") if said else (name, "")
+        named = {f"{head} {part}{unit}": values[:, k] for k, part in enumerate(parts)} if flat else {}
+        for key, column in (named or {name: values}).items():
+            free = key if key not in found else f"{key} #{number}"
+            found[free] = column
+    return found
+
+
+def _capture(X: Tree, Y: Tree) -> Tree:
+    """Signals of dSPACE's ControlDesk, each on its own raster."""
+    clocks, signals = ([one] if "Data" in one else list(one.values()) for one in (X, Y))
+    if not all(isinstance(one, dict) and isinstance(one.get("Data"), np.ndarray) for one in clocks + signals):
+        return {}
+    found: Tree = {}
+    for number, signal in enumerate(signals, start=1):
+        index = signal.get("XIndex")
+        place = int(np.ravel(index)[0]) - 1 if isinstance(index, np.ndarray) and index.size else 0
+        time = np.ravel(clocks[place if 0 <= place < len(clocks) else 0]["Data"]).astype(float)
+        values = np.ravel(signal["Data"]).astype(float)
+        name = text(signal.get("Name")).replace('"', "").rpartition("/")[2] or f"signal {number}"
+        if len(values) != len(time):
+            found[name] = values
+            continue
+        series = Series({"time (s)": time})
+        series.add(name, values, text(signal.get("Unit")))
+        found[name if name not in found else f"{name} #{number}"] = series
+    return found
+
+
+def _timeseries(tree: Tree) -> Series | None:
+    held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    info, about, storage = (part if isinstance(part, dict) else {} for part in held)
+    # Streamed logs lie elsewhere.
+    data = next(
+        (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
+    )
+    if data is None:
+        return None
+    time = next((info[key] for key in ("Time_", "Time") if _is_filled(info.get(key))), None)
+    if time is None:
+        start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
+        time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
+    time = np.ravel(time).astype(float) * _SECONDS.get(text(info.get("Units")), 1.0)
+    axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
+    if axis is None:
+        return None
+    samples = np.moveaxis(data, axis, 0).reshape(len(time), -1)
+    unit = about.get("Units")
+    unit = text(unit.get("Name") if isinstance(unit, dict) else unit)
+    name = text(tree.get("Name")) or text(about.get("Name"))
+    found = Series({"time (s)": time})
+    for k, column in enumerate(samples.T, start=1):
+        found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
+    return found
+
+
+def _is_filled(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.size > 0 and value.dtype.kind in "biuf"

@@ -1,0 +1,271 @@
+"""Tables in texts: separator, decimal mark, encoding and header are found; pandas reads the numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
+from tendonrepro.dataset.cells import add_column, is_number
+from tendonrepro.dataset.headers import names_of
+
+COMMENTS = ("#", "%", "//")
+_HEAD, _TAIL = 2**20, 2**16
+"""Characters at the beginning, and bytes at the end, that tell how a file is written."""
+_SAMPLED = 60
+"""Lines at the end that do."""
+_CHUNK = 2**20
+_WAYS: tuple[tuple[str | None, bool], ...] = (
+    *((separator, False) for separator in ("\t", ";", ",", "|", None)),
+    *((separator, True) for separator in ("\t", ";", ",", None)),
+)
+"""Separators, None for blanks, and whether decimals have a comma."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text is written: `separator`, None for blanks, `comma` for decimals; `skipped` lines come first.
+
+    `names` are those of its columns.
+    """
+
+    encoding: str
+    separator: str | None
+    comma: bool
+    skipped: int
+    names: list[str]
+
+
+def read_text_table(path: Path) -> Tables:
+    """Read a table, by whatever separator, decimal mark and encoding.
+
+    Raises
+    ------
+    Unreadable
+        If there is no table of numbers.
+    """
+    layout, notes = layout_of(path)
+    found = _columns(path, layout)
+    found.notes[:0] = notes
+    return Tables({"": found})
+
+
+def layout_of(path: Path) -> tuple[Layout, list[str]]:
+    """How a text is written, and notes on its encoding."""
+    encoding, is_damaged = encoding_of(path)
+    with path.open(encoding=encoding, errors="replace") as stream:
+        text = stream.read(_HEAD)
+    lines = text.split("\n")
+    is_whole = len(text) < _HEAD
+    tail = lines if is_whole or encoding.startswith("utf-16") else _last_lines(path, encoding)
+    # What is cut off in mid-line tells nothing.
+    lines = lines if is_whole else lines[:-1]
+    sampled = [line for line in tail[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
+    separator, comma = _spelling(sampled[-_SAMPLED:])
+    told = [k for k, line in enumerate(lines) if line.strip() and not _is_aside(line)]
+    rows = [split(lines[k], separator, comma=comma) for k in told]
+    first = first_numbers(rows, [split(line, separator, comma=comma) for line in sampled[-_SAMPLED:]])
+    if first is None:
+        raise Unreadable("a text without a table of numbers")
+    width = max(map(len, rows[first : first + 1000]))
+    above = [line for line in lines[: told[first]] if line.strip() and not _is_hint(line)]
+    head = [split(line.lstrip("#%/"), separator, comma=False) for line in above]
+    notes = ["bytes that are no UTF-8 were replaced"] if is_damaged else []
+    return Layout(encoding, separator, comma, told[first], names_of(head, width)), notes
+
+
+def encoding_of(path: Path) -> tuple[str, bool]:
+    """Encoding of a file, by the first stretch beyond ASCII, and whether some bytes do not fit it."""
+    sample, beginning = b"", b""
+    with path.open("rb") as stream:
+        while chunk := stream.read(_CHUNK):
+            beginning = beginning or chunk[:2]
+            if not chunk.isascii():
+                sample += chunk[: _CHUNK - len(sample)]
+                if len(sample) >= _CHUNK:
+                    break
+    if beginning in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16", False
+    return encoding_of_bytes(sample)
+
+
+def encoding_of_bytes(content: bytes) -> tuple[str, bool]:
+    """UTF-8, though with a few bad bytes; Chinese where that makes common words; else Western.
+
+    >>> encoding_of_bytes("Winkel [°]".encode("cp1252"))
+    ('cp1252', False)
+    """
+    text = content.decode("utf-8", errors="replace")
+    bad = text.rstrip("�").count("�")
+    beyond = sum(character > "\x7f" for character in text)
+    if bad == 0 or 10 * bad <= beyond:
+        return "utf-8-sig", bad > 0
+    return ("gb18030" if _is_chinese(content) else "cp1252"), False
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Whether most bytes beyond ASCII are pairs of GB 2312's common characters."""
+    beyond = sum(byte >= 0x80 for byte in content)
+    common = re.findall(rb"[\xa1-\xa3\xb0-\xd7][\xa1-\xfe]", content)
+    words = re.findall(rb"(?:[\xb0-\xd7][\xa1-\xfe]){2,}", content)
+    return bool(words) and 2 * len(common) > 0.5 * beyond
+
+
+def _last_lines(path: Path, encoding: str) -> list[str]:
+    with path.open("rb") as stream:
+        stream.seek(-min(_TAIL, path.stat().st_size), io.SEEK_END)
+        return re.split(r"\r\n|\r|\n", stream.read().decode(encoding, errors="replace"))[1:]
+
+
+def _is_hint(line: str) -> bool:
+    """Excel's own line that names the separator."""
+    return line.casefold().startswith("sep=")
+
+
+def _is_aside(line: str) -> bool:
+    return line.startswith(COMMENTS) or _is_hint(line)
+
+
+def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
+    """Separator, None for blanks, and decimal comma: what makes most numbers."""
+
+    def numbers(way: tuple[str | None, bool]) -> int:
+        cells = [cell for line in lines for cell in split(line, way[0], comma=False) if cell]
+        return sum(1 if _is_number_by(cell, comma=way[1]) else -1 for cell in cells)
+
+    return max(_WAYS, key=numbers)
+
+
+def _is_number_by(cell: str, *, comma: bool) -> bool:
+    """Whether a cell is a number; where decimals have a comma a point alone is none."""
+    has_point_alone = "." in cell and "," not in cell
+    return is_number(with_point(cell)) and not has_point_alone if comma else is_number(cell)
+
+
+def split(line: str, separator: str | None, *, comma: bool) -> list[str]:
+    """Cells of a line; with `comma` a decimal comma becomes a point."""
+    text = line.replace("−", "-")
+    if separator is None:
+        # Names with blanks stand further apart than their words.
+        wide = re.split(r"\s{2,}|\t", text.strip())
+        parts = wide if len(wide) > 1 and not is_number(with_point(wide[0].split()[0])) else text.split()
+    else:
+        parts = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    cells = [part.strip().strip('"').strip() for part in parts]
+    return [with_point(cell) for cell in cells] if comma else cells
+
+
+def with_point(cell: str) -> str:
+    """A number with a decimal comma, alone or behind thousands, by a point."""
+    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
+
+
+def _pointed(found: re.Match[str]) -> str:
+    return f"{found[1]}{found[2].replace('.', '')}.{found[3]}"
+
+
+def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
+    """First row with numbers where most of the `sample` has some, and so in the two rows behind it."""
+    counts: Counter[int] = Counter()
+    filled: Counter[int] = Counter()
+    for row in sample:
+        filled.update(k for k, cell in enumerate(row) if cell)
+        counts.update(k for k, cell in enumerate(row) if is_number(cell))
+    numbers = [k for k in sorted(counts) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
+    if not numbers:
+        return None
+    for place, row in enumerate(rows[:-1]):
+        if _share(row, numbers) > 0.5 and all(
+            _share(after, numbers) > 0.0 for after in rows[place + 1 : place + 3]
+        ):
+            return place
+    return None
+
+
+def _share(row: Sequence[str], places: Sequence[int]) -> float:
+    """Share of numbers in those places that are filled; 0 if the first holds a word, as of a setting."""
+    first = row[places[0]] if len(row) > places[0] else "absent"
+    held = [row[k] for k in places if k < len(row) and row[k]]
+    if (first and not is_number(first)) or 2 * len(held) < len(places):
+        return 0.0
+    return sum(map(is_number, held)) / len(held)
+
+
+def _columns(path: Path, layout: Layout) -> Columns:
+    frame, notes = _read(path, layout)
+    found = Columns()
+    found.notes += notes
+    words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
+    used = _read(path, layout, words, str)[0].map(_content) if words else frame
+    aside = _without_numbers(frame, used, words)
+    if aside is not None and aside.any():
+        example = next((cell for cell in used[aside].to_numpy().ravel() if cell), "")[:40]
+        is_remark = all(str(cell).startswith(COMMENTS) for cell in used.loc[aside, words[0]])
+        what = "remarks" if is_remark else "rows without a number"
+        if not is_remark or example:
+            found.notes.append(f"{int(aside.sum())} {what} left out, the first {example!r}")
+        frame, used = frame[~aside], used[~aside]
+    for k, name in enumerate(layout.names):
+        add_column(found, name, used[k] if k in words else frame[k])
+    return found
+
+
+def _content(cell: object) -> str | None:
+    return cell.strip().strip('"').strip() if isinstance(cell, str) else None
+
+
+def _without_numbers(frame: pd.DataFrame, texts: pd.DataFrame, words: Sequence[int]) -> Any:
+    """Rows in which no cell is a number, of a table some of whose columns hold words; else None."""
+    if not words:
+        return None
+    numeric = frame.columns.difference(list(words))
+    has_numbers = frame[numeric].notna().any(axis=1)
+    rest = texts[~has_numbers]
+    aside = pd.Series(False, index=frame.index)
+    aside[rest.index] = ~rest.map(_starts_as_number).any(axis=1)
+    return aside
+
+
+def _starts_as_number(cell: object) -> bool:
+    return isinstance(cell, str) and re.match(r"[-+−]?[.,]?\d", cell) is not None
+
+
+def _read(
+    path: Path, layout: Layout, columns: list[int] | None = None, dtype: type[str] | None = None
+) -> tuple[pd.DataFrame, list[str]]:
+    """Cells below the header, and notes on lines that have too many."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        frame = pd.read_csv(
+            path,
+            sep=r"\s+" if layout.separator is None else layout.separator,
+            decimal="," if layout.comma else ".",
+            header=None,
+            names=range(len(layout.names)),
+            index_col=False,
+            usecols=columns,
+            dtype=dtype,
+            skiprows=layout.skipped,
+            encoding=layout.encoding,
+            encoding_errors="replace",
+            skipinitialspace=True,
+            on_bad_lines="warn",
+        )
+    lines = [
+        int(number)
+        for one in caught
+        if issubclass(one.category, pd.errors.ParserWarning)
+        for number in re.findall(r"line (\d+)", str(one.message))
+    ]
+    if not lines or columns is not None:
+        return frame, []
+    return frame, [f"{len(lines)} lines with more cells than columns left out, the first is {min(lines)}"]

@@ -1,0 +1,223 @@
+"""Recorded operations as source of the C family: JavaScript for a browser, C for g++ and CUDA.
+
+The two differ in small things, so one printer has two dialects. A function reads numbers from arrays, whose
+places are lines ``input`` of a tape, and writes its results to others.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, Symbol, Tape, as_operand, needed
+
+Place: TypeAlias = tuple[str, int]
+"""An array's name and an index."""
+
+LONGEST = 300
+"""Characters of an expression after which its value gets a name."""
+
+ALPHABET = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What languages of the family write differently.
+
+    ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
+    a comparison.
+    """
+
+    head: str
+    read: str
+    written: str
+    constant: str
+    call: str
+    truth: str
+    infinity: str
+    decimal_point: bool
+
+
+JAVASCRIPT = Dialect(
+    head="function {name}({arrays}){{",
+    read="{array}",
+    written="{array}",
+    constant="const {names};",
+    call="Math.{function}({arguments})",
+    truth="+{comparison}",
+    infinity="Infinity",
+    decimal_point=False,
+)
+C = Dialect(
+    head="DEVICE void {name}({arrays}){{",
+    read="const double *{array}",
+    written="double *{array}",
+    constant="const double {names};",
+    call="{function}({arguments})",
+    truth="(double){comparison}",
+    infinity="INFINITY",
+    decimal_point=True,
+)
+C_BEGINNING = """#ifdef __CUDACC__
+#define DEVICE __device__
+#else
+#include <cmath>
+#define DEVICE
+using std::floor;
+#endif
+"""
+"""What precedes functions in C: the same text is for CUDA and, as C++, for a processor."""
+
+
+class PlacesTape(Tape):
+    """Tape whose symbols begin as places of arrays."""
+
+    def places(self, array: str, count: int, first: int = 0) -> list[Symbol]:
+        """Symbols of places that follow each other."""
+        return [self.write("input", array, float(first + k)) for k in range(count)]
+
+
+def function_source(
+    name: str,
+    lines: Mapping[str, Line],
+    results: Mapping[Place, Any],
+    arrays: Sequence[str],
+    dialect: Dialect,
+) -> str:
+    """Source of a function that computes results from places of arrays.
+
+    Parameters
+    ----------
+    results
+        Values by the place they are written to. The function reads no array that it writes.
+    arrays
+        The function's parameters, in order; names of two letters or more.
+    """
+    values = {place: as_operand(value) for place, value in results.items()}
+    written = {array for array, _ in values}
+    order = needed(lines, values.values())
+    uses = Counter(part for x in order for part in lines[x][1] if isinstance(part, str))
+    uses.update(value for value in values.values() if isinstance(value, str))
+    printer = _Printer(lines, dialect)
+    for x in order:
+        printer.add(x, shared=uses[x] > 1)
+    parameters = ",".join(
+        (dialect.written if array in written else dialect.read).format(array=array) for array in arrays
+    )
+    constants = ",".join(printer.definitions)
+    return "\n".join(
+        (
+            dialect.head.format(name=name, arrays=parameters),
+            *([dialect.constant.format(names=constants)] if constants else []),
+            *(f"{array}[{place}]={printer.value(value)};" for (array, place), value in values.items()),
+            "}",
+        )
+    )
+
+
+class _Printer:
+    """Expressions of lines; what is used once stands where it is used."""
+
+    def __init__(self, lines: Mapping[str, Line], dialect: Dialect) -> None:
+        self._lines, self._dialect = lines, dialect
+        self._names: dict[str, str] = {}
+        self._texts: dict[str, str] = {}
+        self.definitions: list[str] = []
+
+    def add(self, x: str, *, shared: bool) -> None:
+        """Print a line whose operands were added before; its value gets a name if shared, or if long."""
+        text = self._expression(*self._lines[x])
+        self._texts[x] = text
+        if shared or len(text) > LONGEST:
+            self._names[x] = _short_name(len(self._names))
+            self.definitions.append(f"{self._names[x]}={text}")
+
+    def value(self, operand: str | float) -> str:
+        """Text of an operand."""
+        if isinstance(operand, str):
+            return self._names.get(operand) or self._texts[operand]
+        return self._number(operand)
+
+    def _number(self, number: float) -> str:
+        if abs(number) == float("inf"):
+            text = self._dialect.infinity
+        else:
+            text = repr(abs(number))
+            if not self._dialect.decimal_point:
+                text = text.removesuffix(".0")
+        return f"(-{text})" if number < 0.0 else text
+
+    def _expression(self, operation: str, operands: tuple[str | float, ...]) -> str:
+        if operation == "input":
+            array, place = operands
+            return f"{array}[{int(place)}]"
+        if operation == "choose":
+            condition, then, otherwise = operands
+            return f"({self._condition(condition)}?{self.value(then)}:{self.value(otherwise)})"
+        words = [self.value(operand) for operand in operands]
+        if operation in COMPARISONS:
+            return f"({self._dialect.truth.format(comparison=self._compared(operation, operands))})"
+        if operation in ("+", "-", "*", "/"):
+            return f"({words[0]}{operation}{words[1]})"
+        if operation == "negative":
+            return f"(-{words[0]})"
+        return self._call(operation, words)
+
+    def _compared(self, operation: str, operands: tuple[str | float, ...]) -> str:
+        left, right = map(self.value, operands)
+        return f"({left}{operation}{right})"
+
+    def _condition(self, operand: str | float) -> str:
+        """A number that is true unless it is zero; a comparison used here alone stays one."""
+        if isinstance(operand, str) and operand not in self._names:
+            operation, operands = self._lines[operand]
+            if operation in COMPARISONS:
+                return self._compared(operation, operands)
+        return f"{self.value(operand)}!=0"
+
+    def _call(self, operation: str, words: list[str]) -> str:
+        """Elementary function of the language's library."""
+        if operation == "exp2":
+            operation, words = "pow", [self._number(2.0), *words]
+        function = {"**": "pow", "abs": "abs" if self._dialect is JAVASCRIPT else "fabs"}.get(
+            operation, operation
+        )
+        return self._dialect.call.format(function=function, arguments=",".join(words))
+
+
+def _short_name(number: int) -> str:
+    """A letter, or a letter and a number, which no language keeps for itself."""
+    turn, letter = divmod(number, len(ALPHABET))
+    return f"{ALPHABET[letter]}{turn or ''}"
+
+
+def split_by_input(
+    lines: Mapping[str, Line], results: Iterable[Any], array: str, kept: str
+) -> tuple[dict[Place, str], dict[str, Line]]:
+    """Part what depends on one array alone from the rest, so that it is computed once.
+
+    Returns
+    -------
+    once : dict
+        Lines whose values the rest needs, by their places in a new array `kept`.
+    lines : dict
+        The tape that reads them there.
+    """
+    fixed: set[str] = set()
+    for name, (operation, operands) in lines.items():
+        of_array = operands[0] == array if operation == "input" else None
+        inner = [part for part in operands if isinstance(part, str)]
+        if of_array or (of_array is None and inner and fixed.issuperset(inner)):
+            fixed.add(name)
+    wanted = {as_operand(result) for result in results}
+    edge: list[str] = []
+    for name in reversed(list(lines)):
+        if name in wanted and name in fixed:
+            edge.append(name)
+        elif name in wanted:
+            wanted.update(lines[name][1])
+    once = {(kept, place): name for place, name in enumerate(reversed(edge))}
+    read: dict[str, Line] = {name: ("input", place) for place, name in once.items()}
+    return once, {**lines, **read}

@@ -1,0 +1,330 @@
+"""Files as labs and instruments write them: the right errors come out, or the right question.
+
+All made up here, SYNTHETIC: joint 2 moves by 30 sin²(πt/4) deg and errs by 0.3 sin(πt/2) deg, joint 3 by a
+third of that.
+"""
+
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
+from io import BytesIO
+
+import numpy as np
+import openpyxl
+import pandas as pd
+import pytest
+from support.command import answer
+from support.matlab_bytes import classic, record, records
+
+from tendonrepro.console import Talk
+from tendonrepro.dataset.command import run_ingest, run_inspect
+from tendonrepro.dataset.read import read_files
+from tendonrepro.errors import ConfigError
+from tendonrepro.results.traces import read_traces
+
+QUIET = Talk(quiet=True)
+T = np.round(0.01 * np.arange(400), 2)
+DESIRED = {joint: size * np.sin(np.pi * T / 4.0) ** 2 for joint, size in ((2, 30.0), (3, 20.0))}
+ERROR = {joint: size * np.sin(np.pi * T / 2.0) for joint, size in ((2, 0.3), (3, 0.1))}
+ACTUAL = {joint: DESIRED[joint] - ERROR[joint] for joint in (2, 3)}
+MAE = [0.19098, 0.06366]
+NAMES = ["time (s)", "q2_d (deg)", "q2 (deg)", "q3_d (deg)", "q3 (deg)"]
+NUMBERS = np.column_stack([T, DESIRED[2], ACTUAL[2], DESIRED[3], ACTUAL[3]])
+
+
+@pytest.fixture(autouse=True)
+def _reads_here(monkeypatch):
+    monkeypatch.setattr("tendonrepro.dataset.read.ProcessPoolExecutor", ThreadPoolExecutor)
+
+
+def lines(rows=NUMBERS, separator=",", form="{:.4f}"):
+    return "".join(separator.join(form.format(x) for x in row) + "\n" for row in rows)
+
+
+def ingested(folder, name, content, edit=lambda text: text):
+    """Suggest a mapping for a file SYNTHETIC_c1<name>, edit it, ingest: the result, runs and the mapping."""
+    path, mapping, out = folder / f"SYNTHETIC_c1{name}", folder / "m.yaml", folder / "o.h5"
+    if callable(content):
+        content(path)
+    else:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    run_inspect([path], mapping, force=True)
+    mapping.write_text(edit(mapping.read_text(encoding="utf-8")), encoding="utf-8")
+    found = run_ingest([path], mapping, out, force=True, dry_run=False, talk=QUIET)
+    return found, read_traces(out).runs, mapping.read_text(encoding="utf-8")
+
+
+def mae(found, run="controller_1"):
+    return pytest.approx(found["runs"][run]["mae_deg"], abs=2e-4)
+
+
+HEADS = ",".join(NAMES) + "\n"
+
+
+def durations(path):
+    book = openpyxl.Workbook()
+    book.active.append(["time", *NAMES[1:]])
+    for row in NUMBERS.tolist():
+        book.active.append([timedelta(seconds=row[0]), *row[1:]])
+    book.save(path)
+
+
+def cells_of_text(path):
+    book = openpyxl.Workbook()
+    book.active.append(NAMES)
+    for row in NUMBERS.tolist():
+        book.active.append([f"{x:.4f}".replace(".", ",") for x in row])
+    book.save(path)
+
+
+def with_names(path):
+    classic(path, {"log": record(data=NUMBERS, signalNames=np.array([NAMES], dtype=object))})
+
+
+def labview(columns, **settings):
+    """Text of a LabVIEW measurement."""
+    head = {"Separator": "Tab", "Multi_Headings": "No", "X_Columns": "One", **settings}
+    above = "".join(f"{key}\t{value}\n" for key, value in head.items())
+    rows = "".join(
+        "\t".join([f"{x:.4f}" for x in row]) + "\n"
+        for row in (NUMBERS if columns[0] == "X_Value" else NUMBERS[:, 1:])
+    )
+    channel = "".join(
+        f"{key}\t{value}\t{value}\t{value}\t{value}\n" for key, value in (("X0", 0), ("Delta_X", 0.01))
+    )
+    end = "***End_of_Header***\n"
+    return (
+        f"LabVIEW Measurement\t\n{above}{end}\t\nChannels\t4\t\t\t\n"
+        f"Samples\t400\t400\t400\t400\n{channel}{end}" + "\t".join([*columns, "Comment"]) + f"\n{rows}"
+    )
+
+
+def thousands():
+    rows = "".join(f"{3.5 * k:,.1f};{row[1]:.4f};{row[2]:.4f}\n" for k, row in enumerate(NUMBERS))
+    return f"t (ms);q2_d (deg);q2 (deg)\n{rows}"
+
+
+PREAMBLE = "".join(f"Parameter {k},{1.5 * k}\n" for k in range(70))
+BARE = "time(s),q2 desired(deg),q2 actual(deg),q3_d(deg),q3(deg)\n"
+CHINESE = "时间(s),关节2期望角度(deg),关节2实际角度(deg),关节3期望角度(deg),关节3实际角度(deg)\n"
+NOTED = HEADS.replace("time (s),", 'time (s),"note, operator",')
+PLAIN = {
+    "quoted header": (".csv", NOTED + lines().replace(",", ",7,", 1).replace("\n", "\n", 1), MAE),
+    "no blank before the bracket": (".csv", BARE + lines(), MAE),
+    "Chinese, no blank": (".csv", (CHINESE + lines()).encode("gbk"), MAE),
+    "quoted decimal commas": (
+        ".csv",
+        HEADS + "".join(",".join(f'"{x:.4f}"'.replace(".", ",") for x in row) + "\n" for row in NUMBERS),
+        MAE,
+    ),
+    "thousands": (".csv", thousands(), MAE[:1]),
+    "header below line 60": (".csv", PREAMBLE + HEADS + lines(), MAE),
+    "exponents of Fortran": (".dat", HEADS + lines(form="{:.6e}").replace("e", "D"), MAE),
+    "marks of LaTeX": (".csv", r"t,q_{d2},q_{2},\theta_{d3},\theta_3" + "\n" + lines(), MAE),
+    "one bad byte": (".csv", "Größe θ\n".encode() + b"\xff\n" + HEADS.encode() + lines().encode(), MAE),
+    "LabVIEW": (".lvm", labview(["X_Value", *NAMES[1:]]), MAE),
+    "LabVIEW without times": (".lvm", labview(NAMES[1:], X_Columns="No"), MAE),
+    "tab text named xls": (".xls", "\t".join(NAMES) + "\n" + lines(separator="\t"), MAE),
+    "durations of Excel": (".xlsx", durations, MAE),
+    "numbers as text": (".xlsx", cells_of_text, MAE),
+    "names beside a block": (".mat", with_names, MAE),
+}
+PLAIN["quoted header"] = (".csv", NOTED + lines(np.insert(NUMBERS, 1, 7.0, axis=1)), MAE)
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_a_plain_table_however_it_is_written(kind, tmp_path):
+    suffix, content, expected = PLAIN[kind]
+    found, runs, _ = ingested(tmp_path, suffix, content)
+    assert found["runs"]["controller_1"]["samples"] == 400
+    assert mae(found) == expected
+    assert runs["controller_1"].time[-1] == pytest.approx(1.3965 if kind == "thousands" else 3.99)
+
+
+def test_a_curve_follows_the_times_to_its_left(tmp_path):
+    late = np.round(T + 0.05, 2)
+    angle = 30.0 * np.sin(np.pi * late / 4.0) ** 2 - 0.3 * np.sin(np.pi * late / 2.0)
+    rows = np.column_stack([T, DESIRED[2], late, angle])
+    found, _, _ = ingested(tmp_path, ".csv", "time_ref (s),q2_ref (deg),time (s),q2 (deg)\n" + lines(rows))
+    # The first 0.05 s, where the error is small, has no measured angle.
+    assert mae(found) == [np.abs(ERROR[2])[5:].mean()]
+    assert any("interpolated" in note for note in found["notes"])
+
+
+def test_columns_of_one_name_are_asked(tmp_path):
+    rows = NUMBERS[:, :3]
+    _, _, mapping = ingested(tmp_path, ".csv", "time (s),q2 (deg),q2 (deg)\n" + lines(rows))
+    assert "CHECK" in next(line for line in mapping.splitlines() if line.strip().startswith('"q2 (deg)"'))
+
+
+def test_a_rate_is_not_a_reference(tmp_path):
+    rate = np.gradient(ACTUAL[2], 0.01)
+    rows = np.column_stack([T, ACTUAL[2], rate, np.gradient(rate, 0.01), DESIRED[2]])
+    found, runs, mapping = ingested(tmp_path, ".csv", "t,q2,qd2,qdd2,q2_ref\n" + lines(rows))
+    assert mae(found) == MAE[:1]
+    np.testing.assert_allclose(np.rad2deg(runs["controller_1"]["dq"][:, 0]), rate, atol=1e-3)
+    assert "CHECK" in next(line for line in mapping.splitlines() if '"qd2"' in line)
+
+
+def test_a_wide_table_of_all_controllers(tmp_path):
+    head = "t(s),qd2(deg)," + ",".join(f"Controller{k} q2(deg)" for k in (1, 2, 3)) + "\n"
+    rows = np.column_stack([T, DESIRED[2], *(DESIRED[2] - k * ERROR[2] for k in (1, 2, 3))])
+    path = tmp_path / "SYNTHETIC.csv"
+    path.write_text(head + lines(rows))
+    run_inspect([path], tmp_path / "m.yaml", force=True)
+    found = run_ingest([path], tmp_path / "m.yaml", tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    for k in (1, 2, 3):
+        assert mae(found, f"controller_{k}") == [k * MAE[0]]
+
+
+def test_a_sheet_of_errors_for_each_joint(tmp_path):
+    path = tmp_path / "SYNTHETIC.xlsx"
+    with pd.ExcelWriter(path) as book:
+        for joint in (2, 3):
+            columns = {"t (s)": T} | {f"C{k} error (deg)": k * ERROR[joint] for k in (1, 2, 3)}
+            pd.DataFrame(columns).to_excel(book, sheet_name=f"joint {joint}", index=False)
+    run_inspect([path], tmp_path / "m.yaml", force=True)
+    found = run_ingest([path], tmp_path / "m.yaml", tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    for k in (1, 2, 3):
+        assert mae(found, f"controller_{k}") == [k * x for x in MAE]
+
+
+def test_a_time_that_starts_again_begins_a_run(tmp_path):
+    found, _, _ = ingested(tmp_path, ".csv", HEADS + lines() * 3)
+    assert [run["samples"] for run in found["runs"].values()] == [400] * 3
+    assert all(mae(found, run) == MAE for run in found["runs"])
+
+
+def test_rounded_times_that_repeat(tmp_path):
+    rows = NUMBERS.copy()
+    rows[:, 0] = np.round(rows[:, 0], 1)
+    found, runs, mapping = ingested(tmp_path, ".csv", HEADS + lines(rows))
+    assert mae(found) == MAE
+    assert runs["controller_1"].time[-1] == pytest.approx(3.99)
+    without = "\n".join(line for line in mapping.splitlines() if "step_s" not in line)
+    with pytest.raises(ConfigError) as caught:
+        ingested(tmp_path, ".csv", HEADS + lines(rows), lambda _: without)
+    assert "step_s" in str(caught.value.hint)
+
+
+def test_a_unit_row_with_a_unit_that_is_not_known(tmp_path):
+    head = "Index:;0x60;0x61\n;Position demand q2;Position actual q2\nms;inc;inc\n"
+    rows = np.column_stack([1e3 * T, 100.0 * DESIRED[2], 100.0 * ACTUAL[2]])
+
+    def filled(text):
+        return text.replace("q_d 2 UNIT", "q_d 2 deg * 0.01").replace(
+            "q_encoder 2 UNIT", "q_encoder 2 deg * 0.01"
+        )
+
+    found, runs, _ = ingested(tmp_path, ".csv", head + lines(rows, ";"), filled)
+    assert mae(found) == MAE[:1]
+    assert runs["controller_1"].time[-1] == pytest.approx(3.99)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_block_without_names_asks_for_them(tmp_path, first):
+    """As To File of Simulink writes it: times in the first row."""
+    block = NUMBERS.T if first else NUMBERS
+
+    def filled(text):
+        for k, use in enumerate(("q_d 2", "q_encoder 2", "q_d 3", "q_encoder 3"), start=2):
+            text = text.replace(f'"ans[{k}]": VARIABLE JOINT UNIT', f'"ans[{k}]": {use} deg')
+        return text
+
+    with pytest.raises(ConfigError, match=r"m\.yaml:5"):
+        ingested(tmp_path, ".mat", lambda path: classic(path, {"ans": block}))
+    found, _, _ = ingested(tmp_path, ".mat", lambda path: classic(path, {"ans": block}), filled)
+    assert mae(found) == MAE
+
+
+def test_structures_of_three_dimensions_ask_for_their_joints(tmp_path):
+    blocks = np.stack([NUMBERS[:, [1, 2]], NUMBERS[:, [3, 4]]]).transpose(0, 2, 1)
+    signals = records({"values": blocks, "label": "q"})
+    with pytest.raises(ConfigError) as caught:
+        ingested(
+            tmp_path, ".mat", lambda path: classic(path, {"run": record(time=T[:, None], signals=signals)})
+        )
+    assert all(f"q[{i},{j}]" in str(caught.value) for i in (1, 2) for j in (1, 2))
+
+
+def test_rows_cells_and_gaps_are_counted(tmp_path):
+    rows = lines().splitlines(keepends=True)
+    rows[50] = "a remark\n"
+    rows[100] = rows[100].replace(rows[100].split(",")[2], "ERR", 1)
+    del rows[200:210]
+    found, _, _ = ingested(tmp_path, ".csv", HEADS + "".join(rows))
+    told = " ".join(found["notes"])
+    assert "1 rows without a number" in told
+    assert "'ERR' in row 100" in told
+    assert "gaps in the times, the longest of 0.11 s" in told
+    assert found["runs"]["controller_1"]["samples"] == 389
+
+
+def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
+    rows = "".join(f"{x:.2f};{1 + k % 3},{100 + k};{k % 7}\n" for k, x in enumerate(T))
+    path = tmp_path / "SYNTHETIC.csv"
+    path.write_text("t;q2;n\n" + rows)
+    found = read_files([path])
+    assert any("q2" in line and "unclear" in line for line in found.left_out["SYNTHETIC.csv"])
+    assert found.sources[0].columns["q2"].dtype.kind != "f"
+
+
+def test_chinese_names_in_a_zip_of_windows(tmp_path):
+    # Its names are replaced by others of as many bytes.
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for k in (1, 2):
+            archive.writestr(f"xxxxxx{k}xxxx.csv", HEADS + lines())
+    raw = stream.getvalue()
+    for k in (1, 2):
+        raw = raw.replace(
+            f"xxxxxx{k}xxxx".encode(), "控制器".encode("gbk") + str(k).encode() + "空载".encode("gbk")
+        )
+    path = tmp_path / "SYNTHETIC.zip"
+    path.write_bytes(raw)
+    sources, unread, _ = read_files([path])
+    assert [source.name for source in sources] == [f"SYNTHETIC.zip/控制器{k}空载.csv" for k in (1, 2)]
+    assert not unread
+
+
+def test_tdms_of_labview(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+
+    def write(path):
+        waveform = {"wf_increment": 0.01, "wf_start_offset": 0.0, "unit_string": "deg"}
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment(
+                [
+                    nptdms.ChannelObject("arm", name, column, properties=waveform)
+                    for name, column in (("q2_d", DESIRED[2]), ("q2", ACTUAL[2]))
+                ]
+            )
+
+    found, _, _ = ingested(tmp_path, ".tdms", write)
+    assert mae(found) == MAE[:1]
+
+
+def test_tdms_without_its_package_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
+    (tmp_path / "SYNTHETIC.tdms").write_bytes(b"TDSm" + bytes(100))
+    (tmp_path / "good.csv").write_text(HEADS + lines())
+    found = read_files([tmp_path])
+    assert "tendonrepro[tdms]" in found.unread["SYNTHETIC.tdms"]
+    assert len(found.sources) == 1
+
+
+def test_texts_of_octave_are_named(tmp_path):
+    (tmp_path / "SYNTHETIC.mat").write_text("# Created by Octave 6.4.0\n# name: t\n# type: matrix\n 0\n 1\n")
+    (tmp_path / "good.csv").write_text(HEADS + lines())
+    assert "Octave" in read_files([tmp_path]).unread["SYNTHETIC.mat"]
+
+
+def test_a_mapping_without_runs_is_refused(tmp_path):
+    path, mapping = tmp_path / "SYNTHETIC.csv", tmp_path / "m.yaml"
+    path.write_text(HEADS + lines())
+    mapping.write_text("runs: {}\n")
+    found = answer(
+        "ingest", str(path), "--mapping", str(mapping), "--out", str(tmp_path / "o.h5"), cwd=tmp_path, code=2
+    )
+    assert found["error"]["code"] == 2
+    assert not (tmp_path / "o.h5").exists()
