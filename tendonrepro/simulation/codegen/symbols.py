@@ -107,7 +107,7 @@ class Symbol(NDArrayOperatorsMixin):
         return self.tape.function(ufunc, self)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; a condition may choose between arrays."""
+        """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; one condition may choose arrays."""
         del types
         if function is np.zeros_like:
             return 0.0
