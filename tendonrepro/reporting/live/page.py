@@ -129,6 +129,7 @@ class Library:
         """Two functions and their sizes as a JavaScript object."""
         parts = [f"prepare:{self._name(code.prepare)}", f"run:{self._name(code.run)}"]
         parts += [f"{name}:{size}" for name, size in {"constants": code.constants, **sizes}.items()]
+        parts.append(f"reads:{json.dumps(code.reads, separators=(',', ':'))}")
         return f"{{{','.join(parts)}}}"
 
     def _name(self, source: str) -> str:
