@@ -38,9 +38,15 @@ PRINTED: Mapping[str, str] = {
     "torque_coordinates": "joint",
     "output_delay": "0",
     "estimate_filter": "none",
+    "reference_acceleration": "fed_forward",
 }
 """What can be told from a log, by axis of readings, each as the paper has it."""
-FILTERS = (("error_rate", "low_pass"), ("estimate_filter", "acceleration"), ("estimate_filter", "estimate"))
+FILTERS = (
+    ("error_rate", "low_pass"),
+    ("estimate_filter", "acceleration"),
+    ("estimate_filter", "estimate"),
+    ("reference_acceleration", "late"),
+)
 _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (),
     (("phi_negative", "even"),),
@@ -108,6 +114,10 @@ class Hypothesis:
         for axis, value in FILTERS:
             yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
 
+    def without_acceleration(self) -> Hypothesis:
+        """Of a law that does not get the reference's acceleration."""
+        return replace(self, settings=(*self.settings, ("reference_acceleration", "absent")))
+
     @property
     def name(self) -> str:
         """``printed``, or the settings joined by ``+``."""
@@ -164,7 +174,11 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
         ddq = _back(ddq, lag)
     if held["estimate_filter"] == "acceleration":
         ddq = _low_pass(ddq, hypothesis.newest)
-    desired = log.dq_d[:, i]
+    desired, ddq_d = log.dq_d[:, i], log.ddq_d[:, i]
+    if held["reference_acceleration"] == "absent":
+        ddq_d = np.zeros_like(ddq_d)
+    elif held["reference_acceleration"] == "late":
+        desired, ddq_d = (_low_pass(rate, hypothesis.newest) for rate in (desired, ddq_d))
     if held["error_rate"] == "difference_of_error":
         desired = (log.q_d[:, i] - _back(log.q_d[:, i], 1)) / L
     e, de = log.q_d[:, i] - q, desired - (q - _back(q, 1)) / L
@@ -176,7 +190,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
         law = _phi_law(log, held)
         feedback = [de, phi_slope(e, law, i) * de, phi(e, law, i)]
     estimate = [_back(stored, lag), _back(stored, 2 * lag), ddq, _back(ddq, lag)]
-    acceleration = [log.ddq_d[:, i], *feedback]
+    acceleration = [ddq_d, *feedback]
     y = command
     if held["estimate_filter"] == "estimate":
         # The estimate of before is the torque of before less M_bar u.

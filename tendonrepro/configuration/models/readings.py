@@ -177,7 +177,7 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
     """
     for name, value in reading_.settings:
         for path, new in _changes(name, value, config, draw).items():
-            config = _replaced(config, path, new)
+            config = replaced(config, path, new)
     return config
 
 
@@ -187,18 +187,22 @@ def as_printed(config: CompareConfig) -> CompareConfig:
     return under(Reading(PRINTED, tuple((name, AXES[name].printed) for name in names)), config, {})
 
 
-def _replaced(model: _M, path: str, value: object) -> _M:
+def replaced(model: _M, path: str, value: object) -> _M:
     """Copy a model with the field at a dotted path changed."""
     first, _, rest = path.partition(".")
-    return model.model_copy(update={first: _replaced(getattr(model, first), rest, value) if rest else value})
+    return model.model_copy(update={first: replaced(getattr(model, first), rest, value) if rest else value})
 
 
-def _scalar(value: float, unit: str) -> Scalar:
-    return Scalar.model_construct(value=value, unit=unit, source=_SOURCE)
+def _scalar(value: float, unit: str, row: str = "") -> Scalar:
+    return Scalar.model_construct(value=value, unit=unit, source=_of_row(row) if row else _SOURCE)
 
 
-def _vector(values: Sequence[float], unit: str) -> Vector:
-    return Moving.model_construct(value=tuple(values), unit=unit, source=_SOURCE)
+def _vector(values: Sequence[float], unit: str, row: str) -> Vector:
+    return Moving.model_construct(value=tuple(values), unit=unit, source=_of_row(row))
+
+
+def _of_row(row: str) -> str:
+    return f"assumed: draw from the box, {row}"
 
 
 def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
@@ -234,8 +238,8 @@ def _inertia(_: str, config: CompareConfig, __: Mapping[str, float]) -> dict[str
 
 def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
     """Two periods of straight strokes of both joints, with the draw's amplitude and times."""
-    amplitude = _vector([draw["amplitude"]] * len(COMPARED), "rad")
-    rise, hold = (_scalar(round(draw[name], 2), "s") for name in ("rise", "hold"))
+    amplitude = _vector([draw["amplitude"]] * len(COMPARED), "rad", "amplitude")
+    rise, hold = (_scalar(round(draw[name], 2), "s", name) for name in ("rise", "hold"))
     periods = _scalar(2.0, "1")
     held = Ramp.model_construct(
         kind="ramp", amplitude=amplitude, rise=rise, hold=hold, periods=periods, turns=None
@@ -250,7 +254,7 @@ def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str
     for run in RUNS:
         offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED])
         links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
-        offset = _vector(np.diff(links, prepend=0.0).tolist(), "rad")
+        offset = _vector(np.diff(links, prepend=0.0).tolist(), "rad", f"offset_{run}")
         runs[run] = runs[run].model_copy(update={"start_offset": offset})
     return {"runs": runs}
 
@@ -258,7 +262,7 @@ def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str
 def _run_friction(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
     runs = dict(config.runs)
     for run, row in FRICTIONS.items():
-        runs[run] = runs[run].model_copy(update={"friction_scale": _scalar(draw[row], "1")})
+        runs[run] = runs[run].model_copy(update={"friction_scale": _scalar(draw[row], "1", row)})
     return {"runs": runs}
 
 
