@@ -29,7 +29,7 @@ SMALL = {
 }
 """Words with which a command does as little as it can."""
 
-NO_RESULT = {"animate", "config init", "export", "fetch", "figures", "report", "tables"}
+NO_RESULT = {"animate", "config init", "export", "fetch", "figures", "live", "report", "tables"}
 """They leave a film, a page, files for other programs, a configuration, or data of others."""
 
 QUICK = {"claims", "compare", "ingest", "statics"}
