@@ -109,7 +109,9 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     if not best:
         return []
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
-    found = [fitted(log, joint, one, rounding) for one in dict.fromkeys([*printed, *best])]
+    # Free coefficients fit as well where the reference's acceleration is not used.
+    absent = [one.unaccelerated for one in (*printed, *best[:3])]
+    found = [fitted(log, joint, one, rounding) for one in dict.fromkeys([*printed, *best, *absent])]
     if all(fit.residual > SAME * fit.step for fit in found):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))

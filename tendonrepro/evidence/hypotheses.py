@@ -37,10 +37,18 @@ PRINTED: Mapping[str, str] = {
     "stored_torque": "commanded",
     "torque_coordinates": "joint",
     "output_delay": "0",
+    "logged_torque": "applied",
     "estimate_filter": "none",
+    "reference_acceleration": "fed_forward",
 }
 """What can be told from a log, by axis of readings, each as the paper has it."""
-FILTERS = (("error_rate", "low_pass"), ("estimate_filter", "acceleration"), ("estimate_filter", "estimate"))
+FILTERS = (
+    ("error_rate", "low_pass"),
+    ("estimate_filter", "acceleration"),
+    ("estimate_filter", "estimate"),
+    ("reference_acceleration", "late"),
+)
+"""Places of a low-pass filter, whose cutoff is free."""
 _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (),
     (("phi_negative", "even"),),
@@ -109,6 +117,11 @@ class Hypothesis:
             yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
 
     @property
+    def unaccelerated(self) -> Hypothesis:
+        """The same without the reference's acceleration."""
+        return replace(self, settings=(*self.settings, ("reference_acceleration", "absent")))
+
+    @property
     def name(self) -> str:
         """``printed``, or the settings joined by ``+``."""
         return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
@@ -133,19 +146,25 @@ def hypotheses(log: Log) -> Iterator[Hypothesis]:
         "torque_coordinates": ("joint", "winch"),
     }
     for values in product(*axes.values()):
-        for stored, delay in _stored(log):
+        for stored, delay, logged in _stored(log):
             found = dict(zip(axes, values, strict=True)) | {"stored_torque": stored, "output_delay": delay}
+            found["logged_torque"] = logged
             changed = tuple((axis, value) for axis, value in found.items() if value != PRINTED[axis])
             yield Hypothesis(LINEAR, changed)
             yield from (Hypothesis(NTSM, (*of_phi, *changed)) for of_phi in _PHI)
 
 
-def _stored(log: Log) -> list[tuple[str, str]]:
-    """Which torque is stored and how many samples late it acts, as far as a log can tell."""
+def _stored(log: Log) -> list[tuple[str, str, str]]:
+    """Which torque is stored, how many samples late it acts, and which is logged, as far as a log can tell.
+
+    A lone torque may be the one applied or the one commanded. Without a delay these are the same.
+    """
     if log.applied is None:
-        return [("commanded", "0"), *product(("commanded", "applied"), ("1", "2"))]
+        late = product(("commanded", "applied"), ("1", "2"), ("applied",))
+        return [("commanded", "0", "applied"), *late, *product(("applied",), ("1", "2"), ("commanded",))]
     same = np.allclose(log.applied, log.command, rtol=1e-9, atol=1e-12, equal_nan=True)
-    return [("commanded", "0")] if same else [("commanded", "0"), ("applied", "0")]
+    stored = ("commanded",) if same else ("commanded", "applied")
+    return [(one, "0", "applied") for one in stored]
 
 
 def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
@@ -164,7 +183,9 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
         ddq = _back(ddq, lag)
     if held["estimate_filter"] == "acceleration":
         ddq = _low_pass(ddq, hypothesis.newest)
-    desired = log.dq_d[:, i]
+    desired, ddq_d = log.dq_d[:, i], log.ddq_d[:, i]
+    if held["reference_acceleration"] == "late":
+        desired, ddq_d = (_low_pass(values, hypothesis.newest) for values in (desired, ddq_d))
     if held["error_rate"] == "difference_of_error":
         desired = (log.q_d[:, i] - _back(log.q_d[:, i], 1)) / L
     e, de = log.q_d[:, i] - q, desired - (q - _back(q, 1)) / L
@@ -176,7 +197,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
         law = _phi_law(log, held)
         feedback = [de, phi_slope(e, law, i) * de, phi(e, law, i)]
     estimate = [_back(stored, lag), _back(stored, 2 * lag), ddq, _back(ddq, lag)]
-    acceleration = [log.ddq_d[:, i], *feedback]
+    acceleration = [ddq_d, *feedback]
     y = command
     if held["estimate_filter"] == "estimate":
         # The estimate of before is the torque of before less M_bar u.
@@ -193,7 +214,8 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
 def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
     """Coefficients of the regressors from the ``parameters`` of a `Fit`."""
     w_1, w_2, M_bar, first, second = parameters
-    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
+    forward = float(hypothesis.readings["reference_acceleration"] != "absent")
+    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, forward * M_bar]
     if hypothesis.surface == LINEAR:
         return np.array([*head, M_bar * first, M_bar * second])
     rate = 1.0 if hypothesis.readings["eta_in_controller_2"] == "dropped" else second
@@ -208,7 +230,7 @@ def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
         [0.0, 1.0, 0.0, 0.0, 0.0],
         [-M_bar, 0.0, -w_1, 0.0, 0.0],
         [0.0, -M_bar, -w_2, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, float(hypothesis.readings["reference_acceleration"] != "absent"), 0.0, 0.0],
         [0.0, 0.0, first, M_bar, 0.0],
     ]
     if hypothesis.surface == LINEAR:
@@ -224,6 +246,8 @@ def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
     if held["torque_coordinates"] == "winch":
         command, applied = command @ log.S, applied @ log.S
     delay = int(held["output_delay"])
+    if held["logged_torque"] == "commanded":
+        return command[:, i], _back(command[:, i], delay)
     commanded = np.full(len(command), np.nan)
     commanded[: len(command) - delay] = command[delay:, i]
     return commanded, commanded if held["stored_torque"] == "commanded" else applied[:, i]
@@ -291,22 +315,26 @@ def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
 
     Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
     """
+    whole = q
+    q = whole[np.isfinite(whole)]
     steps = np.abs(np.diff(q))
     steps = steps[steps > 1e-7]
     if steps.size < 20:
-        return q, resolution(q)
+        return whole, resolution(q)
     step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(q[0])
     # A step between neighbours is rough; over longer ways it is told better and better.
     for reach in (10, 100, 1000, np.inf):
         counts = np.round((q - start) / step)
         near = np.abs(counts) <= reach
         if np.ptp(counts[near]) == 0:
-            return q, resolution(q)
+            return whole, resolution(q)
         step, start = map(float, np.polyfit(counts[near], q[near], 1))
     found = start + step * np.round((q - start) / step)
     if np.abs(found - q).max() > 0.25 * step:
-        return q, resolution(q)
-    return found, 0.0 if step < 1.1 * encoder_step else step
+        return whole, resolution(q)
+    freed = np.full_like(whole, np.nan)
+    freed[np.isfinite(whole)] = found
+    return freed, 0.0 if step < 1.1 * encoder_step else step
 
 
 def resolution(values: Array) -> float:

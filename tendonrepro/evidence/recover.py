@@ -12,11 +12,12 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
-from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
+from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
@@ -40,6 +41,8 @@ NEAR = 2.001
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
 OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
+SAME_NUMBER = 0.02
+"""How close M_bar comes to the published one times a unit of the torque."""
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
@@ -76,6 +79,16 @@ class Recovered:
         return float(both / self.best.step)
 
     @property
+    def half(self) -> Array:
+        """Half of each parameter's 90 % interval, those of the weights with what rounding may have moved."""
+        return self.best.half + np.array([1.0, 1.0, 0.0, 0.0, 0.0]) * self.best.bias
+
+    @property
+    def prints_weights(self) -> bool:
+        """Whether the numbers are given: of a log that cannot tell they need not hold the truth."""
+        return self.answer == RECOVERED
+
+    @property
     def unexplained(self) -> float:
         """RMS of the torque that the best fit does not foretell, as such a share."""
         return self.best.residual / self.best.step
@@ -87,7 +100,7 @@ class Recovered:
             return UNTOLD
         # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
         balance = abs(self.best.parameters[:2].sum() - 1.0)
-        balanced = balance <= CLOSE + self.best.half[:2].sum()
+        balanced = balance <= CLOSE + self.half[:2].sum()
         fine = self.rounding <= COARSE
         allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
         if self.best.bias > CLOSE:
@@ -108,6 +121,13 @@ class Recovered:
         return scale * self.best.position_gain, scale * self.best.position_gain_half
 
     @property
+    def torque_units(self) -> Array:
+        """Factors on M_bar by units of the torque: N m at motor shafts, percent of the rated one, volts."""
+        config, rated = self.expected, published().number("hardware.rated_torque")
+        reduction = config.manipulator.winches.reduction.si
+        return np.array([reduction, 0.01 * reduction * rated, reduction * rated / 3.0])
+
+    @property
     def by_gains(self) -> str:
         """`RECOVERED` if M_bar and the error's gain are the expected ones to a factor of two, `NONE` if not.
 
@@ -117,6 +137,11 @@ class Recovered:
         expected, (gain, gain_half) = self.expected.control.gains.M_bar.si[self.place], self.position_gain
         M_bar = self.best.parameters[2] / expected
         unit = 1.0 if M_bar < np.sqrt(DEGREES_PER_RADIAN) else DEGREES_PER_RADIAN
+        # In another unit of the torque only the published number itself tells.
+        others = np.outer((1.0, DEGREES_PER_RADIAN), self.torque_units).ravel()
+        nearest = float(others[np.argmin(np.abs(np.log(np.abs(M_bar) / others)))])
+        if abs(M_bar / nearest - 1.0) <= SAME_NUMBER and not 1.0 / NEAR <= M_bar / unit <= NEAR:
+            unit = nearest
         ratios = np.array([M_bar / unit, gain])
         half = np.array([self.best.half[2] / expected / unit, gain_half])
         low, high = ratios - half, ratios + half
@@ -159,7 +184,7 @@ class Recovered:
             name: estimator_weights(alpha, name)[:, self.place]
             for name in ("interpolating", "extrapolating", "swapped")
         }
-        reach = self.best.half[:2] + CLOSE
+        reach = self.half[:2] + CLOSE
         near = [name for name, w in named.items() if (np.abs(w - self.best.parameters[:2]) <= reach).all()]
         return near[0] if len(near) == 1 else ""
 
@@ -169,7 +194,7 @@ class Recovered:
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
         gains, i = self.expected.control.gains, self.place
-        values, half = self.best.parameters, self.best.half
+        values, half = self.best.parameters, self.half
         yield "w_1", values[0], half[0], None
         yield "w_2", values[1], half[1], None
         yield "M_bar", values[2], half[2], float(gains.M_bar.si[i])
@@ -193,13 +218,12 @@ def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
 
 def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
     """Runs with torque, desired and measured angles, and these angles' rounding (n,)."""
-    for name, trace in file.runs.items():
-        torque = "tau_cmd" if "tau_cmd" in trace else "tau_m"
-        if name in DECOUPLING_RUNS or not all(one in trace for one in (torque, "q_encoder", "q_d")):
+    for name, recorded in file.runs.items():
+        torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
+        if name in DECOUPLING_RUNS or not all(one in recorded for one in (torque, "q_encoder", "q_d")):
             continue
-        L = float(np.median(np.diff(trace.time)))
-        q_d = trace["q_d"]
-        dq_d = trace["dq_d"] if "dq_d" in trace else np.gradient(q_d, L, axis=0)
+        trace, L = on_its_samples(recorded)
+        q_d, dq_d, ddq_d = desired_motion(trace, L)
         step = expected.manipulator.encoders.joint.resolution.si
         freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
         S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
@@ -210,7 +234,7 @@ def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace,
             q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
             q_d=q_d,
             dq_d=dq_d,
-            ddq_d=trace["ddq_d"] if "ddq_d" in trace else np.gradient(dq_d, L, axis=0),
+            ddq_d=ddq_d,
             command=trace[torque],
             applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
             S=S,
@@ -262,13 +286,13 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
 
 def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
-    published = load_config(None, "compare")
-    assert isinstance(published.config, CompareConfig)
+    paper = load_config(None, "compare")
+    assert isinstance(paper.config, CompareConfig)
     runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
-    if not any(read_logs(both, published.config)):
+    if not any(read_logs(both, paper.config)):
         return []
-    return [_data(one) for one in recovered(both, published, talk)]
+    return [_data(one) for one in recovered(both, paper, talk)]
 
 
 def study_recover(path: Path, talk: Talk) -> Outcome:
