@@ -1,4 +1,4 @@
-"""Words to the user on standard error: notes, and a progress bar for long work."""
+"""Words to the user: notes and a progress bar on standard error, counts, and columns."""
 
 from __future__ import annotations
 
@@ -26,15 +26,6 @@ class Talk:
             self.note(text)
 
     @contextmanager
-    def resumable(self) -> Iterator[None]:
-        """Say, where the block is interrupted, that its work is not lost."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.note("what is finished is kept: the same command goes on from there")
-            raise
-
-    @contextmanager
     def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
         """Show a progress bar while the block runs, if standard error is a terminal.
 
@@ -52,6 +43,11 @@ class Talk:
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(label, total=total)
             yield lambda steps: progress.advance(task, steps)
+
+
+def count_of(number: int, one: str, many: str | None = None) -> str:
+    """A number and its noun, "1 reading" or "2 readings"; `many` where the plural has more than an s."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
 
 
 def columns(rows: Iterable[Sequence[str]]) -> str:

@@ -52,7 +52,7 @@ OWNERS = {
     "nptdms": ["dataset/instruments.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
-    "filelock": ["results/store.py", "dataset/fetch.py"],
+    "filelock": ["results/place.py", "dataset/fetch.py"],
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/command.py"],
     "SALib": ["verdicts/sensitivity.py"],

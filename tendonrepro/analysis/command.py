@@ -49,7 +49,7 @@ def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
         If there are no controllers or no linear loop, or results cannot be written.
     """
     loaded = request.load("compare")
-    return run_study("explain", loaded, request, lambda: study_explain(loaded), talk)
+    return run_study("explain", loaded, request, lambda _: study_explain(loaded), talk)
 
 
 def study_explain(loaded: LoadedConfig) -> Outcome:

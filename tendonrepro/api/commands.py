@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from tendonrepro.api.result import Result
 from tendonrepro.configuration.load import Config, LoadedConfig, load_config
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.store import make_manifest, read_manifest
@@ -18,11 +18,12 @@ from tendonrepro.results.study import Outcome
 from tendonrepro.results.traces import export_traces, read_traces
 
 Changes: TypeAlias = Mapping[str, Any] | None
+Formats: TypeAlias = str | Sequence[str] | None
 
 
 def _yaml(value: Any) -> str:
-    """A value as `--set` takes it; arrays are lists."""
-    return json.dumps(value, default=lambda array: array.tolist())
+    """A value as `--set` takes it; arrays are lists, and paths are text."""
+    return json.dumps(value, default=lambda held: str(held) if isinstance(held, Path) else held.tolist())
 
 
 def _overrides(changes: Changes) -> list[str]:
@@ -43,6 +44,7 @@ def _request(given: dict[str, Any]) -> Request:
         given.pop("seed", None),
         given.pop("controllers", None),
         force=given.pop("force", False),
+        formats=formats_of(given.pop("formats", None), figures=given.pop("figures", True)),
     )
 
 
@@ -89,14 +91,17 @@ def decouple(config: str | Path | None = None, *, set: Changes = None, seed: int
     return _experiment(_request({**locals()}).load("decouple"))
 
 
-def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
+def reproduce(
+    out: str | Path = "reports", *, formats: Formats = None, figures: bool = True, force: bool = False
+) -> dict[str, Result]:
     """Run both experiments and the fitted plant into `out`, and return results by name.
 
-    `force` overwrites other results, and files changed since.
+    `formats` and `figures` are as of `ensemble`. `force` overwrites other results, and files changed since.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
 
-    found = run_experiments(paper_orders(None, Request(out=Path(out), force=force)), Talk())
+    request = Request(out=Path(out), force=force, formats=formats_of(formats, figures=figures))
+    found = run_experiments(paper_orders(None, request), Talk())
     return {name: open(one["out"]) for name, one in found.items()}
 
 
@@ -159,6 +164,8 @@ def ensemble(
     readings: str = "default",
     jobs: int = -1,
     out: str | Path = "reports/ensemble",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Run many plausible plants under many readings of the text; an interrupted call goes on from `out`.
@@ -173,6 +180,10 @@ def ensemble(
         ``default``, or comma-separated names.
     jobs : int
         Processes; -1 is one for each processor.
+    formats : str or sequence of str, optional
+        Of figures, ``png``, ``pdf`` or ``svg``; else all three.
+    figures : bool
+        Whether to draw any.
     force : bool
         Replace other results.
     """
@@ -193,6 +204,8 @@ def identify(
     unknowns: int = 10,
     jobs: int = -1,
     out: str | Path = "reports/identify",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Search plants and readings closest to the printed numbers; an interrupted call goes on.
@@ -205,7 +218,7 @@ def identify(
         Of each search, members of a generation, and searches of a reading.
     unknowns : int
         Parameters that are searched at most, those that move the fitted numbers most.
-    config, readings, jobs, out, force
+    config, readings, jobs, out, formats, figures, force
         As of `ensemble`.
     """
     given = {**locals()}
@@ -222,6 +235,8 @@ def predict(
     seed: int | None = None,
     readings: str | None = None,
     out: str | Path = "reports/predict",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Predict what experiments on a bench would give under each reading.
@@ -247,6 +262,8 @@ def tune(
     seed: int | None = None,
     jobs: int = -1,
     out: str | Path = "reports/tune",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Tune every law on the same plants, and compare them; an interrupted call goes on.
@@ -259,7 +276,7 @@ def tune(
         Name -> function of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
         Also plants on which the published gains are unstable.
-    config, set, seed, jobs, out, force
+    config, set, seed, jobs, out, formats, figures, force
         As of `ensemble`; the seed is that of the searches.
     """
     given = {**locals()}
@@ -274,6 +291,8 @@ def validate(
     *,
     set: Changes = None,
     out: str | Path = "reports/validate",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Compare measured data with paper and model; results are written to `out`."""
@@ -350,11 +369,13 @@ def ingest(
     return run_ingest(files, Path(mapping), Path(out), force=force, dry_run=False, talk=talk, confirm=confirm)
 
 
-def figures(out: str | Path = "reports", names: Sequence[str] = (), *, force: bool = False) -> list[Path]:
-    """Draw figures again from stored traces, all or those named."""
+def figures(
+    out: str | Path = "reports", names: Sequence[str] = (), *, formats: Formats = None, force: bool = False
+) -> list[Path]:
+    """Draw figures again from stored traces, all or those named; `formats` are as of `ensemble`."""
     from tendonrepro.experiments.command import redraw
 
-    return redraw(Path(out), list(names) or None, force=force)
+    return redraw(Path(out), list(names) or None, force=force, formats=formats_of(formats))
 
 
 def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:

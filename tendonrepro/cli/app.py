@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 from tendonrepro import __version__
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import data_app, study_app
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
 
@@ -166,7 +166,12 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
 
 @command(app, "tendonrepro figures 14 15")
 def figures(
-    terminal: Terminal, names: list[str] | None = None, *, out: Path = Path("reports"), force: bool = False
+    terminal: Terminal,
+    names: list[str] | None = None,
+    *,
+    out: Path = Path("reports"),
+    formats: str | None = None,
+    force: bool = False,
 ) -> None:
     """Draw figures again from stored traces.
 
@@ -181,7 +186,7 @@ def figures(
     """
     from tendonrepro.experiments.command import redraw
 
-    terminal.list_files(redraw(out, names, force=force))
+    terminal.list_files(redraw(out, names, force=force, formats=formats_of(formats)))
 
 
 @command(app, "tendonrepro tables --out reports/compare")

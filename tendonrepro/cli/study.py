@@ -8,7 +8,7 @@ from typing import Literal
 import typer
 
 from tendonrepro.cli.options import Terminal, command, options_of
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
@@ -166,7 +166,9 @@ def statics(request: Request, terminal: Terminal) -> None:
 
 
 @command(
-    study_app, "tendonrepro recover data/measured.h5", without=("config", "overrides", "seed", "controllers")
+    study_app,
+    "tendonrepro recover data/measured.h5",
+    without=("config", "overrides", "seed", "controllers", "formats", "no_figures"),
 )
 def recover(request: Request, terminal: Terminal, log: Path) -> None:
     """Which controller made a log, or why that cannot be told.
@@ -191,6 +193,8 @@ def claims(
     baseline: Path | None = None,
     measured: Path | None = None,
     all: bool = False,
+    formats: str | None = None,
+    no_figures: bool = False,
     force: bool = False,
 ) -> int:
     """The verdict on every published number and claim.
@@ -214,7 +218,10 @@ def claims(
     """
     from tendonrepro.verdicts.command import run_claims
 
-    found = run_claims(out, ids or (), baseline, terminal.talk, measured, every=all, force=force)
+    kinds = formats_of(formats, figures=not no_figures)
+    found = run_claims(
+        out, ids or (), baseline, terminal.talk, measured, every=all, force=force, formats=kinds
+    )
     terminal.show(found.data, found.text)
     return 3 if check and found.failed else 0
 

@@ -71,8 +71,10 @@ class EnsembleConfig(Model):
             "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
             "trapezoidal": 2.0 * (stroke + box.hold.highest),
             "fast_sine": FAST_PERIOD,
+            "ramp": 2.0 * (box.rise.highest + box.hold.highest),
         }
-        kind = max(box.motion.choices, key=lambda kind: cycles[kind])
+        # Ramps are a reading as well.
+        kind = max((*box.motion.choices, "ramp"), key=lambda kind: cycles[kind])
         longest = max(2.0 * cycles[kind], self.shortest_run.si + cycles[kind])
         if longest > self.longest_run.si:
             covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"

@@ -10,6 +10,8 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
@@ -19,7 +21,7 @@ from tendonrepro.configuration.models.experiment import CompareConfig, Config, D
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import apply_overrides, parse_override
 from tendonrepro.configuration.strict_model import Model, describe, explain
-from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, load, read_text
+from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, holds, load, read_text
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.files import sha256_of, shipped
 
@@ -110,6 +112,7 @@ class Draft:
             tree[MANIPULATOR] = held.tree
             self._document.places |= {(MANIPULATOR, *key): place for key, place in held.places.items()}
         apply_overrides(self._document, [change for change in changes if change not in naming])
+        self._take_motions_here()
 
     def _take_from_base(self, name: Node) -> None:
         """Fill in the keys that the file leaves to another."""
@@ -131,13 +134,36 @@ class Draft:
         return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """File that a key names, beside the configuration or shipped."""
-        places = [self.folder / name, *([shipped_folder() / name] if shipped else [])]
+        """File that a key names: beside the configuration, or `shipped`.
+
+        What the command line names is looked for in the current folder first.
+        """
+        folders = [*([Path.cwd()] if self._is_option(key) else []), self.folder]
+        folders += [shipped_folder()] if shipped else []
+        places = list(dict.fromkeys(folder / name for folder in folders))
         path = next((place for place in places if place.is_file()), None)
         if path is None:
-            looked = " and ".join(dict.fromkeys(map(str, places)))
-            self.refuse(key, f"no file {name!r}", f"Looked for {looked}.")
+            self.refuse(key, f"no file {name!r}", f"Looked for {' and '.join(map(str, places))}.")
         return path
+
+    def _is_option(self, key: Key) -> bool:
+        """Whether the command line gave an entry; such a place has no line."""
+        return not self._document.place(key).line
+
+    def _take_motions_here(self) -> None:
+        """Give the whole path of motions that the command line names and the current folder has.
+
+        A name that stays as it is begins at the configuration's folder, for whoever reads it later.
+        """
+        runs = self.tree.get("runs")
+        for path in (("reference",), *(("runs", run, "reference") for run in runs or ())):
+            node: Any = self.tree
+            for part in path:
+                node = node[part] if holds(node, part) else None
+            if isinstance(node, dict) and isinstance(name := node.get("file"), str):
+                here = Path.cwd() / name
+                if here.is_file() and self._is_option((*path, "file")):
+                    node["file"] = str(here)
 
     def where(self, path: Key) -> str:
         """Place of an entry: the option that set it, else ``file:line``."""
@@ -213,10 +239,12 @@ def load_config(
         for path, held in references.items()
         if isinstance(held, Sampled)
     ]
-    content = {
-        "config": config.model_dump(mode="json", exclude_defaults=True),
-        "trajectories": [sha256_of(path) for path in trajectories],  # they count by their content
-    }
+    written = config.model_dump(mode="json", exclude_defaults=True)
+    for path, held in references.items():
+        if isinstance(held, Sampled):
+            reduce(getitem, path, written)["file"] = ""
+    # Trajectories count by their content, wherever they lie.
+    content = {"config": written, "trajectories": [sha256_of(path) for path in trajectories]}
     return LoadedConfig(
         config=config,
         tree=draft.tree,

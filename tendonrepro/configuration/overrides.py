@@ -39,6 +39,9 @@ def _apply(document: Document, path: Key, value: Node) -> None:
     option = _option(path)
     ending = [place for place in document.places if place[-len(path) :] == path]
     if ending and not holds(document.tree, path[0]):
+        # Of many, a key inside something that is named after it: the payload of the run with payload.
+        word = str(path[0])
+        ending.sort(key=lambda place: not any(word in str(part) for part in place[: -len(path)]))
         meant = " or ".join(repr(_dotted(place)) for place in ending[:3])
         raise ConfigError(f"unknown key {_dotted(path)!r}, did you mean {meant}?", where=option)
     nodes: list[Any] = [document.tree]

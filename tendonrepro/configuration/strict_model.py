@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from tendonrepro.configuration.strict_yaml import Document, Key, holds
+from tendonrepro.console import count_of
 from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
 Mistakes: TypeAlias = Iterable[tuple[Key, str]]
@@ -96,9 +97,8 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
         words = _words(detail, path, meant.get(path))
         found.append((document.place(path), f"{name}: {words}" if name else words))
     found.sort(key=lambda mistake: mistake[0])
-    count = "1 mistake" if len(found) == 1 else f"{len(found)} mistakes"
     lines = (f"{place}: {message}" for place, message in found)
-    return ConfigError("\n".join([f"{count} in the configuration", *lines]))
+    return ConfigError("\n".join([f"{count_of(len(found), 'mistake')} in the configuration", *lines]))
 
 
 def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:

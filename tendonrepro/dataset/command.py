@@ -13,7 +13,7 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
@@ -196,6 +196,8 @@ def ingest_text(found: Mapping[str, Any]) -> str:
     lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:
-        lines.append(f"  {len(found['guesses'])} guesses: check the mapping, then say --confirm")
+        lines.append(
+            f"  {count_of(len(found['guesses']), 'guess', 'guesses')}: check the mapping, then say --confirm"
+        )
     lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
     return "\n".join(lines)

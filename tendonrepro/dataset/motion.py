@@ -12,6 +12,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.reference import FEWEST
 from tendonrepro.configuration.published import COMPARED
+from tendonrepro.console import count_of
 from tendonrepro.dataset.windows import Timing
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.trajectory import sampled
@@ -138,12 +139,12 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
     there = np.isfinite(values).all(axis=1)
     time, kept = trace.time[there], values[there]
     if len(time) < FEWEST:
-        message = f"run {trace.name!r} holds {len(time)} samples of {name}, {FEWEST} are needed"
+        message = f"run {trace.name!r} holds {count_of(len(time), 'sample')} of {name}, {FEWEST} are needed"
         raise DataMissingError(message)
     time = time - time[0]
     step = float(np.median(np.diff(time)))
     if time[-1] > 10.0 * step * len(time):
-        message = f"run {trace.name!r} pauses: {len(time)} samples of {name} in {time[-1]:.4g} s"
+        message = f"run {trace.name!r} pauses: {count_of(len(time), 'sample')} of {name} in {time[-1]:.4g} s"
         raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")
     if not np.ptp(kept, axis=0).any():
         raise DataMissingError(f"run {trace.name!r}: {name} does not move")

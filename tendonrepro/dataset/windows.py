@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import Published, rounding
+from tendonrepro.console import count_of
 from tendonrepro.physics.metrics import windows
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS, sizes_deg
@@ -109,8 +110,9 @@ class PrintedTables:
         """What was found, and what it is worth."""
         if not self.compared:
             return "The file holds no run of Tables 2 and 3."
+        tried = count_of(len(self.tried), "window")
         return (
-            f"Of {len(self.tried)} windows tried, {self.best.name} gives most: {len(self.best.agree)} of "
+            f"Of {tried} tried, {self.best.name} gives most: {len(self.best.agree)} of "
             f"{self.compared} printed numbers. Were errors independent and spread evenly within "
             f"{100 * SPREAD:g} % of the print, the chance of as many by accident would be {self.chance:.2g}."
         )

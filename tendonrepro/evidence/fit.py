@@ -109,9 +109,11 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     if not best:
         return []
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
-    # Free coefficients fit as well where the reference's acceleration is not used.
-    absent = [one.unaccelerated for one in (*printed, *best[:3])]
-    found = [fitted(log, joint, one, rounding) for one in dict.fromkeys([*printed, *best, *absent])]
+    tried = list(dict.fromkeys([*printed, *best]))
+    if log.ddq_d[:, joint].any():
+        # Coefficients that were free did without the acceleration where it was absent.
+        tried += [one.without_acceleration() for one in tried]
+    found = [fitted(log, joint, one, rounding) for one in tried]
     if all(fit.residual > SAME * fit.step for fit in found):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))
@@ -159,7 +161,9 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     errors = torque**2 / 12.0, 6.0 * angle**2 / 12.0 / log.L**4
     error = _residual(whole, coefficients(parameters, hypothesis)) / noise
     count = parameters.size + (hypothesis.newest < 1.0)
-    scaled = whole[:, :-1] / np.linalg.norm(whole[:, :-1], axis=0)
+    scaled = whole[:, :-1] / _sizes(whole[:, :-1])
+    # What is zero throughout, such as the acceleration of a ramp, is no regressor.
+    scaled = scaled[:, scaled.any(axis=0)]
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
@@ -217,8 +221,7 @@ def _bias(
     variance = np.zeros(found.size)
     variance[:2], variance[2:4] = errors
     moved = factor @ slopes
-    scale = np.linalg.norm(moved, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = _sizes(moved)
     square = (moved / scale).T @ (moved / scale)
     shift = np.linalg.lstsq(square, slopes.T @ (samples * variance * found) / scale, rcond=1e-14)[0] / scale
     return float(np.abs(shift[:2]).max())
@@ -240,8 +243,14 @@ def _constrained(factor: Array, hypothesis: Hypothesis) -> Array:
 
 def _free(factor: Array, _: Hypothesis) -> Array:
     """Coefficients that fit best, whatever the parameters."""
-    scale = np.linalg.norm(factor[:, :-1], axis=0)
+    scale = _sizes(factor[:, :-1])
     return np.asarray(np.linalg.lstsq(factor[:, :-1] / scale, factor[:, -1], rcond=1e-12)[0] / scale)
+
+
+def _sizes(columns: Array) -> Array:
+    """Norms of columns; 1 of one that is zero throughout."""
+    sizes = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.where(sizes == 0.0, 1.0, sizes))
 
 
 def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothesis:

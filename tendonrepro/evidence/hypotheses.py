@@ -116,9 +116,8 @@ class Hypothesis:
         for axis, value in FILTERS:
             yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
 
-    @property
-    def unaccelerated(self) -> Hypothesis:
-        """The same without the reference's acceleration."""
+    def without_acceleration(self) -> Hypothesis:
+        """Of a law that does not get the reference's acceleration."""
         return replace(self, settings=(*self.settings, ("reference_acceleration", "absent")))
 
     @property
@@ -184,8 +183,10 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
     if held["estimate_filter"] == "acceleration":
         ddq = _low_pass(ddq, hypothesis.newest)
     desired, ddq_d = log.dq_d[:, i], log.ddq_d[:, i]
-    if held["reference_acceleration"] == "late":
-        desired, ddq_d = (_low_pass(values, hypothesis.newest) for values in (desired, ddq_d))
+    if held["reference_acceleration"] == "absent":
+        ddq_d = np.zeros_like(ddq_d)
+    elif held["reference_acceleration"] == "late":
+        desired, ddq_d = (_low_pass(rate, hypothesis.newest) for rate in (desired, ddq_d))
     if held["error_rate"] == "difference_of_error":
         desired = (log.q_d[:, i] - _back(log.q_d[:, i], 1)) / L
     e, de = log.q_d[:, i] - q, desired - (q - _back(q, 1)) / L
@@ -214,8 +215,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
 def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
     """Coefficients of the regressors from the ``parameters`` of a `Fit`."""
     w_1, w_2, M_bar, first, second = parameters
-    forward = float(hypothesis.readings["reference_acceleration"] != "absent")
-    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, forward * M_bar]
+    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
     if hypothesis.surface == LINEAR:
         return np.array([*head, M_bar * first, M_bar * second])
     rate = 1.0 if hypothesis.readings["eta_in_controller_2"] == "dropped" else second
@@ -230,7 +230,7 @@ def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
         [0.0, 1.0, 0.0, 0.0, 0.0],
         [-M_bar, 0.0, -w_1, 0.0, 0.0],
         [0.0, -M_bar, -w_2, 0.0, 0.0],
-        [0.0, 0.0, float(hypothesis.readings["reference_acceleration"] != "absent"), 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0],
         [0.0, 0.0, first, M_bar, 0.0],
     ]
     if hypothesis.surface == LINEAR:

@@ -47,6 +47,8 @@ AT_ONCE = 16
 """Plants simulated together."""
 
 Loops: TypeAlias = Mapping[str, Loop]
+Gaps: TypeAlias = Mapping[tuple[str, str], float]
+"""By pair of readings."""
 Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
 """From a configuration, its folder and its loops to the loop of the changed run."""
 
@@ -87,10 +89,16 @@ def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     loop = loops[FIRST]
     held, L = loop.reference, loop.L
     time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
-    angle = CubicSpline(held.time, held.q_d)
     half = 0.5 * time
-    slow = DesiredMotion(time, angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2), 2.0 * held.period)
-    return replace(loop, reference=slow)
+    if held.ddq_d.any():
+        angle = CubicSpline(held.time, held.q_d)
+        rates = angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2)
+    else:
+        # Straight lines keep their corners.
+        before = np.arange(time.size) // 2
+        q_d = np.stack([np.interp(half, held.time, column) for column in held.q_d.T], axis=1)
+        rates = q_d, 0.5 * held.dq_d[before], np.zeros_like(q_d)
+    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * held.period))
 
 
 def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
@@ -179,7 +187,7 @@ def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = REA
     digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
     base = replace(loaded.base, sha256=digest, origin=loaded.origin)
     return run_study(
-        "predict", base, request, lambda: study_predict(loaded, talk, draws=draws, readings=readings), talk
+        "predict", base, request, lambda _: study_predict(loaded, talk, draws=draws, readings=readings), talk
     )
 
 
@@ -192,12 +200,13 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
     chosen, joints = named_readings(readings), loaded.compare.joints
     found = list(predictions(loaded, chosen, draws, talk))
     names = [held.name for held in chosen]
-    told = told_apart(found, names)
-    never = never_told_apart(told, names)
+    gaps = gaps_between(found, names)
+    told, never = told_apart(gaps), never_told_apart(gaps, names)
     experiments = [
         {
             "name": one.name,
             "about": one.about,
+            "judged_pairs": len(gaps[one.name]),
             "told_apart": [*map(list, told[one.name])],
             "gaps": [*told[one.name].values()],
             "ratios": [vars(row) for row in found if row.experiment == one.name],
@@ -213,7 +222,7 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
         "experiments": experiments,
     }
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints)}
-    return Outcome(data, _tables(found, told, never, draws), figures)
+    return Outcome(data, _tables(found, gaps, never, draws), figures)
 
 
 def predictions(
@@ -257,11 +266,12 @@ def _ratios(
             yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
 
 
-def told_apart(
-    found: Sequence[Prediction], readings: Sequence[str]
-) -> dict[str, dict[tuple[str, str], float]]:
-    """Pairs of readings that each experiment tells apart, with the wider joint's gap of 90 % ranges."""
-    told: dict[str, dict[tuple[str, str], float]] = {}
+def gaps_between(found: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
+    """Gap of 90 % ranges, on the joint where it is widest, by experiment and pair of readings.
+
+    Pairs that overlap have a negative gap, and pairs with an unknown range none.
+    """
+    held: dict[str, Gaps] = {}
     for experiment in dict.fromkeys(row.experiment for row in found):
         rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}
         joints = dict.fromkeys(joint for _, joint in rows)
@@ -269,44 +279,52 @@ def told_apart(
             (a, b): max(_gap(rows[a, joint], rows[b, joint]) for joint in joints)
             for a, b in combinations(readings, 2)
         }
-        told[experiment] = {pair: gap for pair, gap in gaps.items() if gap > 0.0}
-    return told
+        held[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
+    return held
 
 
-def never_told_apart(
-    told: Mapping[str, Mapping[tuple[str, str], float]], readings: Sequence[str]
-) -> list[list[str]]:
-    """Pairs of readings that no experiment tells apart."""
-    return [[*pair] for pair in combinations(readings, 2) if not any(pair in gaps for gaps in told.values())]
+def told_apart(gaps: Mapping[str, Gaps]) -> dict[str, Gaps]:
+    """Pairs of readings that each experiment tells apart, with their gaps."""
+    return {name: {pair: gap for pair, gap in held.items() if gap > 0.0} for name, held in gaps.items()}
+
+
+def never_told_apart(gaps: Mapping[str, Gaps], readings: Sequence[str]) -> list[list[str]]:
+    """Pairs of readings that no experiment tells apart, of those with a known gap."""
+    widest: dict[tuple[str, str], float] = {}
+    for held in gaps.values():
+        for pair, gap in held.items():
+            widest[pair] = max(gap, widest.get(pair, gap))
+    return [[*pair] for pair in combinations(readings, 2) if widest.get(pair, 1.0) <= 0.0]
 
 
 def _gap(a: Prediction, b: Prediction) -> float:
-    """Gap between two ranges; negative where they meet or one is unknown."""
+    """Gap between two ranges; negative where they meet, minus infinity where one is unknown."""
     gap = max(a.low, b.low) - min(a.high, b.high)
     return gap if np.isfinite([a.low, b.low]).all() else -np.inf
 
 
 def _tables(
-    found: Sequence[Prediction],
-    told: Mapping[str, Mapping[tuple[str, str], float]],
-    never: Sequence[Sequence[str]],
-    draws: int,
+    found: Sequence[Prediction], gaps: Mapping[str, Gaps], never: Sequence[Sequence[str]], draws: int
 ) -> list[Table | str]:
-    widest = {name: max(gaps.values(), default=0.0) for name, gaps in told.items()}
-    telling = sorted(EXPERIMENTS, key=lambda one: -widest[one.name])
-    rows = [
-        {
-            "experiment": one.about,
-            "widest_gap": widest[one.name],
-            "narrowest_gap": min(told[one.name].values(), default=0.0),
-            "pairs_told_apart": len(told[one.name]),
-        }
-        for one in telling
-    ]
+    told = told_apart(gaps)
+    telling = sorted(EXPERIMENTS, key=lambda one: -max(told[one.name].values(), default=0.0))
+    rows = []
+    for one in telling:
+        # Where no pair could be judged, zeros would be findings.
+        apart = [*told[one.name].values()] if gaps[one.name] else None
+        rows.append(
+            {
+                "experiment": one.about,
+                "widest_gap": None if apart is None else max(apart, default=0.0),
+                "narrowest_gap": None if apart is None else min(apart, default=0.0),
+                "pairs_told_apart": None if apart is None else len(apart),
+            }
+        )
     caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
     ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
-    untold = [{"interpretation": a, "and": b} for a, b in never]
+    pairs = never if any(gaps.values()) else [(None, None)]
+    untold = [{"interpretation": a, "and": b} for a, b in pairs]
     few = sum(row.plants < LEAST for row in found)
     remark = (
         f"{few} of {len(found)} ranges have fewer than {LEAST} stable plants, and tell nothing: more --draws"

@@ -43,6 +43,13 @@ NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", 
 OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
 SAME_NUMBER = 0.02
 """How close M_bar comes to the published one times a unit of the torque."""
+OTHER = 0.1
+"""Difference of the error's gain from the published one from which gains count as others."""
+_WEIGHTS = {
+    "interpolating": "as published",
+    "extrapolating": "extrapolated (1 + α and −α)",
+    "swapped": "exchanged (α and 1 − α)",
+}
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
@@ -106,7 +113,9 @@ class Recovered:
         if self.best.bias > CLOSE:
             return UNTOLD
         if balanced and self.unexplained <= allowed:
-            return self.by_gains
+            # Weights that no interpretation has come from noise, unless the log is exact.
+            is_named = bool(self.nearest_weights) or self.unexplained <= FAITHFUL
+            return self.by_gains if is_named else UNTOLD
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
@@ -176,9 +185,12 @@ class Recovered:
     @property
     def weights(self) -> str:
         """Interpretation of Eq. (15) that alone has the weights of a recovered log."""
-        if self.answer != RECOVERED:
-            # Noise of the record makes light weights fit best, whatever the true ones.
-            return ""
+        # Noise of the record makes light weights fit best, whatever the true ones.
+        return self.nearest_weights if self.answer == RECOVERED else ""
+
+    @property
+    def nearest_weights(self) -> str:
+        """Interpretation of Eq. (15) that alone has the weights of the best fit."""
         alpha = self.expected.control.gains.alpha.si
         named = {"tde": np.array([1.0, 0.0])} | {
             name: estimator_weights(alpha, name)[:, self.place]
@@ -187,6 +199,27 @@ class Recovered:
         reach = self.half[:2] + CLOSE
         near = [name for name, w in named.items() if (np.abs(w - self.best.parameters[:2]) <= reach).all()]
         return near[0] if len(near) == 1 else ""
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        where = f"{self.run}, joint {self.joint}"
+        if self.answer == UNTOLD:
+            return f"{where}: cannot tell. {self.advice}"
+        if self.answer == NONE:
+            return f"{where}: none of the paper's controllers. {self.advice}".rstrip()
+        is_linear, how = self.best.hypothesis.surface == LINEAR, _WEIGHTS.get(self.weights, "of its own")
+        plain = "Controller 3" if is_linear else "Controller 2"
+        with_alpha = "Controller 3 with α" if is_linear else "Controller 1"
+        which = plain if self.weights == "tde" else f"{with_alpha}, weights {how}"
+        M_bar, (gain, _) = self.best.parameters[2], self.position_gain
+        published = float(self.expected.control.gains.M_bar.si[self.place])
+        others = abs(M_bar / published - 1.0) > CLOSE or abs(gain - 1.0) > OTHER
+        readings = self.best.hypothesis.name
+        text = f"{where}: {which}, {'other gains' if others else 'gains as published'}"
+        text += "" if readings == "printed" else f", with {readings}"
+        as_good = len(equally_good(self.found)) - 1
+        return f"{text}. {f'{as_good} other interpretations fit as well.' if as_good else ''}".rstrip()
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
         """Name, value, half of the 90 % interval and expected value.
@@ -314,7 +347,8 @@ def study_recover(path: Path, talk: Talk) -> Outcome:
         "gains_from": "configuration" if own else "paper",
         "runs": [_data(one) for one in held],
     }
-    return Outcome(data, [*([OWN_GAINS] if own else []), *_tables(held)])
+    sentences = "\n".join(one.sentence for one in held)
+    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(held)])
 
 
 def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
@@ -322,12 +356,13 @@ def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
     file, loaded = read_traces(path), load_config(None, "compare")
     digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
     return run_study(
-        "recover", replace(loaded, sha256=digest), request, lambda: study_recover(path, talk), talk
+        "recover", replace(loaded, sha256=digest), request, lambda _: study_recover(path, talk), talk
     )
 
 
 def _data(one: Recovered) -> dict[str, Any]:
     head: dict[str, Any] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
+    head["sentence"] = one.sentence
     if not one.found:
         return head
     return head | {
@@ -336,7 +371,7 @@ def _data(one: Recovered) -> dict[str, Any]:
         "weights": one.weights,
         "parameters": {
             name: {"value": value, "half_90": half, "published": published}
-            for name, value, half, published in one.parameters()
+            for name, value, half, published in (one.parameters() if one.prints_weights else ())
         },
         "equally_good": [_named(fit) for fit in equally_good(one.found)],
         "unexplained": one.unexplained,
@@ -344,8 +379,8 @@ def _data(one: Recovered) -> dict[str, Any]:
         "torque_rounding": one.torque_rounding,
         "angle_rounding": one.angle_rounding,
         "period": one.log.L,
-        "position_gain": one.position_gain[0],
-        "position_gain_half_90": one.position_gain[1],
+        "position_gain": one.position_gain[0] if one.prints_weights else None,
+        "position_gain_half_90": one.position_gain[1] if one.prints_weights else None,
         "condition": one.best.condition,
         "bias": one.best.bias,
         "samples": one.best.samples,
@@ -363,10 +398,10 @@ def _tables(held: list[Recovered]) -> list[Table]:
             "run": one.run,
             "joint": one.joint,
             "answer": one.answer,
-            "surface": one.best.hypothesis.surface if one.found else None,
-            "readings": one.best.hypothesis.name if one.found else None,
+            "surface": one.best.hypothesis.surface if one.prints_weights else None,
+            "readings": one.best.hypothesis.name if one.prints_weights else None,
             "as_good": len(equally_good(one.found)) - 1 if one.found else None,
-            "weights": one.weights if one.found else None,
+            "weights": one.weights or None,
             "unexplained": one.unexplained if one.found else None,
             "advice": one.advice,
         }
@@ -380,6 +415,7 @@ def _tables(held: list[Recovered]) -> list[Table]:
             for key, number in ((name, value), (f"{name}_half_90", half))
         }
         for one in fitted
+        if one.prints_weights
     ]
     tried = [
         {

@@ -12,7 +12,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
-from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun, errors_from
 from tendonrepro.configuration.models.reference import (
     InTurns,
     PerJoint,
@@ -207,6 +207,9 @@ def build_loops(
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
+        if errors_from(config) >= reference.time[-1]:
+            message = f"must be before the end of the motion, {reference.time[-1]:g} s"
+            raise ConfigError(message, where="errors_from")
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))
             yield name, _compare_loop(config, run, controller, reference)

@@ -11,7 +11,8 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
-from tendonrepro.console import Talk
+from tendonrepro.configuration.models.experiment import errors_from
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
 from tendonrepro.experiments.rig import plant_record
@@ -70,7 +71,7 @@ def begin_all(
     begun = start(_simulated, runs)
 
     def collected() -> Iterator[list[Trace]]:
-        with talk.bar(f"simulating {len(runs)} runs", len(runs)) as progress:
+        with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
             traces = iter(list(counted(begun, progress)))
         for one in experiments:
             yield [next(traces) for _ in one.loops]
@@ -100,7 +101,7 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
     """Simulate by the stepper of ensembles, which refuses a plant too fast for it."""
     from tendonrepro.simulation.batch import simulate_batch
 
-    with talk.bar(f"simulating {len(loops)} runs", len(loops)) as progress:
+    with talk.bar(f"simulating {count_of(len(loops), 'run')}", len(loops)) as progress:
         batch = simulate_batch(
             [*loops.values()], loaded.config.status, progress=progress, record=True, tolerance=PRECISE
         )
@@ -139,6 +140,7 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
         "start_offset": loop.start_angles.tolist(),
         "friction_scale": friction_scale(chosen),
         "reference_lag": loop.reference_lag,
+        "errors_from": errors_from(config),
     }
     if isinstance(loop.controller, TimeDelayController):
         newer, older = loop.controller.law.weights

@@ -108,7 +108,7 @@ class Survey(NamedTuple):
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
     """Survey the tensions, and write the results."""
     loaded = request.load("decouple")
-    return run_study("statics", loaded, request, lambda: study_statics(loaded), talk)
+    return run_study("statics", loaded, request, lambda _: study_statics(loaded), talk)
 
 
 def study_statics(loaded: LoadedConfig) -> Outcome:

@@ -15,7 +15,7 @@ from tendonrepro.configuration.load import LoadedConfig, config_digest, find_sou
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import Node, load
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.physics.metrics import STATUSES
@@ -66,7 +66,7 @@ class Sweep(NamedTuple):
 def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
     """Run the comparison over one or two of ``dotted.key=a,b,c``, and write the results."""
     sweep = load_sweep(request, over)
-    return run_study("sweep", sweep.base, request, lambda: study_sweep(sweep, over, talk), talk)
+    return run_study("sweep", sweep.base, request, lambda _: study_sweep(sweep, over, talk), talk)
 
 
 def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
@@ -168,7 +168,7 @@ def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[f
 def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
     """Simulate every run of every point; what does not exist is NaN."""
     total = sum(len(point.loops) for point in sweep.points)
-    with talk.bar(f"simulating {total} runs", total) as progress:
+    with talk.bar(f"simulating {count_of(total, 'run')}", total) as progress:
         points = [_simulate_point(point, progress) for point in sweep.points]
     status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
     config = sweep.points[0].loaded.config

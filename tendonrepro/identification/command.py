@@ -20,7 +20,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
 from tendonrepro.identification import report
@@ -38,7 +38,6 @@ from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -172,16 +171,17 @@ def run_identify(
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        text = f"identify would make {len(head['searches'])} searches of {head['evaluations']} plants"
+        searches = count_of(len(head["searches"]), "search", "searches")
+        text = f"identify would make {searches} of {head['evaluations']} plants"
         plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
         return head | plan | {"text": f"{text}\nwould write to {folder}"}
     states = f"search-{identity[:16]}"  # those of another search are not taken up
 
-    def study() -> Outcome:
-        found = _searches(task, unfinished(folder) / states, jobs, talk)
+    def study(made_in: Path) -> Outcome:
+        found = _searches(task, made_in / states, jobs, talk)
         data = head | {"readings": [found[held.name][0] for held in named]}
         data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-        report.write_config(unfinished(folder) / report.CONFIG, found[report.best_of(data)["name"]][1], data)
+        report.write_config(made_in / report.CONFIG, found[report.best_of(data)["name"]][1], data)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         config = {
             "origin": base.origin,
@@ -209,7 +209,7 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
-    with talk.resumable(), talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
+    with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)
         with closing(as_ready(work, range(len(cases)), processes)) as stream:

@@ -16,7 +16,7 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import under
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import build_law, build_loops, reference_lag, run_status
+from tendonrepro.experiments.loops import build_law, build_loops, build_reference, reference_lag, run_status
 from tendonrepro.experiments.rig import build_actuator, build_encoder
 from tendonrepro.monte_carlo.box import configured, scrambled_sobol
 from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
@@ -24,7 +24,7 @@ from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
-from tendonrepro.simulation.loop import Loop, TimeDelayController
+from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 
 Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
@@ -33,8 +33,10 @@ Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
 DRAWS_AT_ONCE = 32
 """Draws simulated together; more fill the lanes better; each has motions of some 3 MB."""
 
-_MOTION = {"joints", "posture", "reference", "sampling_period"}
-"""Sections that the desired motion depends on."""
+_MOTION = {"motion", "sampling_period"}
+"""Axes of readings that the desired motion depends on."""
+
+_Settings: TypeAlias = tuple[tuple[str, str], ...]
 
 IDEAL = Encoder(resolution=0.0, noise=0.0)
 
@@ -77,17 +79,20 @@ def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
     try:
         config = configured(study.loaded.base, box, row)
         printed = dict(build_loops(config, folder))
+        motions: dict[tuple[tuple[str, str], ...], DesiredMotion] = {
+            (): next(iter(printed.values())).reference
+        }
         others: dict[tuple[tuple[str, str], ...], Mapping[str, Loop]] = {}
         for run, case in study.cases:
             changed = under(case, config, draw)
-            sections = _differing(changed, config)
-            parts = _differing(changed.manipulator, config.manipulator)
-            if sections <= {"control", "manipulator"} and parts <= {"actuator", "encoders"}:
-                yield _refitted(printed[run], changed, run)
+            moving = tuple(setting for setting in case.settings if setting[0] in _MOTION)
+            if moving not in motions:
+                motions[moving] = build_reference(changed.reference, changed, folder)
+            if _same_plant(changed, config, run):
+                yield replace(_refitted(printed[run], changed, run), reference=motions[moving])
                 continue
             if case.settings not in others:
-                reference = None if sections & _MOTION else printed[run].reference
-                others[case.settings] = dict(build_loops(changed, folder, reference))
+                others[case.settings] = dict(build_loops(changed, folder, motions[moving]))
             yield others[case.settings][run]
     except TendonreproError as error:
         message = f"a draw of {block} cannot be run: {error.message}"
@@ -99,14 +104,23 @@ def _differing(changed: Model, before: Model) -> set[str]:
     return {name for name in type(before).model_fields if getattr(changed, name) is not getattr(before, name)}
 
 
+def _same_plant(changed: CompareConfig, before: CompareConfig, run: str) -> bool:
+    """Whether a run has the plant and sampling period that it had."""
+    parts = _differing(changed.manipulator, before.manipulator)
+    same = _differing(changed, before) <= {"control", "manipulator", "reference", "runs"}
+    friction = changed.runs[run].friction_scale is before.runs[run].friction_scale
+    return same and friction and parts <= {"actuator", "encoders"}
+
+
 def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
-    """Build only law and instruments of a loop anew."""
-    encoders = changed.manipulator.encoders
+    """Build only law, instruments and start of a loop anew."""
+    encoders, offset = changed.manipulator.encoders, changed.runs[run].start_offset
     return replace(
         loop,
         controller=TimeDelayController(build_law(changed, changed.runs[run].law)),
         cold=changed.control.readings.start == "cold",
         reference_lag=reference_lag(changed),
+        start_offset=offset.si if offset else None,
         joint_encoder=build_encoder(encoders.joint),
         motor_encoder=build_encoder(encoders.motor),
         actuator=build_actuator(changed),

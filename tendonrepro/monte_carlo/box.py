@@ -16,7 +16,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import FAST_PERIOD, EnsembleConfig
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
-from tendonrepro.configuration.models.readings import AXES, as_printed
+from tendonrepro.configuration.models.readings import AXES, UNDER_READINGS, as_printed
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.physics.trajectory import trapezoid_times
@@ -112,18 +112,22 @@ def _si_numbers(name: str, row: BoxRow) -> tuple[float, float, float, Array]:
 def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int) -> Array:
     """Points (count, P) of a scrambled Sobol sequence in the unit cube, from number `first` on, from 0.
 
-    Each depends on its number, seed and replicate alone.
+    Each depends on its number, seed and replicate alone. Rows that act under some readings alone are
+    scrambled after the others, and so do not move them.
     """
     from scipy.stats import qmc
 
-    rng = np.random.default_rng([seed, replicate])
-    engine = qmc.Sobol(len(box.names), scramble=True, seed=rng)
-    if first > 0:
-        engine.fast_forward(first)
-    with warnings.catch_warnings():
-        # A block is a part of a power of two, not one itself.
-        warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
-        return np.asarray(engine.random(count), dtype=np.float64)
+    always, columns = len(box.names) - len(UNDER_READINGS), []
+    for key, rows in (([seed, replicate], slice(0, always)), ([seed, replicate, 1], slice(always, None))):
+        dimensions = len(box.names[: rows.stop])
+        engine = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(key))
+        if first > 0:
+            engine.fast_forward(first)
+        with warnings.catch_warnings():
+            # A block is a part of a power of two, not one itself.
+            warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
+            columns.append(engine.random(count)[:, rows])
+    return np.concatenate(columns, axis=1)
 
 
 def evolution(start: Array, width: float, population: int, generator: np.random.Generator) -> Any:
@@ -163,9 +167,11 @@ def _drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run
     # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
     tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
     tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
+    tree["control"]["reference_lag"] = _drawn(draw["reference_lag"], "s", "reference_lag")
     tree["reference"] = _reference(draw, shortest_run)
     tree["disturbance"] = _disturbance(draw)
-    checksum = zlib.crc32(np.array([*draw.values()]).tobytes())
+    always = [value for name, value in draw.items() if name not in UNDER_READINGS]
+    checksum = zlib.crc32(np.array(always).tobytes())
     tree["seed"] = _drawn(checksum, "1", "its checksum, so that each has its own noise")
     return tree
 
@@ -277,7 +283,7 @@ def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]
 
 def _shape(kind: str, draw: Mapping[str, float]) -> tuple[dict[str, Any], float]:
     """Kind and times of a motion, and its period, s."""
-    if kind == "minimum_jerk":
+    if kind in ("minimum_jerk", "ramp"):
         rise, hold = _on_grid(draw["rise"]), _on_grid(draw["hold"])
         times = {"rise": _drawn(rise, "s", "rise"), "hold": _drawn(hold, "s", "hold")}
         return {"kind": kind, **times}, 2.0 * (rise + hold)

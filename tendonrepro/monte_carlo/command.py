@@ -12,8 +12,8 @@ from typing import Any
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.configuration.request import FORMATS, Request
+from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import Simulate, make_block
@@ -25,7 +25,7 @@ from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, populatio
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
-from tendonrepro.results.study import Outcome
+from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
@@ -69,7 +69,16 @@ def run_ensemble(
     folder = request.folder("ensemble")
     if request.dry_run:
         return _plan(study, draws, folder, force=request.force)
-    return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
+    return run_study(
+        study,
+        draws,
+        folder,
+        jobs=jobs,
+        force=request.force,
+        dask=dask,
+        talk=talk,
+        formats=request.formats,
+    )
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
@@ -85,7 +94,7 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
         "cost": cost,
         "blocks": len(blocks),
         "out": str(folder),
-        "text": f"ensemble: {draws} draws, {len(study.readings)} readings: {cost_text(cost)}",
+        "text": f"ensemble: {draws} draws, {count_of(len(study.readings), 'reading')}: {cost_text(cost)}",
     }
 
 
@@ -117,10 +126,11 @@ def run_study(
     force: bool = False,
     dask: str | None = None,
     simulate: Simulate = simulate_batch,
+    formats: Sequence[str] = FORMATS,
 ) -> dict[str, Any]:
     """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
-    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS) as result:
+    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS, talk=talk) as result:
         shards = result.path / SHARDS
         _take_over(folder / SHARDS, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
@@ -134,7 +144,7 @@ def run_study(
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
-        with talk.resumable(), talk.bar("simulating", len(missing)) as progress, closing(stream):
+        with talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
             for block, image in stream:
                 write_atomically(paths[block], image)
@@ -147,8 +157,8 @@ def run_study(
             "blocks": len(blocks),
         }
         outcome = _outcome(study, draws, result.path, speed)
-        outcome.save(result, "summary")
-        result.manifest = _manifest(study, seconds)
+        outcome.save(result, "summary", formats)
+        result.manifest = _manifest(study, seconds) | figure_formats(formats)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder)}
 
@@ -188,7 +198,8 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
     others = [path for path in shards.iterdir() if path not in ours]
     strangers = [path for path in others if not path.name.startswith(".")]
     if strangers and not force:
-        message = f"an interrupted run of another configuration or version left {len(strangers)} blocks here"
+        left = count_of(len(strangers), "block")
+        message = f"an interrupted run of another configuration or version left {left} here"
         hint = "choose another --out, or say --force to give them up"
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:

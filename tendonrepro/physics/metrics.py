@@ -15,6 +15,10 @@ STATUSES = ("ok", "ringing", "diverged", "unresolved")
 """Statuses by their number in stored results; a plant too fast for the compiled stepper is unresolved."""
 
 
+START = 2.0
+"""Time, s, after which 3 % of an offset at the start are left under the published gains."""
+
+
 def start_level(time: Array, x: Array) -> Array:
     """Level (...) at which a record (T, ...) starts: the median of its first 0.1 s.
 
@@ -69,6 +73,12 @@ def windows(time: Array, period: float) -> dict[str, slice]:
     for k in range(complete):
         found[f"period_{k + 1}"] = slice(edges[k], edges[k + 1])
     return found
+
+
+def without_start(time: Array, seconds: float) -> slice:
+    """Samples of a run from so many seconds after its first on, to half a sampling step."""
+    half = 0.5 * _step(time) if len(time) > 1 else 0.0
+    return slice(int(np.searchsorted(time - time[0], seconds - half)), len(time))
 
 
 def periodogram(x: Array, step: float) -> tuple[Array, Array]:

@@ -15,7 +15,10 @@ from tendonrepro.results.store import MANIFEST
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
-    "compare": ("Controllers: Figures 13 to 16, Tables 2 and 3", ("table2_paper", "table3_paper")),
+    "compare": (
+        "Controllers: Figures 13 to 16, Tables 2 and 3",
+        ("table2_paper", "table3_paper", "without_start"),
+    ),
     "validate": ("The authors' data beside the model", ()),
 }
 """Experiments that stand on the page, each with its title and tables."""

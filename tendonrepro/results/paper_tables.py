@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
+from tendonrepro.physics.metrics import START
 from tendonrepro.results import summary
 from tendonrepro.results.paper import METRICS, beside, of_paper
 from tendonrepro.results.records import Trace, TraceFile
@@ -24,6 +25,8 @@ def _metric_columns(metric: str) -> TableColumns:
     head = f"{metric.upper()} (deg)"
     return {
         f"{metric}_pair": (f"{head}, joint {{joints}}", ""),
+        f"{metric}_whole_pair": (f"{head}, joint {{joints}}", ""),
+        f"{metric}_settled_pair": ("from {seconds:g} s on", ""),
         f"{metric}_printed_pair": ("printed", ""),
         f"{metric}_plausible_pair": ("plausible", ""),
         # "z" keeps a rounded zero from having a sign; as many digits as the paper.
@@ -60,7 +63,8 @@ COLUMNS: TableColumns = {
     "ours": ("Ours", "z.4f"),
     "difference": ("Difference of magnitudes", "z.6f"),
 }
-"""Heading and format of every column, in the order of tables; ``{joints}`` stands for ``2/3``."""
+"""Heading and format of every column, in the order of tables; ``{joints}`` stands for ``2/3``, ``{seconds}``
+for the start that is left out."""
 
 
 def made_tables(file: TraceFile) -> list[Table]:
@@ -74,24 +78,27 @@ def made_tables(file: TraceFile) -> list[Table]:
         if not part.runs:
             continue
         joints = "/".join(map(str, next(iter(part.runs.values())).joint))
+        seconds = left_out(part)
+        over = f"from {seconds:g} s on" if seconds else "over the whole run"
         for name, (make, caption) in tables.items():
             rows = list(make(part))
             columns = {
-                column: (heading.format(joints=joints), form)
+                column: (heading.format(joints=joints, seconds=seconds or START), form)
                 for column, (heading, form) in COLUMNS.items()
                 if any(column in row for row in rows)
             }
             terminal = None if name in _IN_THE_TERMINAL else ()
             if rows:
-                found.append(Table(name, f"{caption} ({origin}).", rows, columns, terminal))
+                about = caption.format(over=over)
+                found.append(Table(name, f"{about} ({origin}).", rows, columns, terminal))
     return found
 
 
 def table_data(file: TraceFile) -> dict[str, Any]:
     """Numbers of an experiment's tables under the keys of ``--json``; lists run over a run's joints.
 
-    ``table2`` and ``table3`` hold `ERRORS` over the whole run, ``windows`` over others, ``printed`` and
-    ``plausible`` what stands `beside`.
+    ``table2`` and ``table3`` hold `ERRORS` over the run without the first ``errors_from`` seconds,
+    ``windows`` over others, ``printed`` and ``plausible`` what stands `beside`.
     """
     both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
     for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
@@ -112,13 +119,15 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         }
 
     windows: dict[str, dict[str, Any]] = {}
+    of_tables = summary.without_start_name(left_out(file))
     for name, trace in file.runs.items():
         for window in summary.tracking_errors(trace):
-            windows.setdefault(window, {})[name] = _lists(_in_degrees(trace, window))
+            windows.setdefault(window, {})[name] = _lists(_in_window(trace, window))
     return {
         **both,
         **of_rows(_in_degrees),
-        "windows": {window: runs for window, runs in windows.items() if window != "whole"},
+        "errors_from": left_out(file),
+        "windows": {window: runs for window, runs in windows.items() if window != of_tables},
         "printed": of_rows(lambda trace: beside(file, trace)[0]),
         "plausible": of_rows(lambda trace: beside(file, trace)[1]),
         "ranking": summary.ranking(file),
@@ -130,8 +139,18 @@ def _lists(sizes: Sizes) -> dict[str, list[float]]:
     return {name: values.tolist() for name, values in sizes.items()}
 
 
-def _in_degrees(trace: Trace, window: str = "whole") -> Sizes:
+def left_out(file: TraceFile) -> float:
+    """Seconds at the start of the runs that errors in tables leave out."""
+    return max((summary.errors_from(trace) for trace in file.runs.values()), default=0.0)
+
+
+def _in_degrees(trace: Trace) -> Sizes:
     """Tracking errors of a run by column."""
+    return {f"{name}_deg": values for name, values in summary.table_errors(trace).items()}
+
+
+def _in_window(trace: Trace, window: str) -> Sizes:
+    """Tracking errors of a run over a window, by column."""
     return {f"{name}_deg": values for name, values in summary.tracking_errors(trace)[window].items()}
 
 
@@ -148,6 +167,20 @@ def error_columns(file: TraceFile, trace: Trace) -> Sizes:
             columns[f"{metric}_printed_deg"] = numbers
             columns[f"{metric}_ratio"] = columns[f"{metric}_deg"] / numbers
     return columns
+
+
+def start_rows(file: TraceFile) -> Iterator[TableRow]:
+    """Errors of each ``run`` as a whole and without its start, each cell ``joint 2/joint 3``."""
+    window = summary.without_start_name(left_out(file) or START)
+    for trace in file.runs.values():
+        sizes = summary.tracking_errors(trace)
+        if window in sizes:
+            row: TableRow = {"run": summary.run_title(trace), "status": trace.told_status}
+            for metric in METRICS:
+                for column, name in (("whole", "whole"), ("settled", window)):
+                    cell = "/".join(rounded(size, "z.3f") for size in sizes[name][metric])
+                    row[f"{metric}_{column}_pair"] = cell
+            yield row
 
 
 def coupling_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -269,14 +302,23 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "decoupling_torque": (motor_rows, _MOTORS),
     },
     "compare": {
-        "table2": (controller_rows, f"Table 2, tracking errors over the whole run{_PLAUSIBLE}"),
-        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out{_PLAUSIBLE}"),
-        "table3": (load_rows, f"Table 3, {_LOADS}{_PLAUSIBLE}"),
-        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out{_PLAUSIBLE}"),
-        "ranking": (ranking_rows, _RANKING),
+        "table2": (controller_rows, f"Table 2, tracking errors {{over}}{_PLAUSIBLE}"),
+        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out, {{over}}{_PLAUSIBLE}"),
+        "table3": (load_rows, f"Table 3, {_LOADS}, {{over}}{_PLAUSIBLE}"),
+        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out, {{over}}{_PLAUSIBLE}"),
+        "without_start": (start_rows, "Tracking errors of the whole run, and without its start"),
+        "ranking": (ranking_rows, f"{_RANKING}; errors {{over}}"),
         "torque": (motor_rows, _MOTORS),
     },
 }
 """How a table is made, and its caption, by experiment and name."""
 
-_IN_THE_TERMINAL = {"table1", "table2_paper", "table3_paper", "ranking", "torque", "decoupling_errors"}
+_IN_THE_TERMINAL = {
+    "table1",
+    "table2_paper",
+    "table3_paper",
+    "without_start",
+    "ranking",
+    "torque",
+    "decoupling_errors",
+}

@@ -1,8 +1,4 @@
-"""Results folders, written beside their place and put there whole, and the manifest in each.
-
-A result is made in ``.<name>.partial``. Then the old folder becomes ``.<name>.old``, the new one takes its
-place, and the old one goes. What a killed command leaves is put in order by the next one.
-"""
+"""Results folders: made whole or not at all, what must not be lost in them, and the manifest in each."""
 
 from __future__ import annotations
 
@@ -19,15 +15,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import refuse_file, sha256_of, to_json
+from tendonrepro.results.place import files_in, only_writer
 
 MANIFEST = "manifest.json"
-_LOCK = ".lock"
 _LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
@@ -56,7 +51,14 @@ class NewResult:
 
 @contextmanager
 def replaced(
-    folder: Path, digest: str, *, command: str, force: bool = False, keep: str = "", update: bool = False
+    folder: Path,
+    digest: str,
+    *,
+    command: str,
+    force: bool = False,
+    keep: str = "",
+    update: bool = False,
+    talk: Talk | None = None,
 ) -> Iterator[NewResult]:
     """Make a result in a fresh folder, which takes its place when the block ends well.
 
@@ -70,6 +72,8 @@ def replaced(
         Folder in it that survives an interruption.
     update : bool
         Begin with a copy of the earlier result.
+    talk : Talk, optional
+        Says where the result is made if that is not beside its place, and where what is kept lies.
 
     Raises
     ------
@@ -78,68 +82,47 @@ def replaced(
     TendonreproError
         If the folder cannot be written.
     """
-    target, partial = folder.resolve(), unfinished(folder)
-    aside = target.with_name(f".{target.name}.old")
-    if Path.cwd().is_relative_to(target):
-        message = "is the folder you are in, and a results folder is replaced as a whole"
-        raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
+    talk = talk or Talk()
     refuse_file(folder)
     try:
-        partial.mkdir(parents=True, exist_ok=True)
-        with _only_writer(partial, folder, keep):
-            # A replacement that ended between its two renames is undone, and what it left goes.
-            if aside.exists() and target.exists():
-                shutil.rmtree(aside)
-            elif aside.exists():
-                aside.rename(target)
-            refuse_others(folder, digest, command=command, force=force)
-            if update:
-                take_over(target, partial, _outputs(target))
-            result = NewResult(partial)
-            yield result
-            made = {name: sha256_of(partial / name) for name in _files(partial) if name != MANIFEST}
-            result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
-            take_over(target, partial, own_files(target))
-        if target.exists():
-            target.rename(aside)
-        partial.rename(target)
-        shutil.rmtree(aside, ignore_errors=True)
+        if Path.cwd().is_relative_to(folder.resolve()):
+            message = "is the folder you are in, and a results folder is replaced as a whole"
+            raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
+        with only_writer(folder, last=MANIFEST, own=own_files) as place:
+            if place.in_place:
+                talk.note(f"{folder} cannot be renamed, so the result is written into it, the manifest last")
+            with _kept_alone(place.partial, keep, talk):
+                refuse_others(folder, digest, command=command, force=force)
+                if update:
+                    take_over(place.target, place.partial, _outputs(place.target))
+                result = NewResult(place.partial)
+                yield result
+                made = {name: sha256_of(place.partial / name) for name in files_in(place.partial)}
+                result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
+            place.put()
     except OSError as error:
         message = f"cannot write the result: {error.strerror or error}"
         raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
 
 
-def unfinished(folder: Path) -> Path:
-    """Where a result is made until it is complete."""
-    target = folder.resolve()
-    return target.with_name(f".{target.name}.partial")
-
-
 @contextmanager
-def _only_writer(partial: Path, folder: Path, keep: str) -> Iterator[None]:
-    """Be the only process in an unfinished result; it begins, and after a failure ends, with `keep` alone."""
-    lock = FileLock(partial / _LOCK)
+def _kept_alone(partial: Path, keep: str, talk: Talk) -> Iterator[None]:
+    """Begin, and end after a failure, with what an interruption must not lose; say where it lies."""
+    _clear(partial, keep)
     try:
-        lock.acquire(timeout=0)
-    except Timeout as error:
-        message = "another tendonrepro is writing here"
-        raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
-    try:
-        _clear(partial, keep)
         yield
     except BaseException:
         _clear(partial, keep)
+        if any(files_in(partial)):
+            talk.note(f"what is finished is kept in {partial / keep}: the same command goes on from there")
+        else:
+            _clear(partial, "")
         raise
-    finally:
-        lock.release()
-        (partial / _LOCK).unlink(missing_ok=True)
-        if not any(partial.iterdir()):
-            partial.rmdir()
 
 
 def _clear(partial: Path, keep: str) -> None:
     for path in partial.iterdir():
-        if path.name not in (_LOCK, keep):
+        if path.name != keep:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
@@ -152,14 +135,12 @@ def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
 
 
 def own_files(folder: Path) -> list[str]:
-    """Files in a results folder that its manifest does not list."""
-    listed = {MANIFEST, *_outputs(folder)}
-    return [name for name in _files(folder) if name not in listed]
-
-
-def _files(folder: Path) -> list[str]:
-    found = (path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file())
-    return [name for name in found if name != _LOCK]
+    """Files in a results folder that its manifest does not list; all of them where that is damaged."""
+    try:
+        listed = {MANIFEST, *_outputs(folder)}
+    except DataMissingError:
+        listed = {MANIFEST}
+    return [name for name in files_in(folder) if name not in listed]
 
 
 def _outputs(folder: Path) -> Mapping[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.physics.metrics import mae, max_abs, mean, rmse, windows
+from tendonrepro.physics.metrics import START, mae, max_abs, mean, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import changed_readings, of_paper
 from tendonrepro.results.records import Trace, TraceFile
@@ -57,17 +57,38 @@ def sizes_deg(e: Array) -> Sizes:
     return {"mae": mae(degrees), "rmse": rmse(degrees), "max": max_abs(degrees)}
 
 
-def tracking_errors(trace: Trace) -> dict[str, Sizes]:
-    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`.
+def errors_from(trace: Trace) -> float:
+    """Seconds at the start of a run that its errors in tables leave out."""
+    return float(trace.attributes.get("errors_from", 0.0))
 
-    A diverged run has NaN in windows that go on to its end.
+
+def without_start_name(seconds: float) -> str:
+    """Name of the window that leaves out so many seconds; ``whole`` for none."""
+    return f"after_{seconds:g}_s" if seconds > 0.0 else "whole"
+
+
+def tracking_errors(trace: Trace) -> dict[str, Sizes]:
+    """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`, and without the start.
+
+    Left out are the seconds that the configuration says, and `metrics.START`. A diverged run has NaN in
+    windows that go on to its end.
     """
     spans = windows(trace.time, trace.attributes["reference_period"])
+    for seconds in (START, errors_from(trace)):
+        span = without_start(trace.time, seconds)
+        if seconds > 0.0 and span.start < span.stop:
+            spans[without_start_name(seconds)] = span
     found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
     if trace.status == "diverged":
         unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
         found |= {name: unknown for name in spans if not name.startswith("period")}
     return found
+
+
+def table_errors(trace: Trace) -> Sizes:
+    """Sizes of `e` in the window of the tables; NaN of a run that ended before it."""
+    unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
+    return tracking_errors(trace).get(without_start_name(errors_from(trace)), unknown)
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
@@ -159,7 +180,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
     result: dict[str, dict[str, dict[str, Any]]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
-        sizes = np.array([tracking_errors(trace)["whole"][metric] for trace in runs])
+        sizes = np.array([table_errors(trace)[metric] for trace in runs])
         for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
             rising = all(bool(better < worse) for better, worse in pairwise(column[: len(known)]))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
+from tendonrepro.physics.metrics import START
 
 MOVING = 0.05
 """Share of the peak speed beyond which a joint counts as moving up or down."""
@@ -32,13 +33,14 @@ class Thresholds(NamedTuple):
     """What tells the phases of a reference apart.
 
     Joints move up or down from a speed, and rapidly from an acceleration, (n,), SI. `newest` is the weight in
-    a low-pass at `SLOW`, `period` the samples of the first period.
+    a low-pass at `SLOW`, `period` the samples of the first period, `start` those of the first `START` s.
     """
 
     speed: Array
     acceleration: Array
     newest: Any
     period: Any
+    start: Any
 
 
 class Sample(NamedTuple):
@@ -72,6 +74,8 @@ STATISTICS = (
     "max_error",
     "mae_late",
     "rmse_late",
+    "mae_settled",
+    "rmse_settled",
     "mae_rapid",
     "mae_calm",
     "overshoot",
@@ -89,13 +93,13 @@ STATISTICS = (
 )
 """Names of the statistics of a run.
 
-``late`` is after the first period; ``rapid`` is where the size of ddq_d is above half its peak and ``calm``
-elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot`` is the largest error past
-the target, seen in the direction of the last stroke, while dq_d is within 1 % of its peak. ``peak`` is the
-largest magnitude, ``slow`` the mean magnitude of a signal after a first-order low-pass at `SLOW`,
-``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the same low-pass.
-``torque_step_rms`` is of the change from sample to sample, ``saturated`` the share of samples at the torque
-limit, ``fast_share`` the share of the error's power above the ringing frequency.
+``late`` is after the first period, ``settled`` after `START`. ``rapid`` is where the size of ddq_d is above
+half its peak and ``calm`` elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot``
+is the largest error past the target, seen in the direction of the last stroke, while dq_d is within 1 % of
+its peak. ``peak`` is the largest magnitude, ``slow`` the mean magnitude of a signal after a first-order
+low-pass at `SLOW`, ``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the
+same low-pass. ``torque_step_rms`` is of the change from sample to sample, ``saturated`` the share of samples
+at the torque limit, ``fast_share`` the share of the error's power above the ringing frequency.
 """
 
 
@@ -103,7 +107,8 @@ def thresholds(dq_d: Array, ddq_d: Array, L: float, period: float = 0.0) -> Thre
     """Thresholds of a reference (T, n); the period is in samples, 0 for the whole motion."""
     speed, acceleration = MOVING * peak(dq_d), RAPID * peak(ddq_d)
     newest = np.float64(-np.expm1(-2.0 * np.pi * SLOW * L))
-    return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]))
+    start = np.float64(round(START / L)) if np.isfinite(L) else np.float64(0.0)
+    return Thresholds(speed, acceleration, newest, np.float64(period or dq_d.shape[0]), start)
 
 
 def peak(signal: Array) -> Array:
@@ -132,6 +137,7 @@ def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thres
     size, square = abs(x.e), x.e * x.e
     up, down = during(x.dq_d > phases.speed[i]), during(x.dq_d < -phases.speed[i])
     late, rapid = during(k >= phases.period), during(abs(x.ddq_d) > phases.acceleration[i])
+    settled = during(k >= phases.start)
     still = during(abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
     direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums["direction"]))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
@@ -149,6 +155,9 @@ def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thres
         "abs_e_late": (size, late),
         "sq_e_late": (square, late),
         "late": (1.0, late),
+        "abs_e_settled": (size, settled),
+        "sq_e_settled": (square, settled),
+        "settled": (1.0, settled),
         "abs_e_rapid": (size, rapid),
         "rapid": (1.0, rapid),
         "up": (1.0, up),
@@ -182,7 +191,7 @@ def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thres
     }
 
 
-_NOTHING = Thresholds(np.zeros(1), np.zeros(1), 0.0, 0.0)
+_NOTHING = Thresholds(np.zeros(1), np.zeros(1), 0.0, 0.0, 0.0)
 SUMS = tuple(_add_joint(defaultdict(float), Sample(*np.zeros(len(Sample._fields))), 1.0, 0.0, _NOTHING, 0))
 """Names of the sums of a run."""
 
@@ -203,6 +212,8 @@ def finished(sums: Mapping[str, Array], count: Any, fast_share: Array) -> dict[s
         "max_error": sums["max_e"],
         "mae_late": mean(sums["abs_e_late"], sums["late"]),
         "rmse_late": np.sqrt(mean(sums["sq_e_late"], sums["late"])),
+        "mae_settled": mean(sums["abs_e_settled"], sums["settled"]),
+        "rmse_settled": np.sqrt(mean(sums["sq_e_settled"], sums["settled"])),
         "mae_rapid": mean(sums["abs_e_rapid"], sums["rapid"]),
         "mae_calm": mean(sums["abs_e"] - sums["abs_e_rapid"], count - sums["rapid"]),
         "overshoot": sums["overshoot"],

@@ -21,7 +21,6 @@ from tendonrepro.experiments.user_law import laws_of, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
-from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.tuning.bench import Candidate, measure, usable
@@ -86,9 +85,9 @@ def run_tune(
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"
 
-    def study() -> Outcome:
+    def study(folder: Path) -> Outcome:
         numbers = _usable(task, plants, every=any_plant)
-        drawn = _tuned(task, numbers, unfinished(request.folder("tune")) / states, jobs, talk)
+        drawn = _tuned(task, numbers, folder / states, jobs, talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": task.seed, "solver": solver, "ensemble_sha256": loaded.sha256}
         return replace(outcome(task, drawn), manifest=head)
@@ -116,7 +115,7 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
-        message = f"with the published gains only {len(found)} of {len(numbers)} draws are stable"
+        message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
         raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
     return found
 
@@ -127,7 +126,7 @@ def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Ta
     paths = {number: states / f"{number}.json" for number in numbers}
     missing = [number for number, path in paths.items() if not path.exists()]
     stream = as_ready(task.tuned, missing, jobs)
-    with talk.resumable(), talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
+    with talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
         for one in stream:
             write_atomically(paths[one["draw"]], to_json(one))
             progress(1)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.study import Outcome
 from tendonrepro.results.tables import Table
@@ -139,11 +140,13 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         "lost_to_special_case": lost,
         "by_plant": rows,
     }
-    about = f"Two laws at their best on {len(drawn)} plants: the first one's error under so many conditions."
+    on = count_of(len(drawn), "plant")
+    about = f"Two laws at their best on {on}: the first one's error under so many conditions."
     tables = [
         Table("questions", about, questions),
         Table("comparisons", "Error over error, paired by plant.", found, terminal=()),
         Table("laws", "Every law at its best, and as published.", at_best, terminal=()),
     ]
-    warning = [f"NOT TO BE TRUSTED: in {len(lost)} cases a law lost to its own special case; search longer."]
+    cases = count_of(len(lost), "case")
+    warning = [f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."]
     return Outcome(data, [*warning[: len(lost)], *tables], {"tune": lambda: draw_tuning(at_best, titles)})

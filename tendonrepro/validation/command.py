@@ -15,13 +15,12 @@ import numpy as np
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.store import unfinished
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
@@ -65,8 +64,11 @@ def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]
     base = request.load("compare" if file.part("compare").runs else "decouple")
     digest = digest_of({"config": base.sha256, "measured": sha256_of(measured)})
     base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
-    folder = unfinished(request.folder("validate"))
-    return run_study("validate", base, request, lambda: _study(file, measured, base, folder, talk), talk)
+
+    def study(folder: Path) -> Outcome:
+        return _study(file, measured, base, folder, talk)
+
+    return run_study("validate", base, request, study, talk)
 
 
 def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
@@ -117,7 +119,9 @@ def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: 
 
 def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
     doubts = (f"check {doubt}" for doubt in data["doubts"])
-    yield "\n".join([f"{data['measured']}, resting on {len(data['guesses'])} guesses", *doubts])
+    yield "\n".join(
+        [f"{data['measured']}, resting on {count_of(len(data['guesses']), 'guess', 'guesses')}", *doubts]
+    )
     yield from measured_tables(measured, paper, data["measured"])
     yield data["windows"]["remark"]
     motion = [data["reference"]] if data["reference"] else []

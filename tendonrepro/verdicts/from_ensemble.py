@@ -10,6 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import Published
+from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
@@ -105,7 +106,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         )
     unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
     if unresolved:
-        remarks.append(f"left out: {unresolved} plants too fast for the integrator")
+        remarks.append(f"left out: {count_of(int(unresolved), 'plant')} too fast for the integrator")
     if found.rankable is not None:
         last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable)
         if last.verdict != decision.verdict:

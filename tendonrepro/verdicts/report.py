@@ -10,7 +10,7 @@ from typing import Any
 
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import dump
-from tendonrepro.console import columns
+from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
@@ -112,9 +112,8 @@ def headline(verdicts: Sequence[Verdict]) -> str:
     counts = summary(verdicts)
     powerless = counts.pop("no_power")
     words = [f"{head} {sum(counts.get(name, 0) for name in names)}" for head, names in HEADINGS.items()]
-    return (
-        f"All claims: {', '.join(words)}. Left out: {powerless} numbers whose range would hold most values."
-    )
+    left_out = count_of(powerless, "number")
+    return f"All claims: {', '.join(words)}. Left out: {left_out} whose range would hold most values."
 
 
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:

@@ -14,6 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import Published
+from tendonrepro.console import count_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND
 from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
@@ -250,7 +251,7 @@ def robustness(plants: Plants, _: Published) -> Findings:
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
     found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
     remark = (
-        f"both are ok on {int((first & second).sum())} plants and neither on "
+        f"both are ok on {count_of(int((first & second).sum()), 'plant')} and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
     return Findings(found, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
@@ -299,7 +300,9 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
         for one, held in zip(less, neither.T, strict=True)
     ]
     ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
-    remark = f"left out: {(ok & ~counted).sum()} plants without overshoot beyond an encoder count"
+    remark = (
+        f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
+    )
     return Findings(found, ok & counted, rankable & counted, [remark])
 
 

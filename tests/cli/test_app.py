@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 import tendonrepro as tr
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.load import shipped_folder
+from tendonrepro.console import count_of
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +70,16 @@ def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
     assert data["printed"]["table2"]["controller_1"]["mae_deg"] == [None, None]
     assert data["out"] == "out"
     assert data["manifest"] == str(Path("out") / "manifest.json")
+
+
+@pytest.mark.parametrize("words", [["compare", *SHORT], ["statics"], ["sweep", "--over", "seed=1,2", *SHORT]])
+def test_a_command_draws_no_figures_where_none_are_wanted(tmp_path: Path, words: list[str]) -> None:
+    answer(*words, "--no-figures", "--out", "out", cwd=tmp_path)
+    assert not (tmp_path / "out" / "figures").exists()
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["figure_formats"] == []
+    wrong = run(*words, "--formats", "jpg", "--out", "other", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert not (tmp_path / "other").exists()
 
 
 def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
@@ -245,6 +256,11 @@ def test_a_run_needs_no_stream_and_no_backend_of_a_notebook(command: str, tmp_pa
         check=False,
     )
     assert (other.returncode, other.stderr) == (0, "")
+
+
+def test_one_of_a_kind_is_no_plural() -> None:
+    assert [count_of(number, "reading") for number in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
+    assert [count_of(number, "guess", "guesses") for number in (1, 2)] == ["1 guess", "2 guesses"]
 
 
 def test_usage_errors_are_one_message_and_code_2(tmp_path: Path) -> None:

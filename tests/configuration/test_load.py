@@ -111,6 +111,67 @@ def test_sampled_trajectory_counts_by_its_content_and_is_missed_with_its_line(tm
     assert load_config(path, "compare").sha256 != first.sha256
 
 
+MOTION = "time_s,q2_deg,q3_deg\n0,0,0\n1,4,2\n2,15,9\n3,26,18\n4,30,22\n5,30,22\n"
+
+
+@pytest.fixture
+def two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """The current folder, and one of configurations, each with an arm and a motion of its own."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    init_config("compare", there)
+    here.mkdir()
+    arm = (there / "lumidouce_ii.yaml").read_text()
+    for folder, gravity in ((here, "9.80"), (there, "9.82")):
+        (folder / "arm.yaml").write_text(arm.replace("9.81", gravity))
+        (folder / "motion.csv").write_text(MOTION.replace("4,30", f"4,{gravity}"))
+    monkeypatch.chdir(here)
+    return here, there
+
+
+def gravity_of(source: Path | str | None, *overrides: str) -> float:
+    return float(load_config(source, "compare", overrides=overrides).config.manipulator.gravity.si)
+
+
+def test_an_arm_that_the_command_line_names_is_looked_for_here_first(two_folders: tuple[Path, Path]) -> None:
+    here, there = two_folders
+    named = "manipulator=arm.yaml"
+    assert gravity_of(None, named) == gravity_of(there / "compare.yaml", named) == 9.80
+    (here / "arm.yaml").unlink()
+    assert gravity_of(there / "compare.yaml", named) == 9.82
+    (there / "arm.yaml").unlink()
+    with pytest.raises(ConfigError) as raised:
+        load_config(there / "compare.yaml", "compare", overrides=[named])
+    assert raised.value.where == "--set manipulator"
+    assert all(
+        str(folder / "arm.yaml") in str(raised.value.hint) for folder in (here, there, shipped_folder())
+    )
+    assert gravity_of(None, "manipulator=lumidouce_ii.yaml") == 9.81
+
+
+def test_a_file_that_a_file_names_begins_beside_it(two_folders: tuple[Path, Path]) -> None:
+    _, there = two_folders
+    path = there / "compare.yaml"
+    path.write_text(path.read_text().replace("lumidouce_ii.yaml", "arm.yaml"))
+    assert gravity_of(path) == 9.82
+
+
+@pytest.mark.parametrize("named", ["reference={kind: sampled, file: motion.csv}", None])
+def test_a_motion_that_the_command_line_names_is_looked_for_here_first(
+    two_folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, named: str | None
+) -> None:
+    here, there = two_folders
+    overrides = [named] if named else ["reference={kind: sampled, file: none}", "reference.file=motion.csv"]
+    loaded = load_config(there / "compare.yaml", "compare", overrides=overrides)
+    assert loaded.inputs[-1] == here / "motion.csv"
+    # What is recorded runs again anywhere, and the digest knows the motion, not its place.
+    (tmp_path / "again.yaml").write_text(loaded.yaml_text)
+    monkeypatch.chdir(there)
+    assert load_config(tmp_path / "again.yaml", "compare").inputs[-1] == here / "motion.csv"
+    assert load_config("compare", "compare", overrides=overrides).sha256 != loaded.sha256
+    (there / "motion.csv").write_text((here / "motion.csv").read_text())
+    assert load_config("compare", "compare", overrides=overrides).sha256 == loaded.sha256
+
+
 # ---- base --------------------------------------------------------------------------------------------------
 
 
@@ -228,6 +289,7 @@ def test_another_manipulator_comes_before_changes_inside_it(tmp_path: Path) -> N
 @pytest.mark.parametrize(("override", "where", "message"), [
     ("control.gians.lam=9", "--set control.gians.lam", "unknown key 'gians', did you mean 'gains'?"),
     ("alpha=[0, 0]", "--set alpha", "unknown key 'alpha', did you mean 'control.gains.alpha'?"),
+    ("payload=0.5", "--set payload", "did you mean 'runs.controller_1_payload.payload' or"),
     ("gains.lam=9", "--set gains.lam", "unknown key 'gains.lam', did you mean 'control.gains.lam'?"),
     ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
     ("control.gains.lam.value.x=9", "--set control.gains.lam.value.x", "no entry x in a list of 2"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
@@ -21,6 +22,7 @@ from tendonrepro.evidence.predict import (
     SECOND,
     THIRD,
     Prediction,
+    gaps_between,
     law_of,
     never_told_apart,
     run_predict,
@@ -28,6 +30,7 @@ from tendonrepro.evidence.predict import (
     with_alpha,
 )
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
 QUIET = Talk(quiet=True)
@@ -84,18 +87,44 @@ def test_what_is_changed_and_nothing_else() -> None:
     assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
 
 
+def test_ramps_keep_their_corners_at_half_the_speed() -> None:
+    changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
+    loaded = load_config(None, "compare", overrides=changed)
+    loops = dict(build_loops(loaded.config, loaded.folder))
+    slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
+    assert not slow.reference.ddq_d.any()
+    assert set(np.unique(slow.reference.dq_d)) == set(np.unique(0.5 * first.reference.dq_d))
+    steps = np.diff(slow.reference.q_d, axis=0) / slow.L
+    assert slow.reference.dq_d[:-1] == pytest.approx(steps, abs=1e-9)
+
+
 def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
     def row(reading: str, joint: int, low: float, high: float) -> Prediction:
         return Prediction("x", reading, joint, 50, low, low, high)
 
     rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
-    told = told_apart(rows, ["a", "b", "c"])
-    assert told == {"x": {("a", "c"): pytest.approx(0.05)}}
-    assert never_told_apart(told, ["a", "b", "c"]) == [["a", "b"], ["b", "c"]]
-    unknown = row("b", 2, np.nan, np.nan)
-    assert [*told_apart([rows[0], unknown, rows[2]], ["a", "b", "c"])["x"]] == [("a", "c")]
+    gaps = gaps_between(rows, ["a", "b", "c"])
+    assert told_apart(gaps) == {"x": {("a", "c"): pytest.approx(0.05)}}
+    assert never_told_apart(gaps, ["a", "b", "c"]) == [["a", "b"], ["b", "c"]]
     other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
-    assert told_apart([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
+    assert gaps_between([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
+    unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])
+    assert [*unknown["x"]] == [("a", "c")]
+    assert never_told_apart(unknown, ["a", "b", "c"]) == []
+
+
+def test_too_few_plants_are_dashes_and_no_findings() -> None:
+    found = [
+        Prediction(one.name, reading, joint, 5, np.nan, np.nan, np.nan)
+        for one in EXPERIMENTS
+        for reading in ("a", "b")
+        for joint in (2, 3)
+    ]
+    _, experiments, untold, _ = predict._tables(found, gaps_between(found, ["a", "b"]), [], 20)
+    for table in (experiments, untold):
+        assert isinstance(table, Table)
+        numbers = [value for row in table.rows for key, value in row.items() if key != "experiment"]
+        assert {*numbers} == {None}
 
 
 def test_each_panel_shows_the_ratios_of_its_joint() -> None:

@@ -93,6 +93,7 @@ def test_the_published_controllers_are_found_to_the_last_digits(controller: int)
         "error_rate=difference_of_error",
         "phi_branch=power",
         "Delta_unit=deg",
+        pytest.param("reference_acceleration=late", marks=pytest.mark.slow),
         pytest.param("differencing=centred", marks=pytest.mark.slow),
         pytest.param("error_rate=low_pass", marks=pytest.mark.slow),
         pytest.param("gain_unit=phi_in_degrees", marks=pytest.mark.slow),
@@ -109,6 +110,19 @@ def test_a_reading_is_found(reading: str) -> None:
     assert one.answer == RECOVERED
     assert reading in one.best.hypothesis.name
     assert one.weights == "interpolating"
+
+
+@pytest.mark.parametrize("kind", ["minimum_jerk", "ramp"])
+def test_an_acceleration_that_is_absent_is_found_where_the_reference_has_one(kind: str) -> None:
+    """Of a ramp, which has none, the simplest answer is named."""
+    small = {"reference.kind": kind, "reference.amplitude": 4}
+    absent = {"control.readings.reference_acceleration": "absent"}
+    file = tr.compare(set=SHORT | small | absent, controllers=[1])._file
+    assert file is not None
+    one = joint_3(replace(file, runs={"controller_1": file.runs["controller_1"]}))
+    assert (one.answer, one.weights) == (RECOVERED, "interpolating")
+    found = one.best.hypothesis.name
+    assert found == ("printed" if kind == "ramp" else "reference_acceleration=absent")
 
 
 @pytest.mark.usefixtures("one_filter")

@@ -5,11 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import VARIATIONS, default_readings, under
+from tendonrepro.configuration.models.readings import (
+    UNDER_READINGS,
+    VARIATIONS,
+    default_readings,
+    parse_reading,
+    under,
+)
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
@@ -79,6 +86,43 @@ def test_points_do_not_depend_on_how_blocks_are_cut(cuts):
     whole = scrambled_sobol(box(), 3, 2, 0, 128)
     blocks = [scrambled_sobol(box(), 3, 2, first, last - first) for first, last in pairwise(cuts)]
     np.testing.assert_array_equal(np.concatenate(blocks), whole)
+
+
+def test_rows_that_act_under_readings_alone_move_no_other():
+    always = len(box().names) - len(UNDER_READINGS)
+    assert set(box().names[always:]) == set(UNDER_READINGS)
+    engine = qmc.Sobol(always, scramble=True, seed=np.random.default_rng([3, 2]))
+    points = scrambled_sobol(box(), 3, 2, 0, 128)
+    np.testing.assert_array_equal(points[:, :always], engine.random(128))
+    # Nor do they repeat one of the others.
+    near = np.abs(np.corrcoef(scrambled_sobol(box(), 1, 0, 0, 1024).T)[always:, :always])
+    assert near.max() < 0.2
+    values = draws()[0].copy()
+    values[always:] = box().high[always:]
+    assert configured(ensemble().base, box(), values).seed == drawn(0).seed
+
+
+def test_starts_apart_are_those_of_the_draw_within_the_half_plane():
+    values = draws()[0].copy()
+    apart, names = parse_reading("starts=apart"), box().names
+    for posture, expected in ((30.0, [-2.0, 1.5]), (1.0, [-0.5, 0.0]), (2.0, [-1.5, 1.0])):
+        values[names.index("posture")] = np.deg2rad(posture)
+        values[names.index("offset_controller_2_joint_2")] = np.deg2rad(-2.0)
+        values[names.index("offset_controller_2_joint_3")] = np.deg2rad(1.5)
+        config = under(apart, configured(ensemble().base, box(), values), box().named(values))
+        found = np.rad2deg(config.runs["controller_2"].start_offset.si)
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+    list(build_loops(config, ensemble().base.folder))
+
+
+def test_a_ramp_has_the_amplitude_and_times_of_its_draw():
+    named = box().named(draws()[5])
+    config = under(parse_reading("motion=ramp"), drawn(5), named)
+    reference = config.reference
+    assert (reference.kind, reference.periods.si) == ("ramp", 2.0)
+    np.testing.assert_allclose(reference.amplitude.si, [named["amplitude"]] * 2)
+    assert reference.rise.si == pytest.approx(named["rise"], abs=0.005)
+    assert type(reference).model_validate(reference.model_dump()) == reference
 
 
 def test_replicates_and_seeds_are_scrambled_on_their_own():

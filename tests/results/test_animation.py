@@ -8,26 +8,17 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.oracles import TABLE_1, path_length, winch_angles
-from support.synthetic import make_compare_file, make_decouple_file
+from support.synthetic import make_compare_file, make_decouple_file, whole
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene, scene_of
 from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.style import journal_style
-from tendonrepro.results.records import PlantRecord, PlantValue, TraceFile
+from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import write_traces
 
 QUIET = Talk(quiet=True)
-
-
-def whole(file: TraceFile) -> TraceFile:
-    """A file whose plant has a whole routing, as those of the command have."""
-    routing = {"sign": np.triu(TABLE_1.sign), "tensioner_diameter": np.array([0.035, 0.035, 0.037])}
-    routing |= {"tensioner_force": np.array(12.0)}
-    held = {key: PlantValue(np.asarray(value, float), "1", "test", key) for key, value in routing.items()}
-    plant = PlantRecord({**file.plant.values, **held}, {"tensioner_side": "negative"})
-    return replace(file, plant=plant)
 
 
 @cache

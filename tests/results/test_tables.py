@@ -25,6 +25,7 @@ from tendonrepro.results.paper_tables import (
     load_rows,
     made_tables,
     motor_rows,
+    start_rows,
     table_data,
 )
 from tendonrepro.results.records import PlantRecord, PlantValue, Trace, TraceFile
@@ -125,13 +126,39 @@ def test_table_2_has_ours_printed_and_their_ratio() -> None:
 def test_errors_over_windows() -> None:
     file = make_compare_file(diverged={"controller_2": 10.0})
     windows = table_data(file)["windows"]
-    assert list(windows) == ["after_first_period", "period_1", "period_2"]
+    assert list(windows) == ["after_first_period", "period_1", "period_2", "after_2_s"]
     e = np.rad2deg(file.runs["controller_1"]["e"][900:, 0])
     assert windows["period_2"]["controller_1"]["mae_deg"][0] == pytest.approx(np.abs(e).mean())
+    settled = np.rad2deg(file.runs["controller_1"]["e"][file.runs["controller_1"].time >= 2.0 - 1e-9, 0])
+    assert windows["after_2_s"]["controller_1"]["rmse_deg"][0] == pytest.approx(
+        math.sqrt((settled**2).mean())
+    )
     reached = [window for window in windows if "controller_2" in windows[window]]
-    assert reached == ["after_first_period", "period_1"]
+    assert reached == ["after_first_period", "period_1", "after_2_s"]
     assert np.isnan(windows["after_first_period"]["controller_2"]["mae_deg"]).all()
     assert np.isfinite(windows["period_1"]["controller_2"]["mae_deg"]).all()
+
+
+def test_the_start_may_be_left_out_of_the_tables() -> None:
+    whole = make_compare_file(diverged={"controller_3": 4.0})
+    runs = {
+        name: dataclasses.replace(trace, attributes=trace.attributes | {"errors_from": 5.0})
+        for name, trace in whole.runs.items()
+    }
+    file, e = dataclasses.replace(whole, runs=runs), whole.runs["controller_1"]["e"]
+    data = table_data(file)
+    assert (table_data(whole)["errors_from"], data["errors_from"]) == (0.0, 5.0)
+    assert set(table_data(whole)["windows"]) ^ set(data["windows"]) == {"whole"}
+    kept = np.rad2deg(np.abs(e[whole.runs["controller_1"].time >= 5.0 - 1e-9])).mean(axis=0)
+    assert data["table2"]["controller_1"]["mae_deg"] == pytest.approx(kept)
+    assert data["windows"]["whole"]["controller_1"]["mae_deg"] == pytest.approx(
+        np.rad2deg(np.abs(e)).mean(axis=0)
+    )
+    assert np.isnan(data["table2"]["controller_3"]["mae_deg"]).all(), "it ended before"
+    rows = {row["run"]: row for row in start_rows(file)}
+    assert rows["Controller 1"]["mae_settled_pair"] == "/".join(f"{size:.3f}" for size in kept)
+    cells = {row["mae_whole_pair"] for row in start_rows(file)}
+    assert cells < {row["mae_whole_pair"] for row in start_rows(whole)}
 
 
 def test_table_3_prints_both_loads() -> None:

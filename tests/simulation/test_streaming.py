@@ -15,7 +15,8 @@ from tendonrepro.simulation.streaming import (
     thresholds,
 )
 
-T, N, PERIOD, L = 400, 2, 150, 1e-3
+T, N, PERIOD, L = 400, 2, 150, 10e-3
+START = 200  # samples of 2 s
 
 
 @pytest.fixture
@@ -60,6 +61,8 @@ def by_hand(x: dict[str, Array]) -> dict[str, Array]:
         "max_error": size.max(axis=0),
         "mae_late": size[PERIOD:].mean(axis=0),
         "rmse_late": rms(x["e"][PERIOD:]),
+        "mae_settled": size[START:].mean(axis=0),
+        "rmse_settled": rms(x["e"][START:]),
         "mae_rapid": mean(size, rapid),
         "mae_calm": mean(size, ~rapid),
         "overshoot": overshoot(x["e"], x["dq_d"] / np.abs(x["dq_d"]).max(axis=0)),
@@ -130,6 +133,7 @@ def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[
     assert all(np.isfinite(values).all() for values in found.values())
     early = gathered(signals, (np.arange(T) < 30).astype(float))
     assert np.isnan(early["mae_late"]).all()
+    assert np.isnan(early["mae_settled"]).all()
     assert thresholds(signals["dq_d"], signals["ddq_d"], L).period == T, "without a period nothing is late"
     for name in ("rms", "peak", "slow"):
         assert np.isnan(early[f"torque_{name}_down"]).all(), "a phase that never comes is not a number"

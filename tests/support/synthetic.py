@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,16 @@ def _plant() -> PlantRecord:
         "gravity": PlantValue(np.array(9.81), "m s-2", "assumed: test", "gravity"),
     }
     return PlantRecord(values, {"angle_convention": "from hanging, positive clockwise"})
+
+
+def whole(file: TraceFile) -> TraceFile:
+    """A file whose plant has a whole routing, as those of the commands have."""
+    sign = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    routing = {"sign": sign, "tensioner_diameter": np.array([0.035, 0.035, 0.037])}
+    routing |= {"tensioner_force": np.array(12.0)}
+    held = {key: PlantValue(value, "1", "test", key) for key, value in routing.items()}
+    plant = PlantRecord({**file.plant.values, **held}, {"tensioner_side": "negative"})
+    return replace(file, plant=plant)
 
 
 def _up_and_down(time: Array) -> Array:

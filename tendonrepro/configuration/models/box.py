@@ -23,7 +23,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "torque_noise_acts": _SWITCH,
     "error_rate": ERROR_RATES,
     "disturbance": ("none", "sine", "noise"),
-    "motion": ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine"),
+    "motion": ("minimum_jerk", "raised_cosine", "trapezoidal", "sine", "unequal", "fast_sine", "ramp"),
 }
 """What rows of words may choose from; a draw holds the place of a word here, from 0."""
 
@@ -91,6 +91,10 @@ class Words(_OneOf):
 BoxRow: TypeAlias = BoxRange | Choice | Words
 
 
+_OFFSET = "joint angle less the reference at the start, run of {}, joint {}"
+_FRICTION = "friction over that of the first run, run of {}"
+
+
 class BoxConfig(Model):
     """The box, one field per unknown; joint 1 is held in `compare`, so nothing of it is here."""
 
@@ -149,6 +153,18 @@ class BoxConfig(Model):
     hold: Annotated[BoxRange, nonneg("s", "pause after a stroke")]
     velocity: Annotated[BoxRange, positive("rad s-1", "largest velocity, trapezoidal")]
     acceleration: Annotated[BoxRange, positive("rad s-2", "acceleration of the ramps, trapezoidal")]
+    reference_lag: Annotated[BoxRange, nonneg("s", "time constant of late rates of the reference")]
+    offset_controller_1_joint_2: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 1", 2))]
+    offset_controller_1_joint_3: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 1", 3))]
+    offset_controller_2_joint_2: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 2", 2))]
+    offset_controller_2_joint_3: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 2", 3))]
+    offset_controller_3_joint_2: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 3", 2))]
+    offset_controller_3_joint_3: Annotated[BoxRange, Physical("rad", _OFFSET.format("Controller 3", 3))]
+    offset_controller_1_payload_joint_2: Annotated[BoxRange, Physical("rad", _OFFSET.format("payload", 2))]
+    offset_controller_1_payload_joint_3: Annotated[BoxRange, Physical("rad", _OFFSET.format("payload", 3))]
+    friction_controller_2: Annotated[BoxRange, positive("1", _FRICTION.format("Controller 2"))]
+    friction_controller_3: Annotated[BoxRange, positive("1", _FRICTION.format("Controller 3"))]
+    friction_controller_1_payload: Annotated[BoxRange, positive("1", _FRICTION.format("payload"))]
 
     def _mistakes(self) -> Mistakes:
         for name, known in WORDS.items():

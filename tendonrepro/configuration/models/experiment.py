@@ -137,6 +137,9 @@ class CompareConfig(Experiment):
     reference: ReferenceConfig
     control: Control
     runs: Annotated[dict[Identifier, CompareRun], Field(min_length=1, description="runs by name")]
+    errors_from: (
+        Annotated[Scalar, nonneg("s", "start of each run that errors in tables leave out")] | None
+    ) = None
 
 
 class PositionLoop(Model):
@@ -164,6 +167,12 @@ class DecoupleConfig(Experiment):
 
 
 Config: TypeAlias = CompareConfig | DecoupleConfig
+
+
+def errors_from(config: Config) -> float:
+    """Seconds at the start of each run that errors in tables leave out."""
+    held = config.errors_from if isinstance(config, CompareConfig) else None
+    return held.si if held else 0.0
 
 
 def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
@@ -197,12 +206,18 @@ def _misfits(config: Config) -> Mistakes:
     if "plant" in config.runs:
         yield ("runs", "plant"), "is the name of something else among the results; choose another"
     if isinstance(config, CompareConfig):
-        laws = config.control.laws
-        for name, run in config.runs.items():
-            if run.law not in laws:
-                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
-            if run.start_offset is not None:
-                yield from _beyond_range(config, ("runs", name, "start_offset", "value"), run.start_offset)
+        yield from _compare_misfits(config)
+
+
+def _compare_misfits(config: CompareConfig) -> Mistakes:
+    laws, reference = config.control.laws, config.reference
+    for name, run in config.runs.items():
+        if run.law not in laws:
+            yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+        if run.start_offset is not None:
+            yield from _beyond_range(config, ("runs", name, "start_offset", "value"), run.start_offset)
+    if not isinstance(reference, Sampled) and errors_from(config) >= reference.duration:
+        yield ("errors_from", "value"), f"must be before the end of the motion, {reference.duration:g} s"
 
 
 def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:

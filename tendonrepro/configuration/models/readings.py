@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar, get_args
 
-from tendonrepro.configuration.models.control import At, Readings
+import numpy as np
+
+from tendonrepro.configuration.models.control import RUNS, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.quantity import Scalar
+from tendonrepro.configuration.models.reference import Ramp
+from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.quantity import Moving, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import UsageError
 
@@ -17,6 +21,17 @@ PRINTED = "printed"
 ERROR_RATES = ("backward_difference", "low_pass")
 """Error rates in the order that a draw numbers them."""
 
+OFFSETS: Mapping[tuple[str, int], str] = {
+    (run, joint): f"offset_{run}_joint_{joint}" for run in RUNS for joint in COMPARED
+}
+"""Rows of the box for where a run starts beside its reference."""
+FRICTIONS: Mapping[str, str] = {run: f"friction_{run}" for run in RUNS[1:]}
+"""Rows of the box for the friction of a run over that of the first."""
+UNDER_READINGS = ("reference_lag", *OFFSETS.values(), *FRICTIONS.values())
+"""Rows of the box that act under some readings alone, the last ones."""
+
+_LEAST_ANGLE = np.radians(0.5)
+"""Angle from hanging or upright, rad, up to which a link may wait before the start."""
 _SOURCE = "assumed: the reading that is being run"
 _OUTPUT_DELAY = "manipulator.actuator.output_delay"
 _ENCODER = "manipulator.encoders.joint.resolution"
@@ -76,6 +91,12 @@ _INSTRUMENTS = (
         "Step of the drives' torque at the winch in N m; 16-bit and 11-bit inputs give 0.0032 and 0.016."),
     ReadingAxis("tensioner", "negative", ["distal_only", "alternating", "absent"], At("Section 2.2"),
         "On which side tendon 4 passes the joints; absent as in Eqs. (3) to (5)."),
+    ReadingAxis("motion", "drawn", ["ramp"], At("Section 5.3"),
+        "Whether the motion is the draw's own, or straight lines whose velocity steps at each corner."),
+    ReadingAxis("starts", "together", ["apart"], At("Fig. 14"),
+        "Whether each run starts on its reference, or up to 2 degrees beside it."),
+    ReadingAxis("run_friction", "alike", ["drawn"], At("Section 5.3", RUNS[1:]),
+        "Whether friction is the same in all runs, or differs from the first run's by the drawn factors."),
 )  # fmt: skip
 _LAW = _held()
 _RATE = _LAW.pop("error_rate")  # what is said of it replaces what the draw's hardware has
@@ -172,8 +193,16 @@ def _replaced(model: _M, path: str, value: object) -> _M:
     return model.model_copy(update={first: _replaced(getattr(model, first), rest, value) if rest else value})
 
 
-def _scalar(value: float, unit: str) -> Scalar:
-    return Scalar.model_construct(value=value, unit=unit, source=_SOURCE)
+def _scalar(value: float, unit: str, row: str = "") -> Scalar:
+    return Scalar.model_construct(value=value, unit=unit, source=_of_row(row) if row else _SOURCE)
+
+
+def _vector(values: Sequence[float], unit: str, row: str) -> Vector:
+    return Moving.model_construct(value=tuple(values), unit=unit, source=_of_row(row))
+
+
+def _of_row(row: str) -> str:
+    return f"assumed: draw from the box, {row}"
 
 
 def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
@@ -182,18 +211,67 @@ def _changes(name: str, value: str, config: CompareConfig, draw: Mapping[str, fl
         unit, *paths = _QUANTITIES[name]
         number = 0.0 if value in ("ideal", "none") else float(value.removesuffix("ms"))
         return dict.fromkeys(paths, _scalar(number, unit))
-    if name == "hardware":
-        return {
-            "control.readings.error_rate": ERROR_RATES[int(draw["error_rate"])],
-            _OUTPUT_DELAY: _scalar(float(int(draw["output_delay"])), "1"),
-            _ENCODER: _scalar(draw["encoder_count"], "rad"),
-        }
-    if name == "tensioner" and value == "absent":
-        return {"manipulator.tensioner.force": _scalar(0.0, "N")}
-    if name == "tensioner":
-        return {"manipulator.tensioner.side": value}
-    if name == "M_bar":
-        M_bar = config.control.gains.M_bar
-        half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}
-        return {"control.gains.M_bar": M_bar.model_copy(update=half)}
+    if name in _OTHERS:
+        return _OTHERS[name](value, config, draw)
     return {f"control.readings.{name}": value}
+
+
+def _hardware(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
+    return {
+        "control.readings.error_rate": ERROR_RATES[int(draw["error_rate"])],
+        _OUTPUT_DELAY: _scalar(float(int(draw["output_delay"])), "1"),
+        _ENCODER: _scalar(draw["encoder_count"], "rad"),
+    }
+
+
+def _tensioner(value: str, _: CompareConfig, __: Mapping[str, float]) -> dict[str, object]:
+    if value == "absent":
+        return {"manipulator.tensioner.force": _scalar(0.0, "N")}
+    return {"manipulator.tensioner.side": value}
+
+
+def _inertia(_: str, config: CompareConfig, __: Mapping[str, float]) -> dict[str, object]:
+    M_bar = config.control.gains.M_bar
+    half = {"value": tuple(entry / 2.0 for entry in M_bar.value), "source": _SOURCE}
+    return {"control.gains.M_bar": M_bar.model_copy(update=half)}
+
+
+def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
+    """Two periods of straight strokes of both joints, with the draw's amplitude and times."""
+    amplitude = _vector([draw["amplitude"]] * len(COMPARED), "rad", "amplitude")
+    rise, hold = (_scalar(round(draw[name], 2), "s", name) for name in ("rise", "hold"))
+    periods = _scalar(2.0, "1")
+    held = Ramp.model_construct(
+        kind="ramp", amplitude=amplitude, rise=rise, hold=hold, periods=periods, turns=None
+    )
+    return {"reference": held}
+
+
+def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
+    """Arms wait beside the reference, as far as their links stay in the half-plane."""
+    posture = np.cumsum(config.posture.si)[-len(COMPARED) :]
+    runs = dict(config.runs)
+    for run in RUNS:
+        offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED])
+        links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
+        offset = _vector(np.diff(links, prepend=0.0).tolist(), "rad", f"offset_{run}")
+        runs[run] = runs[run].model_copy(update={"start_offset": offset})
+    return {"runs": runs}
+
+
+def _run_friction(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
+    runs = dict(config.runs)
+    for run, row in FRICTIONS.items():
+        runs[run] = runs[run].model_copy(update={"friction_scale": _scalar(draw[row], "1", row)})
+    return {"runs": runs}
+
+
+_OTHERS: Mapping[str, Callable[[str, CompareConfig, Mapping[str, float]], dict[str, object]]] = {
+    "hardware": _hardware,
+    "tensioner": _tensioner,
+    "M_bar": _inertia,
+    "motion": _ramp,
+    "starts": _apart,
+    "run_friction": _run_friction,
+}
+"""What axes change that are neither a number nor a key of the law's readings."""

@@ -14,19 +14,25 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 from PIL import Image
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import atomic_path, refuse_existing
-from tendonrepro.physics.statics import sign_of_side, tensioner_side
-from tendonrepro.physics.tendon_path import TendonPath, joint_positions, path_points, tendon_path
+from tendonrepro.physics.tendon_path import TendonPath, path_points
+from tendonrepro.results.figures.arm import (
+    draw_discs,
+    draw_links,
+    frame,
+    number_winches,
+    postures,
+    tendon_paths,
+)
 from tendonrepro.results.figures.catalogue import origin_of
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import PAGE_MM, imprint, journal_style, open_figure, settle, stroke_of
-from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import tensions
 from tendonrepro.results.traces import read_traces
 
@@ -37,9 +43,6 @@ MOST_PICTURES = 1000
 """Of a film; all are held in memory."""
 
 _DPI = 110
-
-_WINCHES = (0.07, 0.055), -0.13
-"""x of the first motor winch and of each further one, and y of all, m; nothing is published of them."""
 
 
 def animate(
@@ -143,41 +146,15 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
         message = "this file does not say where the tendons go, so no arm can be drawn"
         raise DataMissingError(message, hint="animate a simulated run")
     trace = _known(file.runs[name])
-    length, start = (file.plant.values[key].value for key in ("length", "posture"))
-    q = np.zeros((len(trace.time), len(length)))
-    q[:, np.array(trace.joint) - 1] = trace["q_encoder"]
-    angle = np.cumsum(start + q, axis=1)
-    joints = joint_positions(length, angle)
-    return Scene(trace, joints, _paths(file.plant, joints, angle), _tension(file, trace, len(length)))
+    joints, angle = postures(file.plant, trace)
+    paths = tendon_paths(file.plant, joints, angle)
+    return Scene(trace, joints, paths, _tension(file, trace, angle.shape[1]))
 
 
 def _known(trace: Trace) -> Trace:
     known = np.isfinite(trace["q_encoder"]).all(axis=1)
     variables = {key: values[known] for key, values in trace.variables.items()}
     return replace(trace, time=trace.time[known], variables=variables)
-
-
-def _paths(plant: PlantRecord, joints: Array, angle: Array) -> list[TendonPath]:
-    """Tendons from their motors' winches, below joint 1, to the joints they turn."""
-    keys = ("winch_diameter", "pulley_diameter", "tensioner_diameter", "sign")
-    winch, pulley, tensioner, sign = (plant.values[key].value for key in keys)
-    n = len(winch)
-    # The tensioner's winch is not published; that of the last motor stands for it.
-    winch = np.append(winch, winch[-1])
-    side = np.column_stack(
-        [np.triu(sign_of_side(sign)), tensioner_side(plant.attributes["tensioner_side"], n)]
-    )
-    diameter = side * np.column_stack([pulley, tensioner])
-    (first, step), height = _WINCHES
-    paths = []
-    for tendon in range(n + 1):
-        last = min(tendon, n - 1)
-        base = np.broadcast_to([first + step * tendon, height], (len(joints), 1, 2))
-        centre = np.concatenate([base, joints[:, : last + 1]], axis=1)
-        radius = np.append(winch[tendon], diameter[: last + 1, tendon]) / 2.0
-        # It is fixed where the axis of its link leaves its circle.
-        paths.append(tendon_path(centre, radius, -np.pi / 2.0 - angle[:, last]))
-    return paths
 
 
 def _tension(file: TraceFile, trace: Trace, n: int) -> Array:
@@ -200,11 +177,7 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     label = "Tension (N); grey: not known, blue: would push"
     figure.colorbar(colours, ax=arm, orientation="horizontal", label=label, shrink=0.8, pad=0.02)
     _draw_frame(arm, scene)
-    (links,) = arm.plot([], [], color="#D8D8D8", linewidth=7.0, solid_joinstyle="round", zorder=2.0)
-    look = {"facecolor": "none", "edgecolor": "#777777", "linewidth": 0.6, "zorder": 3.0}
-    discs = [Circle((0.0, 0.0), abs(radius), **look) for path in scene.paths for radius in path.radius]
-    for disc in discs:
-        arm.add_patch(disc)
+    links, discs = draw_links(arm, scene.joints[0]), draw_discs(arm, scene.paths)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
     labels = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     cursors = [_draw_curves(panels[name], scene, name, label) for name, label in labels.items()]
@@ -231,19 +204,10 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
 
 def _draw_frame(axes: Axes, scene: Scene) -> None:
     """Fix what is seen, and name the winches."""
-    winches = np.array([path.centre[0, 0] for path in scene.paths])
-    for number, (x, y) in enumerate(winches, start=1):
-        axes.text(x, y - 0.03, str(number), ha="center", va="top", fontsize=7)
-    x, y = winches.mean(axis=0)
+    number_winches(axes, scene.paths)
+    x, y = np.mean([path.centre[0, 0] for path in scene.paths], axis=0)
     axes.text(x, y - 0.065, "motor winches, place assumed", ha="center", va="top", fontsize=6)
-    widest = max(np.abs(path.radius).max() for path in scene.paths) + 0.02
-    corners = np.vstack([scene.joints.reshape(-1, 2), winches, [x, y - 0.07]])
-    (left, bottom), (right, top) = corners.min(axis=0) - widest, corners.max(axis=0) + widest
-    axes.set_aspect("equal")
-    axes.set(xlim=(left, right), ylim=(bottom, top))
-    axes.set_axis_off()
-    axes.plot([left, left + 0.1], [bottom] * 2, color="black", linewidth=1.0)
-    axes.text(left + 0.05, bottom + 0.01, "0.1 m", ha="center", va="bottom", fontsize=7)
+    frame(axes, scene.joints, scene.paths)
 
 
 def _draw_curves(axes: Axes, scene: Scene, name: str, label: str) -> Line2D:

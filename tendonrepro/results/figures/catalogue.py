@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.configuration.request import FORMATS
+from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
@@ -85,15 +87,17 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         return canvas.finish(name, caption, origin_of(file))
 
 
-def begin_drawing(figures: Iterable[tuple[TraceFile, Path, str]], start: Start = map) -> Iterable[list[Path]]:
+def begin_drawing(
+    figures: Iterable[tuple[TraceFile, Path, str]], formats: Sequence[str] = FORMATS, start: Start = map
+) -> Iterable[list[Path]]:
     """Begin to draw and write figures, by traces, folder and name; yield the paths of each."""
     # Another process gets a copy.
-    return start(_drawn, [(shown(name, file), folder, name) for file, folder, name in figures])
+    return start(_drawn, [(shown(name, file), folder, name, formats) for file, folder, name in figures])
 
 
-def _drawn(figure: tuple[TraceFile, Path, str]) -> list[Path]:
-    file, folder, name = figure
-    return save_drawing(draw(name, file), folder)
+def _drawn(figure: tuple[TraceFile, Path, str, Sequence[str]]) -> list[Path]:
+    file, folder, name, formats = figure
+    return save_drawing(draw(name, file), folder, formats)
 
 
 def origin_of(file: TraceFile) -> str:
@@ -104,7 +108,7 @@ def origin_of(file: TraceFile) -> str:
     name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
     changes = list(manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
-        changes = [f"{len(changes)} settings changed"]
+        changes = [f"{count_of(len(changes), 'setting')} changed"]
     if under := fitted_under(file):
         changes.append(f"fitted to the print under {under}")
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
@@ -127,16 +131,17 @@ def runs_of(traces: list[Trace]) -> str:
 
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
-        partial(paper.draw_angles, variables=("q_motor_encoder", "q_encoder")),
-        "Motor 1 turns alone, motors 2 and 3 hold: joint 2 moves all the same, here as joint 1, in section "
-        "3.1 the opposite way.",
+        paper.draw_pull,
+        "Motor 1 turns alone, motors 2 and 3 hold: the arm with its tendons at the start and when motor 1 "
+        "has turned farthest, and the angles on the way. Joint 2 moves all the same. By the printed coupling "
+        "it turns as joint 1. Section 3.1 says the opposite way: link 2 would lie on the dashed line.",
         ("q_motor_encoder", "q_encoder"),
         ("pull_tendon_1",),
-        plant=("S",),
+        plant=("S", "length", "posture"),
         joints=(1, 2),
     ),
     "fig09": FigureSpec(
-        partial(paper.draw_angles, variables=("q_motor_encoder",)),
+        paper.draw_motor_angles,
         "Angles of the three motors.",
         ("q_motor_encoder",),
         ("decouple",),
@@ -171,7 +176,8 @@ FIGURES: dict[str, FigureSpec] = {
         paper.draw_law,
         "Sliding variable, estimate of the lumped uncertainty and torque of the controllers: "
         f"centred {paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it over "
-        f"{paper.RIPPLE_WINDOW:g} s. What the bands of all controllers cover is grey. The dark "
+        f"{paper.RIPPLE_WINDOW:g} s. The bound of s is that of section 4.3 for Controller 1. "
+        "What the bands of all controllers cover is grey. The dark "
         f"line marks the {paper.ZOOM * 1e3:g} ms that the figure {paper.RAW} shows sample by sample.",
         ("s", "H_hat", "tau_m"),
         some=True,

@@ -39,6 +39,7 @@ class Canvas:
 
     `labels` are (title, y label) of the grid's panels, which share the time axis. The last rows may have x
     axes of their own, shared within a column, labelled `apart`. `places` are row and title, up to a comma.
+    Titled panels `beside`, at the left over all rows, are `pictures`, which have no time axis.
     """
 
     def __init__(
@@ -47,17 +48,24 @@ class Canvas:
         height_mm: float,
         labels: Sequence[Sequence[tuple[str, str]]],
         apart: Sequence[str] = (),
+        beside: Sequence[str] = (),
     ) -> None:
         self.figure = style.open_figure(width_mm, height_mm)
         self.places: dict[str, tuple[int, str]] = {}
+        self.pictures: dict[str, Axes] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
         self._bands: dict[tuple[str, str], Polygon] = {}
         self._insides: dict[str, str] = {}
         self._edges: dict[str, list[tuple[Array, Array, Array]]] = {}
         self._legend: dict[str, tuple[str, Artist]] = {}
-        grid = self.figure.subplots(len(labels), len(labels[0]), squeeze=False)
         texts = [text for row in labels for text in row]
-        self.axes = style.letter_panels(grid.flat, [title for title, _ in texts])
+        sheet = self.figure.add_gridspec(len(labels), len(beside) + len(labels[0]))
+        pictures = [self.figure.add_subplot(sheet[:, column]) for column in range(len(beside))]
+        grid = sheet[:, len(beside) :].subgridspec(len(labels), len(labels[0])).subplots(squeeze=False)
+        titles = [*beside, *(title for title, _ in texts)]
+        lettered = style.letter_panels([*pictures, *grid.flat], titles)
+        self.pictures = dict(list(lettered.items())[: len(beside)])
+        self.axes = {letter: axes for letter, axes in lettered.items() if letter not in self.pictures}
         self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
         self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
         sharing = len(labels) - len(apart)
@@ -132,6 +140,17 @@ class Canvas:
             look: dict[str, Any] = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
             self.axes[letter].fill_between(time, low, high, where=high > low, **look)
 
+    def draw_path(self, letter: str, places: Array, label: str) -> None:
+        """Draw a dashed line through places (K, 2) of a picture; the legend names it."""
+        look: dict[str, Any] = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3}
+        (line,) = self.pictures[letter].plot(*places.T, zorder=5.0, **look)
+        self._legend[label] = "", line
+
+    def say_below(self, letter: str, text: str) -> None:
+        """Write a remark below a picture."""
+        axes = self.pictures[letter]
+        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", va="top", fontsize="small")
+
     def leave_room(self, letter: str, values: Array) -> None:
         """Let a panel show these values, whether or not a curve goes there."""
         self._framing[letter].append(values)
@@ -172,9 +191,10 @@ class Canvas:
         if len(self._legend) > 1:
             self._draw_legend()
         style.imprint(self.figure, origin)
-        self.figure.align_ylabels()
+        self.figure.align_ylabels(list(self.axes.values()))
         style.settle(self.figure)
-        return FigureArtists(name, self.figure, self.axes, caption, self.lines, self._bands, origin=origin)
+        panels = self.pictures | self.axes
+        return FigureArtists(name, self.figure, panels, caption, self.lines, self._bands, origin=origin)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows."""

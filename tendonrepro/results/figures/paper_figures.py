@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -12,8 +11,18 @@ from matplotlib.ticker import MultipleLocator
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
+from tendonrepro.physics.tendon_path import TendonPath, path_points
+from tendonrepro.results.figures.arm import (
+    draw_discs,
+    draw_links,
+    frame,
+    number_winches,
+    postures,
+    tendon_paths,
+)
 from tendonrepro.results.figures.panels import Canvas
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
+from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, run_title
 from tendonrepro.results.tables import rounded
@@ -35,6 +44,8 @@ RAW = "samples"
 
 _RAW_ROWS = {"s": r"$s$ (rad/s)", "tau_m": r"Torque $\tau_m$ (N m)"}
 _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
+# Columns of panels up to which a title and a remark stand on one line.
+_WIDE_PANELS = 3
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
 # Free space above and below a motion, as a share of its range, so that equal motions have equal axes.
@@ -44,19 +55,71 @@ _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; gr
 _EXPECTED = 0.62
 
 
-def draw_angles(file: TraceFile, traces: list[Trace], *, variables: Sequence[str]) -> Canvas:
-    """Figures 6 and 9: angles of all motors; where motor 1 turns alone those of all joints, too."""
+def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 6: the arm before and after motor 1 alone has turned, and the angles on the way."""
     (trace,) = traces
-    names = [_ANGLES[variable] for variable in variables]
-    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in names]
-    canvas = Canvas(COLUMN_MM, 18.0 + 40.0 * len(names), labels)
-    for letter, name, variable in zip(canvas.axes, names, variables, strict=True):
-        for joint in trace.joint:
-            values, label = _degrees(trace, variable, joint), f"{'/'.join(names).capitalize()} {joint}"
-            canvas.curve(letter, f"{name} {joint}", trace.time, values, stroke_of(joint), label=label)
-    if "q_encoder" in variables:
-        canvas.note("b", _slope(file, trace))
+    labels = [[(f"{name}s", f"{name} angle (deg)")] for name in _ANGLES.values()]
+    turned = _degrees(trace, "q_motor_encoder", 1)
+    last = int(np.nanargmax(np.abs(turned - turned[0])))
+    titles = ["Start", f"Motor 1 turned {turned[last] - turned[0]:.0f}°"]
+    canvas = Canvas(PAGE_MM, 78.0, labels, beside=titles)
+    for letter, variable in zip(canvas.axes, _ANGLES, strict=True):
+        _draw_angles(canvas, letter, trace, variable, "Motor/joint")
+    canvas.note("d", _slope(file, trace))
+    _draw_postures(canvas, file, trace, [0, last])
     return canvas
+
+
+def _draw_postures(canvas: Canvas, file: TraceFile, trace: Trace, places: list[int]) -> None:
+    """Draw the arm at two samples of a run, at the second one also where section 3.1 sees link 2."""
+    joints, angle = postures(file.plant, trace)
+    joints, angle = joints[places], angle[places]
+    paths = _paths_of(file, joints, angle)
+    for place, axes in enumerate(canvas.pictures.values()):
+        if place:
+            draw_links(axes, joints[0], "#F0F0F0")
+        draw_links(axes, joints[place])
+        draw_discs(axes, paths, place)
+        number_winches(axes, paths)
+        for number, path in enumerate(paths, start=1):
+            axes.plot(*path_points(path, place).T, **stroke_of(number).line, zorder=4.0)
+        frame(axes, joints, paths)
+        axes.set_anchor("N")
+    turned = np.rad2deg(np.diff(angle, axis=1, prepend=0.0))
+    turned = turned[1] - turned[0]
+    if of_paper(file) and turned[0] * turned[1] > 0.0:
+        start = joints[1, 1]
+        ends = np.array([start, start + joints[0, 2] - joints[0, 1]])
+        letter = list(canvas.pictures)[-1]
+        canvas.draw_path(letter, ends, "Link 2 in section 3.1, where joint 2 turns back")
+        canvas.say_below(
+            letter, f"joint 1 turned {turned[0]:+.0f}°\njoint 2 turned {turned[1]:+.0f}°, the same way"
+        )
+
+
+def _paths_of(file: TraceFile, joints: Array, angle: Array) -> list[TendonPath]:
+    """The motors' tendons; none where a file does not say where they go, or where they find no way."""
+    if "tensioner_side" not in file.plant.attributes:
+        return []
+    try:
+        return tendon_paths(file.plant, joints, angle)[:-1]
+    except ValueError:
+        return []
+
+
+def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
+    """Figure 9: angles of all motors."""
+    (trace,) = traces
+    canvas = Canvas(COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
+    _draw_angles(canvas, "a", trace, "q_motor_encoder", "Motor")
+    return canvas
+
+
+def _draw_angles(canvas: Canvas, letter: str, trace: Trace, variable: str, called: str) -> None:
+    """Draw the angles of all motors or joints, in the legend as they are `called`."""
+    for joint in trace.joint:
+        values, name = _degrees(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
+        canvas.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
 
 
 def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
@@ -96,7 +159,7 @@ def _slope(file: TraceFile, trace: Trace) -> str:
     if not first.any():
         return ""
     slope, coupling = first @ second / (first @ first), S[1, 0] / S[0, 0]
-    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f},  $S_{{21}}/S_{{11}}$ = {coupling:.4f}"
+    return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f}\n$S_{{21}}/S_{{11}}$ = {coupling:.4f}"
 
 
 def _degrees(trace: Trace, name: str, joint: int) -> Array:
@@ -149,7 +212,9 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
         canvas.zero_line(letter)
         _curves(canvas, letter, runs, variable, joint, averaged=True)
         if variable == "s":
-            canvas.note(letter, _bound_of_s(runs, joint))
+            # Above the title where panels are narrow.
+            raised = "\n" if len(joints) > _WIDE_PANELS else ""
+            canvas.note(letter, f"{_bound_of_s(runs, joint)}{raised}")
         if variable in _RAW_ROWS:
             middle = float(np.mean(_near(runs, joint)))
             canvas.mark_time(letter, middle, f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows")
@@ -177,7 +242,7 @@ def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
             bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
-            return rf"section 4.3: $|s| \leq {bound:.2g}$ rad/s"
+            return rf"bound: $|s| \leq {bound:.2g}$"
     return ""
 
 
