@@ -10,12 +10,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 from support import ROOT
 
 import tendonrepro as tr
@@ -25,6 +27,7 @@ from tendonrepro.evidence.predict import READINGS
 from tendonrepro.files import to_json
 from tendonrepro.identification.command import run_identify
 from tendonrepro.monte_carlo.command import run_ensemble
+from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest
 from tendonrepro.tuning.command import run_tune
 
@@ -66,6 +69,18 @@ def test_figures_are_drawn_by_number(found: tr.Result) -> None:
     assert len(found.plot(14).axes) >= 4
     with pytest.raises(TendonreproError):
         found.plot(9)
+
+
+@pytest.mark.pictures
+def test_a_figure_shows_itself_in_a_notebook(found: tr.Result) -> None:
+    figure = found.plot(14)
+    with Image.open(BytesIO(figure._repr_png_())) as image:
+        assert image.format == "PNG"
+        assert image.width == pytest.approx(NOTEBOOK_DPI * figure.get_figwidth(), abs=1)
+        assert np.ptp(np.asarray(image.convert("L"))) > 200
+    script = BytesIO()
+    figure.savefig(script, format="png", dpi=50)
+    assert script.getvalue().startswith(b"\x89PNG")
 
 
 @pytest.fixture(scope="module")

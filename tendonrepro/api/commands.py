@@ -94,14 +94,19 @@ def decouple(config: str | Path | None = None, *, set: Changes = None, seed: int
 def reproduce(
     out: str | Path = "reports", *, formats: Formats = None, figures: bool = True, force: bool = False
 ) -> dict[str, Result]:
-    """Run both experiments and the fitted plant into `out`, and return results by name.
+    """Run both experiments and the fitted plant into `out`, with `live.html`, and return results by name.
 
     `formats` and `figures` are as of `ensemble`. `force` overwrites other results, and files changed since.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
+    from tendonrepro.reporting.live.command import PAGE, check_target, page_beside
 
+    page = Path(out) / PAGE
+    check_target(page, force=force)
     request = Request(out=Path(out), force=force, formats=formats_of(formats, figures=figures))
-    found = run_experiments(paper_orders(None, request), Talk())
+    orders = paper_orders(None, request)
+    found = run_experiments(orders, Talk())
+    page_beside(page, orders, Talk())
     return {name: open(one["out"]) for name, one in found.items()}
 
 
@@ -241,7 +246,7 @@ def predict(
 ) -> Result:
     """Predict what experiments on a bench would give under each reading.
 
-    Parameters are as of `ensemble`; the default is nine main readings.
+    Parameters are as of `ensemble`; the default is fourteen main readings.
     """
     given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict
@@ -419,6 +424,19 @@ def report(results: str | Path = "reports", out: str | Path | None = None, *, fo
     from tendonrepro.reporting.command import run_report
 
     return Path(run_report(Path(results), _path(out), force=force)["path"])
+
+
+def live(
+    config: str | Path | None = None,
+    out: str | Path = "live.html",
+    *,
+    set: Changes = None,
+    force: bool = False,
+) -> Path:
+    """Write one HTML file that runs the experiment in a browser; `config` becomes one of its presets."""
+    from tendonrepro.reporting.live.command import run_live
+
+    return Path(run_live(_request({**locals()}))["path"])
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:

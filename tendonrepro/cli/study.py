@@ -104,7 +104,7 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     draws
         Plants.
     readings
-        Comma-separated names [default: nine main ones].
+        Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 
@@ -245,6 +245,32 @@ def report(
 
     found = run_report(results, out, force=force)
     terminal.show(found, report_text(found))
+
+
+@command(study_app, "tendonrepro live --config mine.yaml --out mine.html")
+def live(
+    terminal: Terminal,
+    *,
+    config: str | None = None,
+    set: list[str] | None = None,
+    out: Path = Path("live.html"),
+    force: bool = False,
+) -> None:
+    """One HTML file that runs the experiment in a browser.
+
+    It needs no network. A configuration of your own becomes one of its presets.
+
+    Parameters
+    ----------
+    out
+        HTML file to write.
+    force
+        Overwrite a file that is no such page.
+    """
+    from tendonrepro.reporting.live.command import live_text, run_live
+
+    found = run_live(Request(config=config, overrides=set or (), out=out, force=force))
+    terminal.show(found, live_text(found))
 
 
 @command(data_app, "tendonrepro fetch --out data/zenodo")

@@ -32,6 +32,9 @@ COLUMN_MM = 85.0
 PAGE_MM = 175.0
 """Width of two journal columns."""
 
+NOTEBOOK_DPI = 120
+"""Fine enough for a screen; a printed figure has more."""
+
 _EDGE = 0.005
 """Free space beside what is printed below the panels, as a share of the width."""
 
@@ -88,9 +91,19 @@ journal_style = partial(style.context, Path(__file__).with_name("tendonrepro.mpl
 """Puts the project's style in force, whatever the user's own matplotlib settings are."""
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows as the value of a cell, without ``%matplotlib inline``."""
+
+    def _repr_png_(self) -> bytes:
+        image = BytesIO()
+        with journal_style():
+            self.savefig(image, format="png", dpi=NOTEBOOK_DPI)
+        return image.getvalue()
+
+
 def open_figure(width_mm: float, height_mm: float) -> Figure:
     """Empty figure of a printed size, mm; its layout keeps texts apart."""
-    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    figure = ShownFigure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -114,6 +127,15 @@ def settle(figure: Figure) -> None:
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)
+
+
+def mark_cut(
+    panel: Axes, ends: tuple[float, float], y: float, limits: tuple[float, float], colour: str
+) -> None:
+    """Mark with arrows where a bar at a height y goes on beyond the limits of its panel."""
+    (low, high), (left, right) = ends, limits
+    for edge, arrow in [(left, "<")] * bool(low < left) + [(right, ">")] * bool(high > right):
+        panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
 
 
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
