@@ -246,7 +246,7 @@ def predict(
 ) -> Result:
     """Predict what experiments on a bench would give under each reading.
 
-    Parameters are as of `ensemble`; the default is nine main readings.
+    Parameters are as of `ensemble`; the default is fourteen main readings.
     """
     given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict

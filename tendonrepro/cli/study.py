@@ -104,7 +104,7 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     draws
         Plants.
     readings
-        Comma-separated names [default: nine main ones].
+        Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 

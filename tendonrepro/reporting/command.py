@@ -20,7 +20,7 @@ from tendonrepro.files import refuse_existing, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
-from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.verdicts.report import MAIN, in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
@@ -136,12 +136,13 @@ def _width_pt(path: Path) -> float:
     return float(width[1]) if width else math.inf
 
 
-def orders_picture(found: Stored) -> str:
-    """Address of the picture of the answer."""
-    content = BytesIO()
+def orders_picture(found: Stored) -> dict[str, str]:
+    """Address and caption of the picture of the answer."""
+    content, drawn = BytesIO(), draw_orders(found.summary)
     with journal_style():
-        draw_orders(found.summary).figure.savefig(content, format="svg", metadata={"Date": None})
-    return address(content.getvalue(), _KINDS[".svg"])
+        imprint(drawn.figure, drawn.origin)
+        drawn.figure.savefig(content, format="svg", metadata={"Date": None})
+    return {"address": address(content.getvalue(), _KINDS[".svg"]), "caption": drawn.caption}
 
 
 def address(image: bytes, kind: str) -> str:

@@ -18,7 +18,7 @@ READING, CONTROLLER, MOTION, STARTS, ARM = (
     "Where each run starts",
     "Load and arm",
 )
-GROUPS = (READING, CONTROLLER, STARTS, MOTION, ARM)
+GROUPS = (CONTROLLER, STARTS, READING, MOTION, ARM)
 
 
 class Knob(NamedTuple):

@@ -40,7 +40,7 @@ from tendonrepro.reporting.live.model import Code, law_code, motion_code, plant_
 from tendonrepro.results.paper import METRICS, base_of_paper
 from tendonrepro.results.summary import LOADS, PAYLOAD
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.parts import is_noisy, plant_parts
+from tendonrepro.simulation.parts import is_noisy, plant_needs
 from tendonrepro.simulation.resolution import STEPS, TOLERANCE
 
 FOLDER = Path(__file__).parent / "page"
@@ -129,6 +129,7 @@ class Library:
         """Two functions and their sizes as a JavaScript object."""
         parts = [f"prepare:{self._name(code.prepare)}", f"run:{self._name(code.run)}"]
         parts += [f"{name}:{size}" for name, size in {"constants": code.constants, **sizes}.items()]
+        parts.append(f"reads:{json.dumps(code.reads, separators=(',', ':'))}")
         return f"{{{','.join(parts)}}}"
 
     def _name(self, source: str) -> str:
@@ -380,7 +381,7 @@ def _of_run(run: CompareRun, n: int) -> list[float]:
 
 
 def _steps(loops: Mapping[int, Loop]) -> list[Any]:
-    return [*plant_parts(loops, TOLERANCE, map)[1].values()]
+    return [*plant_needs(loops, TOLERANCE, map)[0].values()]
 
 
 def _tables(config: CompareConfig) -> list[dict[str, Any]]:

@@ -129,6 +129,15 @@ def settle(figure: Figure) -> None:
         figure.set_layout_engine(None)
 
 
+def mark_cut(
+    panel: Axes, ends: tuple[float, float], y: float, limits: tuple[float, float], colour: str
+) -> None:
+    """Mark with arrows where a bar at a height y goes on beyond the limits of its panel."""
+    (low, high), (left, right) = ends, limits
+    for edge, arrow in [(left, "<")] * bool(low < left) + [(right, ">")] * bool(high > right):
+        panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
+
+
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
     """Entitle panels with "(a) ...", unless there is one alone, and return them by letter.
 

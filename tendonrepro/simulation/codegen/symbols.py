@@ -107,7 +107,7 @@ class Symbol(NDArrayOperatorsMixin):
         return self.tape.function(ufunc, self)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols."""
+        """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; one condition may choose arrays."""
         del types
         if function is np.zeros_like:
             return 0.0
@@ -119,6 +119,10 @@ class Symbol(NDArrayOperatorsMixin):
         condition, then, otherwise = args
         if not isinstance(condition, Symbol):
             return _as_object(then if condition else otherwise)
+        if isinstance(then, np.ndarray) or isinstance(otherwise, np.ndarray):
+            return np.frompyfunc(lambda *pair: self.tape.write("choose", condition, *pair), 2, 1)(
+                then, otherwise
+            )
         return self.tape.write("choose", condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:

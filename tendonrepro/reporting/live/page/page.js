@@ -14,7 +14,7 @@ const STROKES = {
   controller_3: ["#cc8800", [2, 2]],
   controller_1_payload: ["#000000", [9, 2, 2, 2]],
 };
-const SPARE = ["#777777", [12, 4]];
+const SPARES = [["#004488", [3, 3]], ["#b5405a", [10, 3]], ["#777777", [12, 4]], ["#117733", []], ["#000000", [1, 3]]];
 const REFERENCE = ["#9aa4ae", []];
 const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
 
@@ -104,10 +104,11 @@ function showPreset() {
   byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
   const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 801px)").matches;
+  if (first) byId("panel").open = wide;
   byId("controls").replaceChildren(
     ...preset.groups.map((group, k) => {
       const box = make("details", { "data-group": group }, make("summary", {}, group));
-      if (open.has(group) || (first && (wide ? k < 2 : false))) box.open = true;
+      if (open.has(group) || (first && k < 2)) box.open = true;
       for (const choice of preset.choices) if (choice.group === group) box.append(choiceField(choice));
       const fields = preset.controls.filter((one) => one.group === group);
       for (const label of new Set(fields.map((one) => one.label))) {
@@ -293,6 +294,13 @@ function jobOf(which, exact, values = state) {
   return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, n, L, steps, limit, ringing, share, exact };
 }
 
+// All that a run depends on: what its plant, its law and its motion read of the inputs, and the rest of the job.
+function keyOf(job) {
+  const { plant, laws, motions } = MODELS[job.model];
+  const read = new Set([plant, laws[job.law], motions[job.motion]].flatMap(({ reads }) => reads));
+  return JSON.stringify({ ...job, pp: [...read].map((place) => job.pp[place]) });
+}
+
 const known = new Map(); // results by run, with the job they are of
 let busy = false, wanted = null, since = 0;
 
@@ -312,7 +320,7 @@ async function compute(exact) {
   since = 0;
   const found = await Promise.all(
     preset.runs.map(async (which) => {
-      const job = jobOf(which, exact), key = JSON.stringify(job), held = known.get(which.name);
+      const job = jobOf(which, exact), key = keyOf(job), held = known.get(which.name);
       if (held && held.key === key) return held.found;
       const result = await pool.ask(job);
       known.set(which.name, { key, found: result });
@@ -323,6 +331,8 @@ async function compute(exact) {
     results = new Map(preset.runs.map((which, k) => [which.name, found[k]]));
     if (exact && !moved().length) baseline = results;
     show();
+    // What a chart is given it draws in the next turn.
+    await null;
     document.documentElement.dataset.milliseconds = (performance.now() - started).toFixed(1);
     document.documentElement.dataset.exact = String(exact && wanted === null);
     const steps = [...new Set(found.map((one) => one.steps))].join(" and ");
@@ -388,8 +398,8 @@ function changeWords() {
       if (size > 0) sizes.push({ label, joint, before, after, size, weight: compared ? size : 0.1 * size });
     });
   }
-  const what = changes.slice(0, 2).map((one) => `${one.label}${one.part ? ` (${one.part})` : ""} is ${told(one)} instead of ${told(one, one.value)}`);
-  if (changes.length > 2) what.push(`${changes.length - 2} more changed`);
+  const labels = [...new Set(changes.map(({ label }) => label))], what = labels.slice(0, 2).map(movedWords);
+  if (labels.length > 2) what.push(`${labels.length - 2} more changed`);
   const most = sizes.sort((a, b) => b.weight - a.weight)[0];
   const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
   if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
@@ -399,9 +409,17 @@ function changeWords() {
   return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${sign}${size < 10 ? size.toFixed(1) : size.toFixed(0)} %).`;
 }
 
+// A control's values now and in the preset, of all joints.
+function movedWords(label) {
+  const fields = all().filter((one) => one.label === label), name = label.split(",")[0];
+  const joints = fields[0].part && fields.length > 1 ? ` on ${fields.map(({ part }) => part).join(" / ")}` : "";
+  return `${name}${joints} is ${fields.map((one) => told(one)).join(" / ")} instead of ${fields.map((one) => told(one, one.value)).join(" / ")}`;
+}
+
 function told(one, value = state.get(one.id)) {
   if (one.words) return `“${one.words[one.values.indexOf(value)]}”`;
-  return `${shorter(value)}${unitOf(one) && ` ${unitOf(one)}`}`;
+  const unit = unitOf(one);
+  return `${String(shorter(value)).replace("-", "−")}${unit === "°" ? "°" : unit && ` ${unit}`}`;
 }
 
 function statusWords() {
@@ -461,8 +479,8 @@ function tableRow(run, label) {
 // ---- Figures ----------------------------------------------------------------------------------------------------
 
 const QUANTITIES = {
-  q: ["Joint {} and its reference", "°", degrees],
-  e: ["Error of joint {}", "°", degrees],
+  q: ["Joint {} and its reference", "deg", degrees],
+  e: ["Error of joint {}", "deg", degrees],
   s: ["Sliding variable s, joint {}", "rad/s", (x) => x],
   H_hat: ["Estimate Ĥ, joint {}", "N m", (x) => x],
   tau: ["Torque τ, joint {}", "N m", (x) => x],
@@ -482,7 +500,7 @@ function buildFigures() {
   byId("figures").style.visibility = results ? "" : "hidden";
 }
 
-const strokeOf = (run) => STROKES[run] || SPARE;
+const strokeOf = (run) => STROKES[run] || SPARES[preset.runs.findIndex(({ name }) => name === run) % SPARES.length];
 
 function legendOf(runs, reference) {
   const list = make("ul", { class: "legend" });
