@@ -9,7 +9,7 @@ ARGS ?=
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check check-release format bench claims report data findings pages docs docs-links mutants clean
+.PHONY: help figures test test-slow check check-release format bench claims report data findings pages notebook docs docs-links mutants clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -52,6 +52,10 @@ findings: $(VENV)/.run  ## docs/results, and from it the made parts of findings.
 	$(BIN)/python docs/generate.py reports
 
 pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands
+	$(BIN)/python docs/pages.py
+
+notebook: $(VENV)/.test  ## the notebook of examples run again, and its page
+	$(BIN)/python docs/notebook.py
 	$(BIN)/python docs/pages.py
 
 docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline

@@ -18,7 +18,9 @@ import time
 from pathlib import Path
 
 from bench_batch import batch_cases, compilation_case, mix_case
+from bench_commands import commands_case
 from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
+from bench_live import live_case
 
 # NumPy and the package are imported where they are used, not here: a child's peak memory counts its parent's
 # too until it execs, so this process has to stay small while it measures the commands.
@@ -52,10 +54,12 @@ def main():
             "import_heavy": import_case(),
             "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
         }
+    cases["commands_in_turns"] = commands_case()
     cases["first_compilation"] = compilation_case()
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
     cases |= batch_cases()
     cases["ensemble_mix"] = mix_case()
+    cases["live"] = live_case()
     found = {"schema_version": 1, "cpu": cpu(), "cores": os.cpu_count(), "python": platform.python_version()}
     print(json.dumps(found | {"cases": cases}, indent=2))
 

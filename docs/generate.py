@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -22,18 +23,20 @@ from pages import fresh, table
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
+from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
 from tendonrepro.reporting.stored import thinned
-from tendonrepro.results.figures.style import save_drawing
+from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
+README = DOCS.parent / "README.md"
 PAGES = (DOCS / "findings.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
@@ -58,6 +61,8 @@ def take(reports: Path) -> None:
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
+    if (reports / "compare").exists():
+        shutil.copy(reports / "compare" / "figures" / "fig14.png", DOCS)
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
     if (reports / "closest").exists():
@@ -148,16 +153,40 @@ def rounded(content: Any) -> Any:
 
 
 def write_pages() -> None:
-    """Fill the made parts of the pages, and draw the pictures of findings.md."""
-    for page in PAGES:
-        page.write_text(fresh(page.read_text(encoding="utf-8"), MAKERS), encoding="utf-8")
+    """Fill the made parts of the pages, draw the pictures, and describe them where they stand."""
+    drawn = pictures()
+    for page in (*DOCS.glob("*.md"), README):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(described(fresh(text, MAKERS) if page in PAGES else text, drawn), encoding="utf-8")
     with TemporaryDirectory() as folder:
-        tuning = draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()})
-        summary = stored("ensemble")
-        of_errors = draw_map(summary, stored("closest"))
-        for drawing in (draw_orders(summary), of_errors, draw_ranges(summary), tuning):
+        for drawing in drawn.values():
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
+
+
+def pictures() -> dict[str, Drawing]:
+    """The pictures of stored results, by name."""
+    summary, found = stored("ensemble"), stored("predict")
+    drawn = (
+        draw_orders(summary),
+        draw_map(summary, stored("closest")),
+        draw_ranges(summary),
+        draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()}),
+        draw_predictions(found["experiments"], found["readings"], found["joints"]),
+    )
+    return {drawing.stem: drawing for drawing in drawn}
+
+
+def described(text: str, drawn: Mapping[str, Drawing]) -> str:
+    """A page whose pictures have the first sentence of their captions as the text instead of them."""
+
+    def with_text(picture: re.Match[str]) -> str:
+        if picture[2] not in drawn:
+            return picture[0]
+        sentence, _, _ = drawn[picture[2]].caption.partition(". ")
+        return f"![{sentence.rstrip('.')}]({picture[1] or ''}{picture[2]}.png)"
+
+    return re.sub(r"!\[[^\]]*\]\((docs/)?(\w+)\.png\)", with_text, text)
 
 
 def words(name: str) -> str:

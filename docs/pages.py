@@ -5,6 +5,8 @@ A part stands between ``<!-- made: NAME -->`` and ``<!-- end -->``; a test makes
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -148,6 +150,40 @@ def variables() -> str:
     return table(("Name", "Unit", "Meaning"), rows)
 
 
+NOTEBOOK = DOCS.parent / "examples" / "notebook.ipynb"
+PICTURE = DOCS / "notebook.png"
+
+
+def notebook() -> str:
+    """The cells of the notebook with what they show; its one picture is `PICTURE`."""
+    parts = []
+    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(text.removeprefix("# The comparison in a notebook").strip())
+            continue
+        parts.append(f"```python\n{text}\n```")
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            if "image/png" in data:
+                parts.append(f"![What the last cell shows]({PICTURE.name})")
+            elif "text/html" in data:
+                # The style of pandas is of pages that have no other.
+                shown = re.sub(r"<style.*?</style>\n", "", "".join(data["text/html"]), flags=re.S)
+                parts.append("\n".join(line.strip() for line in shown.splitlines()))
+            else:
+                said = "".join(output.get("text") or data["text/plain"])
+                parts.append(f"```text\n{said.strip()}\n```")
+    return "\n\n".join(filter(None, parts))
+
+
+def pictures() -> list[bytes]:
+    """The pictures that the notebook holds."""
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    shown = [output.get("data", {}) for cell in cells for output in cell.get("outputs", ())]
+    return [base64.b64decode("".join(data["image/png"])) for data in shown if "image/png" in data]
+
+
 MAKERS: Mapping[str, Callable[[], str]] = {
     "the box": lambda: table(contents.BOX_HEADS, contents.box_rows()),
     "the readings": readings,
@@ -159,10 +195,13 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "the decoupling experiment": lambda: unprinted(of_decouple),
     "the commands": commands,
     "the options": options,
+    "the notebook": notebook,
     "the variables of a trace": variables,
 }
 
 
 if __name__ == "__main__":
+    (picture,) = pictures()
+    PICTURE.write_bytes(picture)
     for path in sorted(DOCS.glob("*.md")):
         path.write_text(fresh(path.read_text(encoding="utf-8")), encoding="utf-8")

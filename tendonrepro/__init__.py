@@ -33,6 +33,7 @@ __all__ = [
     "identify",
     "ingest",
     "inspect",
+    "live",
     "open",
     "predict",
     "recover",

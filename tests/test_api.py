@@ -10,12 +10,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 from support import ROOT
 
 import tendonrepro as tr
@@ -25,6 +27,7 @@ from tendonrepro.evidence.predict import READINGS
 from tendonrepro.files import to_json
 from tendonrepro.identification.command import run_identify
 from tendonrepro.monte_carlo.command import run_ensemble
+from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest
 from tendonrepro.tuning.command import run_tune
 
@@ -66,6 +69,18 @@ def test_figures_are_drawn_by_number(found: tr.Result) -> None:
     assert len(found.plot(14).axes) >= 4
     with pytest.raises(TendonreproError):
         found.plot(9)
+
+
+@pytest.mark.pictures
+def test_a_figure_shows_itself_in_a_notebook(found: tr.Result) -> None:
+    figure = found.plot(14)
+    with Image.open(BytesIO(figure._repr_png_())) as image:
+        assert image.format == "PNG"
+        assert image.width == pytest.approx(NOTEBOOK_DPI * figure.get_figwidth(), abs=1)
+        assert np.ptp(np.asarray(image.convert("L"))) > 200
+    script = BytesIO()
+    figure.savefig(script, format="png", dpi=50)
+    assert script.getvalue().startswith(b"\x89PNG")
 
 
 @pytest.fixture(scope="module")
@@ -148,12 +163,14 @@ def test_every_command_of_the_command_line_is_a_function() -> None:
 def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> None:
     """Arguments are handed on by name."""
     function = getattr(tr, run.__name__.removeprefix("run_"))
-    own = inspect.signature(function).parameters.keys() - {"config", "set", "seed", "out", "force"}
+    shared = {"config", "set", "seed", "out", "force", "formats", "figures"}
+    own = inspect.signature(function).parameters.keys() - shared
     assert own <= inspect.signature(run).parameters.keys()
 
 
 SHARED = {"config": "mine", "set": {"a.b": np.array([1, 2])}, "seed": 2, "out": "x", "force": True}
-REQUEST = Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True)
+SHARED |= {"formats": "svg,pdf"}
+REQUEST = Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True, formats=("pdf", "svg"))
 
 
 @pytest.mark.parametrize(
@@ -190,6 +207,34 @@ def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path
     assert {path.parent.parent for path in tr.tables(tmp_path)} == {tmp_path}
     (tmp_path / "traces.h5").unlink()
     assert {path.parent.parent for path in tr.tables(tmp_path)} == {inner}
+
+
+@pytest.mark.parametrize(
+    ("options", "suffixes"),
+    [({"figures": False}, []), ({"formats": "svg"}, ["svg"]), ({"formats": ["png", "svg"]}, ["svg", "png"])],
+)
+def test_a_result_is_saved_in_the_formats_asked_for(
+    alone: tr.Result, tmp_path: Path, options: dict[str, Any], suffixes: list[str]
+) -> None:
+    folder = alone.save(tmp_path / "saved", **options)
+    drawn = {path.suffix.removeprefix(".") for path in folder.glob("figures/*")}
+    assert drawn == {*suffixes, *(["txt"] if suffixes else [])}
+    assert read_manifest(folder)["figure_formats"] == suffixes
+    assert tr.open(folder).manifest["config"] == alone.manifest["config"]
+    tr.figures(folder, ["14"], formats=["svg"])
+    assert (folder / "figures" / "fig14.svg").exists()
+    assert read_manifest(folder)["figure_formats"] == (suffixes or ["svg"])
+
+
+@pytest.mark.parametrize(
+    "options", [{"formats": "jpg"}, {"formats": ""}, {"formats": "png", "figures": False}]
+)
+def test_formats_that_are_not_there_are_refused(
+    alone: tr.Result, tmp_path: Path, options: dict[str, Any]
+) -> None:
+    with pytest.raises(UsageError):
+        alone.save(tmp_path / "saved", **options)
+    assert not [*tmp_path.iterdir()]
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:

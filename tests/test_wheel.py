@@ -30,8 +30,10 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
     }
     shipped = {"configs/*", "data/published.yaml", "docs/results/*", "docs/slips.md", "docs/predictions.md"}
     expected = {f"tendonrepro/{path.relative_to(ROOT)}" for some in shipped for path in ROOT.glob(some)}
-    own = [path for path in (ROOT / "tendonrepro").rglob("*.*") if path.suffix not in {".py", ".pyc"}]
-    expected |= {path.relative_to(ROOT).as_posix() for path in own}
+    own = [path for path in (ROOT / "tendonrepro").rglob("*") if path.suffix not in {".py", ".pyc"}]
+    expected |= {path.relative_to(ROOT).as_posix() for path in own if path.is_file()}
+    # The mark by which type checkers see the package's types.
+    assert "tendonrepro/py.typed" in names
     assert {name for name in names if not name.endswith(".py")} == expected
     assert all(name.startswith("tendonrepro/") for name in names)
 

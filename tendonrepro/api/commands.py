@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from tendonrepro.api.result import Result
 from tendonrepro.configuration.load import Config, LoadedConfig, load_config
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.store import make_manifest, read_manifest
@@ -18,6 +18,7 @@ from tendonrepro.results.study import Outcome
 from tendonrepro.results.traces import export_traces, read_traces
 
 Changes: TypeAlias = Mapping[str, Any] | None
+Formats: TypeAlias = str | Sequence[str] | None
 
 
 def _yaml(value: Any) -> str:
@@ -43,6 +44,7 @@ def _request(given: dict[str, Any]) -> Request:
         given.pop("seed", None),
         given.pop("controllers", None),
         force=given.pop("force", False),
+        formats=formats_of(given.pop("formats", None), figures=given.pop("figures", True)),
     )
 
 
@@ -89,14 +91,22 @@ def decouple(config: str | Path | None = None, *, set: Changes = None, seed: int
     return _experiment(_request({**locals()}).load("decouple"))
 
 
-def reproduce(out: str | Path = "reports", *, force: bool = False) -> dict[str, Result]:
-    """Run both experiments and the fitted plant into `out`, and return results by name.
+def reproduce(
+    out: str | Path = "reports", *, formats: Formats = None, figures: bool = True, force: bool = False
+) -> dict[str, Result]:
+    """Run both experiments and the fitted plant into `out`, with `live.html`, and return results by name.
 
-    `force` overwrites other results, and files changed since.
+    `formats` and `figures` are as of `ensemble`. `force` overwrites other results, and files changed since.
     """
     from tendonrepro.experiments.command import paper_orders, run_experiments
+    from tendonrepro.reporting.live.command import PAGE, check_target, page_beside
 
-    found = run_experiments(paper_orders(None, Request(out=Path(out), force=force)), Talk())
+    page = Path(out) / PAGE
+    check_target(page, force=force)
+    request = Request(out=Path(out), force=force, formats=formats_of(formats, figures=figures))
+    orders = paper_orders(None, request)
+    found = run_experiments(orders, Talk())
+    page_beside(page, orders, Talk())
     return {name: open(one["out"]) for name, one in found.items()}
 
 
@@ -159,6 +169,8 @@ def ensemble(
     readings: str = "default",
     jobs: int = -1,
     out: str | Path = "reports/ensemble",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Run many plausible plants under many readings of the text; an interrupted call goes on from `out`.
@@ -173,6 +185,10 @@ def ensemble(
         ``default``, or comma-separated names.
     jobs : int
         Processes; -1 is one for each processor.
+    formats : str or sequence of str, optional
+        Of figures, ``png``, ``pdf`` or ``svg``; else all three.
+    figures : bool
+        Whether to draw any.
     force : bool
         Replace other results.
     """
@@ -193,6 +209,8 @@ def identify(
     unknowns: int = 10,
     jobs: int = -1,
     out: str | Path = "reports/identify",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Search plants and readings closest to the printed numbers; an interrupted call goes on.
@@ -205,7 +223,7 @@ def identify(
         Of each search, members of a generation, and searches of a reading.
     unknowns : int
         Parameters that are searched at most, those that move the fitted numbers most.
-    config, readings, jobs, out, force
+    config, readings, jobs, out, formats, figures, force
         As of `ensemble`.
     """
     given = {**locals()}
@@ -222,11 +240,13 @@ def predict(
     seed: int | None = None,
     readings: str | None = None,
     out: str | Path = "reports/predict",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Predict what experiments on a bench would give under each reading.
 
-    Parameters are as of `ensemble`; the default is nine main readings.
+    Parameters are as of `ensemble`; the default is fourteen main readings.
     """
     given = {**locals()}
     from tendonrepro.evidence.predict import READINGS, run_predict
@@ -247,6 +267,8 @@ def tune(
     seed: int | None = None,
     jobs: int = -1,
     out: str | Path = "reports/tune",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Tune every law on the same plants, and compare them; an interrupted call goes on.
@@ -259,7 +281,7 @@ def tune(
         Name -> function of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
         Also plants on which the published gains are unstable.
-    config, set, seed, jobs, out, force
+    config, set, seed, jobs, out, formats, figures, force
         As of `ensemble`; the seed is that of the searches.
     """
     given = {**locals()}
@@ -274,6 +296,8 @@ def validate(
     *,
     set: Changes = None,
     out: str | Path = "reports/validate",
+    formats: Formats = None,
+    figures: bool = True,
     force: bool = False,
 ) -> Result:
     """Compare measured data with paper and model; results are written to `out`."""
@@ -350,11 +374,13 @@ def ingest(
     return run_ingest(files, Path(mapping), Path(out), force=force, dry_run=False, talk=talk, confirm=confirm)
 
 
-def figures(out: str | Path = "reports", names: Sequence[str] = (), *, force: bool = False) -> list[Path]:
-    """Draw figures again from stored traces, all or those named."""
+def figures(
+    out: str | Path = "reports", names: Sequence[str] = (), *, formats: Formats = None, force: bool = False
+) -> list[Path]:
+    """Draw figures again from stored traces, all or those named; `formats` are as of `ensemble`."""
     from tendonrepro.experiments.command import redraw
 
-    return redraw(Path(out), list(names) or None, force=force)
+    return redraw(Path(out), list(names) or None, force=force, formats=formats_of(formats))
 
 
 def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:
@@ -398,6 +424,19 @@ def report(results: str | Path = "reports", out: str | Path | None = None, *, fo
     from tendonrepro.reporting.command import run_report
 
     return Path(run_report(Path(results), _path(out), force=force)["path"])
+
+
+def live(
+    config: str | Path | None = None,
+    out: str | Path = "live.html",
+    *,
+    set: Changes = None,
+    force: bool = False,
+) -> Path:
+    """Write one HTML file that runs the experiment in a browser; `config` becomes one of its presets."""
+    from tendonrepro.reporting.live.command import run_live
+
+    return Path(run_live(_request({**locals()}))["path"])
 
 
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:

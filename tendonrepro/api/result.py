@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tendonrepro.configuration.request import FORMATS, formats_of
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
-from tendonrepro.results.study import Outcome
+from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.results.traces import TRACES, dataset_of, write_traces
 
 if TYPE_CHECKING:
@@ -101,25 +102,47 @@ class Result:
             raise UsageError(message, hint=f"figures: {', '.join(drawings) or 'none'}")
         return drawings[stem]().figure
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        formats: str | Sequence[str] | None = None,
+        figures: bool = True,
+        force: bool = False,
+    ) -> Path:
         """Write everything into a folder, and return it.
+
+        Parameters
+        ----------
+        formats : str or sequence of str, optional
+            Of figures, ``png``, ``pdf`` or ``svg``; else all three. A command that wrote its own folder has
+            drawn its figures.
+        figures : bool
+            Whether to draw any.
 
         Raises
         ------
         UsageError
-            When there is a file of that name, or, without `force`, a folder that holds anything else.
+            When there is a file of that name, or, without `force`, a folder that holds anything else; for a
+            format that is not there.
         """
+        kinds = formats_of(formats, figures=figures)
+        if self._folder is not None and kinds != FORMATS:
+            message = f"the figures of this result were drawn when {self.command} ran"
+            raise UsageError(message, where="formats", hint=f"say formats= or figures= to {self.command}")
         target = Path(folder)
         with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
-            self._write(result)
-            result.manifest = self.manifest
+            self._write(result, kinds)
+            drawn = {} if self._folder is not None else figure_formats(kinds)
+            result.manifest = self.manifest | drawn
         return target
 
-    def _write(self, result: NewResult) -> None:
+    def _write(self, result: NewResult, formats: Sequence[str]) -> None:
         if self._folder is not None:
             take_over(self._folder, result.path, read_manifest(self._folder)["outputs"])
             return
-        replace(self._outcome, figures=self._drawings).save(result, self.command)
+        outcome = replace(self._outcome, figures=self._drawings) if formats else self._outcome
+        outcome.save(result, self.command, formats)
         if self._file is not None:
             write_traces(result.path / TRACES, self._file)
 

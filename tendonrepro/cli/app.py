@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 from tendonrepro import __version__
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import data_app, study_app
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
 
@@ -113,6 +113,8 @@ def _help_if_alone(context: typer.Context) -> None:
 def reproduce(request: Request, terminal: Terminal, *, config: Path | None = None) -> int:
     """Every figure and table of section 5, and the fitted plant.
 
+    Beside them live.html runs the comparison in a browser.
+
     Parameters
     ----------
     config
@@ -120,7 +122,7 @@ def reproduce(request: Request, terminal: Terminal, *, config: Path | None = Non
     """
     from tendonrepro.experiments.command import paper_orders
 
-    return _carry_out(paper_orders(config, request), terminal)
+    return _carry_out(paper_orders(config, request), terminal, live=not request.dry_run)
 
 
 @command(app, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', without=())
@@ -153,20 +155,33 @@ def decouple(request: Request, terminal: Terminal) -> int:
     return _carry_out([Order("decouple", request)], terminal)
 
 
-def _carry_out(orders: Sequence[Order], terminal: Terminal) -> int:
-    """Print what orders found, and return the exit code."""
+def _carry_out(orders: Sequence[Order], terminal: Terminal, *, live: bool = False) -> int:
+    """Print what orders found, and return the exit code; `live` writes the page that runs them, too."""
     from tendonrepro.experiments.command import diverged, run_experiments, summary_of
 
+    if live:
+        from tendonrepro.reporting.live.command import PAGE, check_target, live_text, page_beside
+
+        path = orders[0].folder.parent / PAGE
+        check_target(path, force=orders[0].request.force)
     found = run_experiments(orders, terminal.talk)
     data: dict[str, Any] = {"schema_version": 1} | found if len(found) > 1 else next(iter(found.values()))
     texts = [*(one["text"] for one in found.values()), summary_of(found)]
+    if live:
+        page = page_beside(path, orders, terminal.talk)
+        data, texts = data | {"live": page["path"]}, [*texts, live_text(page)]
     terminal.show(data, "\n\n".join(filter(None, texts)))
     return 5 if any(map(diverged, found.values())) else 0
 
 
 @command(app, "tendonrepro figures 14 15")
 def figures(
-    terminal: Terminal, names: list[str] | None = None, *, out: Path = Path("reports"), force: bool = False
+    terminal: Terminal,
+    names: list[str] | None = None,
+    *,
+    out: Path = Path("reports"),
+    formats: str | None = None,
+    force: bool = False,
 ) -> None:
     """Draw figures again from stored traces.
 
@@ -181,7 +196,7 @@ def figures(
     """
     from tendonrepro.experiments.command import redraw
 
-    terminal.list_files(redraw(out, names, force=force))
+    terminal.list_files(redraw(out, names, force=force, formats=formats_of(formats)))
 
 
 @command(app, "tendonrepro tables --out reports/compare")

@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 from typer import Argument, Option
 
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk, count_of
 
 _TERMINAL = {
@@ -22,6 +22,7 @@ _TERMINAL = {
 }
 _CONFIG = "Configuration file, - for standard input, or a shipped name."
 _CHANGE = "Change a value of the configuration; repeatable."
+_FORMATS = "Formats of figures [default: all three]."
 _REQUEST = {
     "config": Annotated[str | None, Option("--config", help=_CONFIG)],
     "out": Annotated[Path | None, Option("--out", help="Results folder [default: its own below reports].")],
@@ -32,6 +33,8 @@ _REQUEST = {
     ],
     "dry_run": Annotated[bool, Option("--dry-run", help="Check everything, run nothing.")],
     "force": Annotated[bool, Option("--force", help="Overwrite other results, and files changed since.")],
+    "formats": Annotated[str | None, Option("--formats", metavar="png,pdf,svg", help=_FORMATS)],
+    "no_figures": Annotated[bool, Option("--no-figures", help="Draw no figures.")],
 }
 # What stands for the value, and the help, of own parameters whose docstring does not tell.
 _TOLD = {
@@ -41,6 +44,8 @@ _TOLD = {
     "mapping": ("", "Mapping file: which column is which variable."),
     "jobs": ("", "Processes; -1 is one for each processor."),
     "force": ("", "Overwrite a file that is there."),
+    "formats": ("png,pdf,svg", _FORMATS),
+    "no_figures": ("", "Draw no figures."),
 }
 
 
@@ -140,4 +145,6 @@ def _request(given: dict[str, Any]) -> Request:
     except ValueError as error:
         message = f"must be numbers like 1,3, found {text!r}"
         raise typer.BadParameter(message, param_hint="--controllers") from error
+    if "formats" in given:
+        given["formats"] = formats_of(given["formats"], figures=not given.pop("no_figures"))
     return Request(**given | {"overrides": given.get("overrides") or (), "controllers": numbers})

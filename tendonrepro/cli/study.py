@@ -8,7 +8,7 @@ from typing import Literal
 import typer
 
 from tendonrepro.cli.options import Terminal, command, options_of
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import Request, formats_of
 
 study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
@@ -104,7 +104,7 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     draws
         Plants.
     readings
-        Comma-separated names [default: nine main ones].
+        Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 
@@ -166,7 +166,9 @@ def statics(request: Request, terminal: Terminal) -> None:
 
 
 @command(
-    study_app, "tendonrepro recover data/measured.h5", without=("config", "overrides", "seed", "controllers")
+    study_app,
+    "tendonrepro recover data/measured.h5",
+    without=("config", "overrides", "seed", "controllers", "formats", "no_figures"),
 )
 def recover(request: Request, terminal: Terminal, log: Path) -> None:
     """Which controller made a log, or why that cannot be told.
@@ -191,6 +193,8 @@ def claims(
     baseline: Path | None = None,
     measured: Path | None = None,
     all: bool = False,
+    formats: str | None = None,
+    no_figures: bool = False,
     force: bool = False,
 ) -> int:
     """The verdict on every published number and claim.
@@ -214,7 +218,10 @@ def claims(
     """
     from tendonrepro.verdicts.command import run_claims
 
-    found = run_claims(out, ids or (), baseline, terminal.talk, measured, every=all, force=force)
+    kinds = formats_of(formats, figures=not no_figures)
+    found = run_claims(
+        out, ids or (), baseline, terminal.talk, measured, every=all, force=force, formats=kinds
+    )
     terminal.show(found.data, found.text)
     return 3 if check and found.failed else 0
 
@@ -238,6 +245,32 @@ def report(
 
     found = run_report(results, out, force=force)
     terminal.show(found, report_text(found))
+
+
+@command(study_app, "tendonrepro live --config mine.yaml --out mine.html")
+def live(
+    terminal: Terminal,
+    *,
+    config: str | None = None,
+    set: list[str] | None = None,
+    out: Path = Path("live.html"),
+    force: bool = False,
+) -> None:
+    """One HTML file that runs the experiment in a browser.
+
+    It needs no network. A configuration of your own becomes one of its presets.
+
+    Parameters
+    ----------
+    out
+        HTML file to write.
+    force
+        Overwrite a file that is no such page.
+    """
+    from tendonrepro.reporting.live.command import live_text, run_live
+
+    found = run_live(Request(config=config, overrides=set or (), out=out, force=force))
+    terminal.show(found, live_text(found))
 
 
 @command(data_app, "tendonrepro fetch --out data/zenodo")

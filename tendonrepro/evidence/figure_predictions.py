@@ -8,7 +8,14 @@ from typing import Any
 
 from matplotlib.lines import Line2D
 
-from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, letter_panels, open_figure
+from tendonrepro.results.figures.style import (
+    PAGE_MM,
+    Drawing,
+    journal_style,
+    letter_panels,
+    mark_cut,
+    open_figure,
+)
 
 COLOURS = ["#004488", "#CC3311", "#DDAA00", "#228833", "#888888", "#55BBEE", "#8844BB", "#000000", "#AA7744"]
 STYLES = tuple(zip(COLOURS, "os^Dos^Dv", strict=True))
@@ -34,9 +41,7 @@ def draw_predictions(
                 colour, marker = STYLES[place % len(STYLES)]
                 panel.plot([low, high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
                 panel.plot([median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
-                beyond = [(_LOWEST, "<")] * (low < _LOWEST) + [(_HIGHEST, ">")] * (high > _HIGHEST)
-                for edge, arrow in beyond:
-                    panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
+                mark_cut(panel, (low, high), y, (_LOWEST, _HIGHEST), colour)
         panel.set_xscale("log")
         panel.set_xlim(_LOWEST, _HIGHEST)
         ticks = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
@@ -56,8 +61,8 @@ def draw_predictions(
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
-        "What experiments on a bench would give under several ways to understand the paper: ratio of mean "
+        "What experiments on a bench would give under several ways to understand the paper. Ratio of mean "
         "errors, median and central 90 % of the plants on which both runs are stable. "
         "An arrow at the edge means that the range goes on."
     )
-    return Drawing("predictions", figure, list(panels), caption)
+    return Drawing("predictions", figure, list(panels), caption, origin="Simulated, tendonrepro predict")

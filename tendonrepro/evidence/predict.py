@@ -38,7 +38,9 @@ BASE = (FIRST, SECOND, THIRD, LOADED)
 READINGS = (
     "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
     "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
-    "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor"
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor,"
+    "reference_acceleration=absent,motion=ramp,starts=apart,"
+    "reference_acceleration=absent+starts=apart,motion=ramp+starts=apart"
 )
 """Interpretations whose predictions are asked for unless others are named."""
 LEAST = 20
@@ -55,12 +57,16 @@ Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
 
 @dataclass(frozen=True)
 class Experiment:
-    """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``."""
+    """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``.
+
+    ``error`` names the statistic of both: of the whole run, or ``mae_settled`` of all after two seconds.
+    """
 
     name: str
     about: str
     change: Change
     beside: str = FIRST
+    error: str = "mae"
 
 
 def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
@@ -128,6 +134,11 @@ def _with_inertia(factor: float, _: CompareConfig, __: Path, loops: Loops) -> Lo
     return _with_law(loops[FIRST], law._replace(M_bar=factor * law.M_bar))
 
 
+def _started_elsewhere(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+    """Controller 1 once more, from where Controller 2 started."""
+    return replace(loops[FIRST], start_offset=loops[SECOND].start_offset)
+
+
 def _twice_the_period(config: CompareConfig, folder: Path, _: Loops) -> Loop:
     doubled = under(parse_reading("sampling_period=2ms"), config, {})
     return dict(build_loops(doubled, folder))[FIRST]
@@ -142,6 +153,21 @@ def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
 EXPERIMENTS = (
     Experiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
     Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
+    Experiment(
+        "controllers_1_2_late",
+        "Controller 1 over Controller 2, first two seconds left out",
+        partial(_run, FIRST),
+        SECOND,
+        "mae_settled",
+    ),
+    Experiment(
+        "controllers_2_3_late",
+        "Controller 2 over Controller 3, first two seconds left out",
+        partial(_run, SECOND),
+        THIRD,
+        "mae_settled",
+    ),
+    Experiment("repeat", "Controller 1 repeated from another start", _started_elsewhere),
     *(
         Experiment(
             f"alpha_{alpha:g}",
@@ -233,15 +259,18 @@ def predictions(
     values = box.values(scrambled_sobol(box, int(loaded.config.seed.si), 0, 0, draws))
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
-            errors, stable = [], []
+            errors: dict[str, list[Array]] = {one.error: [] for one in EXPERIMENTS}
+            stable = []
             for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
                 batch = simulate_batch(loops, loaded.compare.status, threads=processors())
                 count = len(BASE) + len(EXPERIMENTS)
-                errors.append(batch.statistics["mae"].reshape(-1, count, len(joints)))
+                for name, held in errors.items():
+                    held.append(batch.statistics[name].reshape(-1, count, len(joints)))
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
                 progress(len(rows))
-            yield from _ratios(np.concatenate(errors), np.concatenate(stable), reading.name, joints)
+            sizes = {name: np.concatenate(held) for name, held in errors.items()}
+            yield from _ratios(sizes, np.concatenate(stable), reading.name, joints)
 
 
 def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> Iterator[Loop]:
@@ -254,14 +283,14 @@ def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> It
 
 
 def _ratios(
-    errors: Array, stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
+    errors: Mapping[str, Array], stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
 ) -> Iterator[Prediction]:
-    """Ratios from mean errors (N, runs, n) and stability (N, runs)."""
+    """Ratios from errors (N, runs, n) by name, and stability (N, runs)."""
     for place, one in enumerate(EXPERIMENTS, start=len(BASE)):
         beside = BASE.index(one.beside)
         kept = stable[:, place] & stable[:, beside]
         for i, joint in enumerate(joints):
-            ratio = errors[kept, place, i] / errors[kept, beside, i]
+            ratio = errors[one.error][kept, place, i] / errors[one.error][kept, beside, i]
             spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if kept.sum() >= LEAST else np.full(3, np.nan)
             yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
 

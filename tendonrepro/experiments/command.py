@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,18 +12,18 @@ from typing import Any, Literal
 from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, shipped_folder
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import all_loops, growing
 from tendonrepro.experiments.run import PRECISE, Prepared, begin_all, outcome_of, prepared, trace_file
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.files import refuse_file
-from tendonrepro.parallel import interrupts_blocked, workers
+from tendonrepro.parallel import Start, interrupts_blocked, workers
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, read_manifest, replaced
-from tendonrepro.results.study import planned
+from tendonrepro.results.study import figure_formats, planned
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces, write_traces
@@ -81,23 +81,34 @@ def run_experiments(orders: Sequence[Order], talk: Talk) -> dict[str, dict[str, 
         ]
         start = stack.enter_context(workers())
         simulated = begin_all(asked, talk, orders[0].solver, start)
-        # Other processes simulate meanwhile. Interrupted, loading matplotlib makes Python crash.
-        with interrupts_blocked():
-            from tendonrepro.results.figures.catalogue import available, begin_drawing
+        formats = orders[0].request.formats
+        if formats:
+            # Other processes simulate meanwhile. Interrupted, loading matplotlib makes Python crash.
+            with interrupts_blocked():
+                import tendonrepro.results.figures.catalogue  # noqa: F401 (loaded early)
 
         made = [
             (order, _recorded(order, one, traces, result, talk), result)
             for order, one, traces, result in zip(orders, asked, simulated, results, strict=True)
         ]
-        figures = [
-            (file, result.path / "figures", name) for _, file, result in made for name in available(file)
-        ]
-        # Later figures first, for they have more panels.
-        drawn = begin_drawing(figures[::-1], start)
+        drawn = _begin_drawing([(file, result.path) for _, file, result in made], formats, start)
         # This process writes the rest meanwhile.
         found = {order.name: _written(order, file, result) for order, file, result in made}
         list(drawn)
     return found
+
+
+def _begin_drawing(
+    files: Sequence[tuple[TraceFile, Path]], formats: Sequence[str], start: Start
+) -> Iterable[list[Path]]:
+    """Begin to draw all that traces allow into their folders; yield the paths of each figure."""
+    if not formats:
+        return ()
+    from tendonrepro.results.figures.catalogue import available, begin_drawing
+
+    figures = [(file, path / "figures", name) for file, path in files for name in available(file)]
+    # Later figures first, for they have more panels.
+    return begin_drawing(figures[::-1], formats, start)
 
 
 def _recorded(
@@ -107,6 +118,7 @@ def _recorded(
     for trace in traces:
         talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
     result.manifest = make_manifest(loaded, result.seconds) | {"growing_hz": growing(experiment.loops)}
+    result.manifest |= figure_formats(order.request.formats)
     if order.solver == "compiled":
         result.manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
     return trace_file(loaded, traces, result.manifest)
@@ -185,7 +197,9 @@ def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
             talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
 
 
-def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> list[Path]:
+def redraw(
+    out: Path, figures: Sequence[str] | None, *, force: bool = False, formats: Sequence[str] = FORMATS
+) -> list[Path]:
     """Draw figures from stored traces again, and return the files.
 
     Parameters
@@ -196,6 +210,8 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
         Names, or the paper's numbers; all if not given.
     force : bool
         Keep a user's own files, and make changed ones again.
+    formats : sequence of str
+        Those to write; files of others stay as they are.
     """
     from tendonrepro.results.figures.catalogue import available, begin_drawing, name_of
 
@@ -210,7 +226,7 @@ def redraw(out: Path, figures: Sequence[str] | None, *, force: bool = False) -> 
 
     def make(file: TraceFile, path: Path) -> list[Path]:
         figures = [(file, path / "figures", name) for name in available(file) if name in asked]
-        return [one for paths in begin_drawing(figures, start) for one in paths]
+        return [one for paths in begin_drawing(figures, formats, start) for one in paths]
 
     with workers(len(asked)) as start:
         return _make_again(files, make, force=force)
@@ -250,6 +266,8 @@ def _make_again(
         ) as result:
             result.manifest = read_manifest(folder)
             made = make(file, result.path)
+            suffixes = {path.suffix.removeprefix(".") for path in result.path.glob("figures/*")}
+            result.manifest |= figure_formats([name for name in FORMATS if name in suffixes])
         found += [folder / path.relative_to(result.path) for path in made]
     return found
 

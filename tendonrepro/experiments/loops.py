@@ -59,12 +59,12 @@ def build_reference(
     moves motors. A ConfigError names `key` where a link would leave the half-plane.
     """
     L = config.sampling_period.si
-    motions = _motions(reference, config.joints, folder)
-    if not 1.0 <= motions[0].duration / L <= MOST_SAMPLES:
-        message = f"lasts {motions[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
+    followed = motions(reference, config.joints, folder)
+    if not 1.0 <= followed[0].duration / L <= MOST_SAMPLES:
+        message = f"lasts {followed[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
         raise ConfigError(message, where=key)
-    time: Array = L * np.arange(int(np.floor(motions[0].duration / L + 1e-6)) + 1.0)
-    q_d, dq_d, ddq_d = trajectory.motion(time, motions)
+    time: Array = L * np.arange(int(np.floor(followed[0].duration / L + 1e-6)) + 1.0)
+    q_d, dq_d, ddq_d = trajectory.motion(time, followed)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
     built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
@@ -72,12 +72,13 @@ def build_reference(
     return built
 
 
-def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
+def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
+    """What each joint follows; a trajectory file lies in `folder`."""
     if isinstance(reference, Sampled):
         return _sampled_motions(folder / reference.file, joints, reference.interpolation)
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
-        return [_motions(single, (joint,), folder)[0] for single, joint in parts]
+        return [motions(single, (joint,), folder)[0] for single, joint in parts]
     shapes = [_shape(reference, i) for i in range(len(joints))]
     if not isinstance(reference, InTurns):
         return [Motion((shape,), reference.duration) for shape in shapes]
@@ -89,7 +90,7 @@ def _motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) ->
 
 
 def _shape(reference: Single, i: int) -> Shape:
-    amplitude = float(reference.amplitude.si[i])
+    amplitude = reference.amplitude.si[i]
     match reference.kind:
         case "raised_cosine":
             return trajectory.raised_cosine(amplitude, reference.period.si)
@@ -98,7 +99,7 @@ def _shape(reference: Single, i: int) -> Shape:
         case "ramp":
             return trajectory.ramp(amplitude, reference.rise.si, reference.hold.si)
         case "sine":
-            offset = float(reference.offset.si[i])
+            offset = reference.offset.si[i]
             return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
         case "trapezoidal":
             limits = reference.velocity.si, reference.acceleration.si
@@ -142,9 +143,9 @@ def build_law(config: CompareConfig, name: str) -> Law:
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
-    low_pass = 1.0 if cutoff is None else 1.0 - float(np.exp(-2.0 * np.pi * cutoff.si * L))
+    low_pass = 1.0 if cutoff is None else 1.0 - np.exp(-2.0 * np.pi * cutoff.si * L)
     to_joint = torque_map(config)
-    resolved = max(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
+    resolved = np.maximum(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
     return Law(
         surface=int(Surface[choice.surface.upper()]),
         L=L,
@@ -180,7 +181,7 @@ def _boundary(gains: Gains, readings: Readings) -> Array:
     """Δ in the unit of ``phi``'s argument; a reading in degrees takes the printed number."""
     if readings.gain_unit != "radian":
         return np.array(gains.Delta.value)
-    return np.radians(gains.Delta.si) if readings.Delta_unit == "deg" else gains.Delta.si
+    return gains.Delta.si * (np.pi / 180.0) if readings.Delta_unit == "deg" else gains.Delta.si
 
 
 def torque_map(config: CompareConfig) -> Array:

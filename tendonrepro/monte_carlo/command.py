@@ -12,7 +12,7 @@ from typing import Any
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
@@ -25,7 +25,7 @@ from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, populatio
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
-from tendonrepro.results.study import Outcome
+from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
@@ -69,7 +69,16 @@ def run_ensemble(
     folder = request.folder("ensemble")
     if request.dry_run:
         return _plan(study, draws, folder, force=request.force)
-    return run_study(study, draws, folder, jobs=jobs, force=request.force, dask=dask, talk=talk)
+    return run_study(
+        study,
+        draws,
+        folder,
+        jobs=jobs,
+        force=request.force,
+        dask=dask,
+        talk=talk,
+        formats=request.formats,
+    )
 
 
 def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
@@ -117,6 +126,7 @@ def run_study(
     force: bool = False,
     dask: str | None = None,
     simulate: Simulate = simulate_batch,
+    formats: Sequence[str] = FORMATS,
 ) -> dict[str, Any]:
     """Compute missing blocks, then tables and figures of all."""
     blocks = study.blocks(draws)
@@ -147,8 +157,8 @@ def run_study(
             "blocks": len(blocks),
         }
         outcome = _outcome(study, draws, result.path, speed)
-        outcome.save(result, "summary")
-        result.manifest = _manifest(study, seconds)
+        outcome.save(result, "summary", formats)
+        result.manifest = _manifest(study, seconds) | figure_formats(formats)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder)}
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.physics.control import estimator_weights
@@ -113,6 +114,6 @@ def cost_text(cost: Mapping[str, float]) -> str:
     '1,000,000,000 experiments, about 2,900 hours of one processor and 243 GB'
     """
     hours, size = cost["processor_hours"], cost["gigabytes"]
-    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else f"{max(60.0 * hours, 1.0):.0f} minutes"
+    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else count_of(round(max(60.0 * hours, 1.0)), "minute")
     takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
     return f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor and {takes}"

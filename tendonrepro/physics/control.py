@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, choose, pick
 from tendonrepro.physics.linalg import times
 
 ANGLES_BACK, TORQUES_BACK = 3, 2
@@ -105,6 +105,20 @@ class Law(NamedTuple):
     stores_applied: bool = False
     motor_side: bool = False
     feed_forward: float = 1.0
+
+
+SIDE_BY_SIDE = (
+    "surface",
+    "lag",
+    "newest",
+    "phi_is_odd",
+    "power_inside",
+    "error_differenced",
+    "stores_applied",
+    "motor_side",
+)
+"""Fields of `Law` that choose by :func:`choose` or :func:`pick`, not by a branch, so that experiments side by
+side may differ in them; of surfaces only NTSM and TSM."""
 
 
 class Memory(NamedTuple):
@@ -212,7 +226,7 @@ def error_rate(memory: Memory, q: Array, q_d: Array, dq_d: Array, law: Law) -> A
     """
     de = np.empty_like(q)
     for i in range(q.shape[0]):
-        desired = (q_d[i] - memory.q_d[i]) / law.L if law.error_differenced else dq_d[i]
+        desired = choose(law.error_differenced, (q_d[i] - memory.q_d[i]) / law.L, dq_d[i])
         newest = desired - (q[i] - memory.q[0, i]) / law.L
         de[i] = (1.0 - law.rate_filter) * memory.de[i] + law.rate_filter * newest
     return de
@@ -223,8 +237,8 @@ def time_delay_estimate(memory: Memory, q: Array, law: Law) -> Array:
     newest = delayed_acceleration(memory, q, law)
     H_hat = np.zeros_like(q)
     for back in range(2):
-        torque = times(law.from_joint, memory.tau[(back + 1) * law.lag - 1])
-        ddq = memory.ddq[law.lag - 1] if back else newest
+        torque = times(law.from_joint, pick(memory.tau, (back + 1) * law.lag - 1))
+        ddq = pick(memory.ddq, law.lag - 1) if back else newest
         for i in range(q.shape[0]):
             H_hat[i] += law.weights[back, i] * (torque[i] - law.M_bar[i] * ddq[i])
     before = times(law.from_joint, memory.H_hat)
@@ -239,9 +253,8 @@ def delayed_acceleration(memory: Memory, q: Array, law: Law) -> Array:
     ``ddq(t - 2L)`` is what this was one delay time ago. Only the centred reading uses ``q``.
     """
     L, lag = law.lag * law.L, law.lag
-    first = memory.q[lag - 1] if law.newest else q
-    k = (law.newest + 1) * lag - 1
-    ddq = (first - 2.0 * memory.q[k] + memory.q[k + lag]) / (L * L)
+    one, two, three = (pick(memory.q, back * lag - 1) for back in (1, 2, 3))
+    ddq = choose(law.newest, one - 2.0 * two + three, q - 2.0 * one + two) / (L * L)
     filtered: Array = (1.0 - law.ddq_filter) * memory.ddq[0] + law.ddq_filter * ddq
     return filtered
 
@@ -251,12 +264,24 @@ def surface_and_feedback(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
 
     NTSM: Eqs. (11) and (18). TSM: Controller 3. PD: Eq. (9), whose ``s`` is its feedback over ``K_d``.
     """
-    if law.surface == Surface.NTSM:
-        s = de + law.eta[i] * phi(e, law, i)
-        return s, law.rate_gain[i] * phi_slope(e, law, i) * de + law.lam[i] * s
-    if law.surface == Surface.TSM:
-        s = de + law.beta[i] * e
-        return s, law.beta[i] * de + law.lam[i] * s
+    if isinstance(law.surface, int):
+        return (_ntsm, _tsm, _pd)[law.surface](e, de, law, i)
+    both = zip(_tsm(e, de, law, i), _ntsm(e, de, law, i), strict=True)
+    s, feedback = (choose(law.surface > 0.0, *pair) for pair in both)
+    return s, feedback
+
+
+def _ntsm(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
+    s = de + law.eta[i] * phi(e, law, i)
+    return s, law.rate_gain[i] * phi_slope(e, law, i) * de + law.lam[i] * s
+
+
+def _tsm(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
+    s = de + law.beta[i] * e
+    return s, law.beta[i] * de + law.lam[i] * s
+
+
+def _pd(e: Any, de: Any, law: Law, i: int) -> tuple[Any, Any]:
     feedback = law.K_d[i] * de + law.K_p[i] * e
     return feedback / law.K_d[i], feedback
 
@@ -268,12 +293,11 @@ def phi(e: Any, law: Law, i: int) -> Any:
     measured numbers never are.
     """
     x = e * law.angle_scale
-    value = sig(x, law.b[i])
-    if not law.power_inside:
-        gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
-        inner = gamma_1 * x + gamma_2 * (x * abs(x) if law.phi_is_odd else x * x)
-        value = choose(abs(x) >= law.Delta[i], value, inner)
-    return value / law.angle_scale
+    outer = sig(x, law.b[i])
+    gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
+    inner = gamma_1 * x + gamma_2 * (x * choose(law.phi_is_odd, abs(x), x))
+    printed = choose(abs(x) >= law.Delta[i], outer, inner)
+    return choose(law.power_inside, outer, printed) / law.angle_scale
 
 
 def phi_slope(e: Any, law: Law, i: int) -> Any:
@@ -282,12 +306,11 @@ def phi_slope(e: Any, law: Law, i: int) -> Any:
     The power branch's slope is unbounded at zero; below ``power_floor`` it is held.
     """
     x = e * law.angle_scale
-    slope = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
-    if not law.power_inside:
-        gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
-        inner = gamma_1 + 2.0 * gamma_2 * (abs(x) if law.phi_is_odd else x)
-        slope = choose(abs(x) >= law.Delta[i], slope, inner)
-    return slope
+    outer = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
+    gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
+    inner = gamma_1 + 2.0 * gamma_2 * choose(law.phi_is_odd, abs(x), x)
+    printed = choose(abs(x) >= law.Delta[i], outer, inner)
+    return choose(law.power_inside, outer, printed)
 
 
 def sig(x: Any, b: Any) -> Any:

@@ -145,11 +145,16 @@ def theta_at_rest(q: Array, tau_s: Array, drive: Drive) -> Array:
     clearance.
     """
     load = pulled(to_winch_torque(tau_s, drive), drive)
-    stretch = load / drive.stiffness + drive.slack * np.sign(load)
-    winch = target = to_winch_angle(q, drive) + stretch
+    target = to_winch_angle(q, drive)
+    for i in range(q.shape[0]):
+        sense = choose(load[i] > 0.0, 1.0, choose(load[i] < 0.0, -1.0, 0.0))
+        target[i] = target[i] + (load[i] / drive.stiffness[i] + drive.slack[i] * sense)
+    winch = target
     # The transmission error's slope is far below one, so a few fixed-point steps reach rounding.
     for _ in range(60):
-        before, winch = winch, target - drive.wobble * np.sin(drive.wobble_rate * winch)
+        before, winch = winch, np.empty_like(target)
+        for i in range(q.shape[0]):
+            winch[i] = target[i] - drive.wobble[i] * np.sin(drive.wobble_rate[i] * before[i])
         if np.array_equal(before, winch):
             break
     return times(drive.S, winch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import re
 from io import BytesIO
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import jinja2
 from markdown_it import MarkdownIt
 from markupsafe import Markup
+from PIL import Image
 
 from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError
@@ -18,7 +20,7 @@ from tendonrepro.files import refuse_existing, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
-from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.verdicts.report import MAIN, in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
@@ -26,6 +28,8 @@ _MARK = b'<meta name="generator" content="tendonrepro'
 """What every page has near its beginning."""
 _INCONSISTENCY = re.compile(r"^\*\*(\d+\. .*?)\.?\*\*(.*?)\n\n", re.S | re.M)
 """One of those that docs list: ``**1. Title.** Text``."""
+_KINDS = {".svg": "svg+xml", ".png": "png"}
+"""What a page calls the formats it can show."""
 _COLUMN_PT = 300.0
 """Figures narrower than this stand side by side."""
 # A picture could be a request to a server.
@@ -101,34 +105,49 @@ def part(found: Stored, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": title,
-        "pictures": [plate(path) for path in sorted(folder.glob("figures/*.svg"))],
+        "pictures": [plate(path) for path in pictures(folder / "figures")],
         "tables": [path.read_text(encoding="utf-8") for path in paths if path.exists()],
     }
 
 
+def pictures(folder: Path) -> list[Path]:
+    """Figures of a folder that a page can show, each as SVG where there is one, else as PNG."""
+    found = {path.stem: path for suffix in ("png", "svg") for path in folder.glob(f"*.{suffix}")}
+    return [found[name] for name in sorted(found)]
+
+
 def plate(path: Path) -> dict[str, Any]:
     """A figure with the caption that lies beside it; narrow ones stand side by side."""
-    svg, caption = path.read_text(encoding="utf-8"), path.with_suffix(".txt")
-    width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
+    image, caption = path.read_bytes(), path.with_suffix(".txt")
     return {
-        "address": address(svg.encode()),
+        "address": address(image, _KINDS[path.suffix]),
         # What follows the first line, on what made a figure, stands in the picture too.
         "caption": caption.read_text(encoding="utf-8").partition("\n")[0] if caption.exists() else path.stem,
-        "narrow": width is not None and float(width[1]) < _COLUMN_PT,
+        "narrow": _width_pt(path) < _COLUMN_PT,
     }
 
 
-def orders_picture(found: Stored) -> str:
-    """Address of the picture of the answer."""
-    content = BytesIO()
+def _width_pt(path: Path) -> float:
+    """Printed width of a figure, pt; infinite where it does not say."""
+    if path.suffix == ".png":
+        with Image.open(path) as image:
+            return 72.0 * image.width / image.info["dpi"][0] if "dpi" in image.info else math.inf
+    width = re.search(r'<svg[^>]* width="([\d.]+)pt"', path.read_text(encoding="utf-8"))
+    return float(width[1]) if width else math.inf
+
+
+def orders_picture(found: Stored) -> dict[str, str]:
+    """Address and caption of the picture of the answer."""
+    content, drawn = BytesIO(), draw_orders(found.summary)
     with journal_style():
-        draw_orders(found.summary).figure.savefig(content, format="svg", metadata={"Date": None})
-    return address(content.getvalue())
+        imprint(drawn.figure, drawn.origin)
+        drawn.figure.savefig(content, format="svg", metadata={"Date": None})
+    return {"address": address(content.getvalue(), _KINDS[".svg"]), "caption": drawn.caption}
 
 
-def address(svg: bytes) -> str:
+def address(image: bytes, kind: str) -> str:
     """Address that holds the picture itself, which so can neither run nor load anything."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode('ascii')}"
+    return f"data:image/{kind};base64,{base64.b64encode(image).decode('ascii')}"
 
 
 def docs(page: str) -> str:

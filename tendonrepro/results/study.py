@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import to_json
@@ -48,15 +48,15 @@ class Outcome:
         for table in self.tables.values():
             table.write(folder / "tables")
 
-    def save(self, result: NewResult, name: str) -> None:
-        """Write numbers as ``<name>.json``, tables and figures into a result."""
+    def save(self, result: NewResult, name: str, formats: Sequence[str] = FORMATS) -> None:
+        """Write numbers as ``<name>.json``, tables, and figures in these formats into a result."""
         result.write(f"{name}.json", to_json(dict(self.data)))
         self.write_tables(result.path)
-        if self.figures:
+        if self.figures and formats:
             from tendonrepro.results.figures.style import save_drawing
 
             for draw in self.figures.values():
-                save_drawing(draw(), result.path / "figures")
+                save_drawing(draw(), result.path / "figures", formats)
 
 
 def run_study(
@@ -83,12 +83,18 @@ def run_study(
         return planned(name, loaded, folder, request, talk)
     with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep, talk=talk) as result:
         outcome = study(result.path)
-        outcome.save(result, name)
+        outcome.save(result, name, request.formats)
         if keep:
             shutil.rmtree(result.path / keep)
-        result.manifest = make_manifest(loaded, result.seconds, name) | dict(outcome.manifest)
+        made = make_manifest(loaded, result.seconds, name) | figure_formats(request.formats)
+        result.manifest = made | dict(outcome.manifest)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
+
+
+def figure_formats(formats: Sequence[str]) -> dict[str, list[str]]:
+    """What a manifest says of figures: their formats, none where none were drawn."""
+    return {"figure_formats": list(formats)}
 
 
 def planned(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from itertools import accumulate, pairwise
 from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -67,12 +68,22 @@ def without_start_name(seconds: float) -> str:
     return f"after_{seconds:g}_s" if seconds > 0.0 else "whole"
 
 
-def tracking_errors(trace: Trace) -> dict[str, Sizes]:
+_known: WeakKeyDictionary[Trace, dict[str, Sizes]] = WeakKeyDictionary()
+"""Errors of runs that are in memory: several tables and the JSON show them."""
+
+
+def tracking_errors(trace: Trace) -> Mapping[str, Sizes]:
     """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`, and without the start.
 
     Left out are the seconds that the configuration says, and `metrics.START`. A diverged run has NaN in
     windows that go on to its end.
     """
+    if trace not in _known:
+        _known[trace] = _tracking_errors(trace)
+    return _known[trace]
+
+
+def _tracking_errors(trace: Trace) -> dict[str, Sizes]:
     spans = windows(trace.time, trace.attributes["reference_period"])
     for seconds in (START, errors_from(trace)):
         span = without_start(trace.time, seconds)
@@ -132,8 +143,8 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
     """
     if "tau_m" not in trace:
         return {}
-    found = statistics(trace)
-    sizes = {f"{name}_Nm": found[f"torque_{name}"] for name in ("rms", "peak", "step_rms")}
+    torque = trace["tau_m"]
+    sizes = {"rms_Nm": rmse(torque), "peak_Nm": max_abs(torque), "step_rms_Nm": _step_rms(torque)}
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
@@ -218,11 +229,16 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
             course = _slow(values, float(phases.newest))
             found |= {f"{name}_rms": rmse(values), f"{name}_slow_rms": rmse(course)}
     if "tau_m" in trace:
-        found["torque_step_rms"] = rmse(np.diff(trace["tau_m"], axis=0))
+        found["torque_step_rms"] = _step_rms(trace["tau_m"])
     for name, variable in _SIGNALS.items():
         if variable in trace:
             found |= _sizes(name, trace[variable], rates, phases)
     return found
+
+
+def _step_rms(torque: Array) -> Array:
+    """RMS of a torque's steps from sample to sample, (n,)."""
+    return rmse(np.diff(torque, axis=0))
 
 
 def saturated(trace: Trace, S: Array, limit: Array) -> Array:

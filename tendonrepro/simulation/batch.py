@@ -1,7 +1,7 @@
 """Many closed loops at once, by the compiled stepper.
 
-Neighbours and threads do not change a bit. What acts in no loop of a batch is left out of its code, so beside
-loops with more a run moves by some 1e-15.
+One lane is one experiment, law and plant. Neighbours and threads do not change a bit. What acts in no loop of
+a batch is left out of its code, so beside loops with more a run moves by some 1e-15.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.physics.control import Law, Surface
+from tendonrepro.physics.control import SIDE_BY_SIDE, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.machine import LANES
 from tendonrepro.simulation.loop import Loop, TimeDelayController, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
-from tendonrepro.simulation.parts import CompiledPart, Rest, plant_parts, sample_part
+from tendonrepro.simulation.parts import CompiledPart, Rest, experiment_part, plant_needs
 from tendonrepro.simulation.resolution import TOLERANCE
 
 PACK = 1536
@@ -93,15 +93,15 @@ def simulate_batch(
 
     def run(places: Sequence[int]) -> int:
         pack = {place: loops[place] for place in places}
-        ended = run_pack(pack, samples, plants, block(loops[places[0]].L), record=record)
+        ended = run_pack(pack, parts[places[0]], block(loops[places[0]].L), record=record)
         _keep(batch, pack, ended, limits)
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
-        samples, plants, steps = _parts(loops, tolerance, pool.map, block, record=record)
+        parts, steps = _parts(loops, tolerance, pool.map, block, record=record)
         batch = _unresolved(loops, steps, record=record)
-        for done in pool.map(run, _packs(loops, steps, size)):
+        for done in pool.map(run, _packs(loops, parts, steps, size)):
             report(done)
     return batch
 
@@ -125,21 +125,18 @@ def _parts(
     block: Callable[[float], int],
     *,
     record: bool,
-) -> tuple[dict[int, CompiledPart], dict[int, CompiledPart], NDArray[np.int64]]:
-    """Compiled law and plant by place, and steps per sample, (N, levels)."""
-    samples: dict[int, CompiledPart] = {}
-    plants: dict[int, CompiledPart] = {}
+) -> tuple[dict[int, CompiledPart], NDArray[np.int64]]:
+    """Compiled code by place, and steps per sample, (N, levels)."""
+    parts: dict[int, CompiledPart] = {}
     steps: dict[int, NDArray[np.int64]] = {}
     rest: dict[int, Rest] = {}
-    for alike in _alike(loops, lambda loop: (loop.plant.preload.size, loop.plant.disturbance.omega.size)):
-        parts, needed, at_rest = plant_parts(alike, tolerance, for_each)
-        plants |= parts
+    for alike in _alike(loops, _shape):
+        needed, at_rest = plant_needs(alike, tolerance, for_each)
         steps |= needed
         rest |= at_rest
     for alike in _alike(loops, _branches):
-        part = sample_part(alike, rest, block, statistics=True, record=record)
-        samples |= dict.fromkeys(alike, part)
-    return samples, plants, np.array([steps[place] for place in range(len(loops))])
+        parts |= dict.fromkeys(alike, experiment_part(alike, rest, steps, block, record=record))
+    return parts, np.array([steps[place] for place in range(len(loops))])
 
 
 def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[dict[int, Loop]]:
@@ -150,22 +147,27 @@ def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[d
     return found.values()
 
 
+def _shape(loop: Loop) -> Hashable:
+    """Joints, and parts of the disturbance."""
+    return loop.plant.preload.size, loop.plant.disturbance.omega.size
+
+
 def _branches(loop: Loop) -> Hashable:
-    """What the code of a sample depends on, besides zeros and ones."""
-    law = loop.controller.law
-    if isinstance(law, Law) and law.surface != Surface.NTSM:
-        # There is no phi in it.
-        law = law._replace(phi_is_odd=True, power_inside=True)
-    switches = tuple(value for value in law if isinstance(value, int))
-    return loop.plant.preload.size, loop.actuator.delay, loop.controller.command, switches
+    """What code depends on, besides what all loops have in common."""
+    law = loop.controller.law._asdict()
+    choices = [value for name, value in law.items() if isinstance(value, int) and name not in SIDE_BY_SIDE]
+    linear = law.get("surface") == Surface.PD
+    return _shape(loop), type(loop.controller), loop.controller.command, linear, *choices
 
 
-def _packs(loops: Sequence[Loop], steps: NDArray[np.int64], size: int) -> Iterator[list[int]]:
-    """Places of each pack, of one sampling period, sorted by motion and steps."""
-    found: dict[float, list[int]] = {}
+def _packs(
+    loops: Sequence[Loop], parts: Mapping[int, CompiledPart], steps: NDArray[np.int64], size: int
+) -> Iterator[list[int]]:
+    """Places of each pack, of one code and sampling period, sorted by motion and steps."""
+    found: dict[tuple[int, float], list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
-        found.setdefault(loops[place].L, []).append(place)
+        found.setdefault((id(parts[place]), loops[place].L), []).append(place)
     for places in found.values():
         places.sort(key=lambda place: (motions[id(loops[place].reference)], *steps[place][::-1]))
         for start in range(0, len(places), size):

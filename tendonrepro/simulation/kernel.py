@@ -1,4 +1,7 @@
-"""The closed loop as code on lanes: a sample, and a step of the plant."""
+"""An experiment on lanes: one sample of its law, and its plant until the next one, in the same rows.
+
+Law and plant meet in rows of the names `state`, `torque`, `ddq` and `live` alone.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
+from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Servo
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
-from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, lane_code, remembered
-from tendonrepro.simulation.codegen.machine import LANES
+from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, Written, lane_code, remembered
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
-from tendonrepro.simulation.sampled import CommandFunction, Hardware, Sampled, Three, sample, start
+from tendonrepro.simulation.sampled import CommandFunction, Hardware, Sampled, Three, longest, sample, start
 from tendonrepro.simulation.streaming import AT_LIMIT
 
-POINTERS = ("plant", "desired", "noise", "blocks", "trace")
-"""Rows of addresses: of a lane's plant, and of its part at sample 0 in arrays that samples go through.
 
-Desired motion (T, 3 n) and unit noise (T, 3 n) are read. Errors summed up over blocks, (B, n), and what is
-recorded, (T, columns), are written."""
-
-
-class LoopNumbers(NamedTuple):
-    """All numbers of a loop; ``block`` samples have their errors summed up together."""
+class LawNumbers(NamedTuple):
+    """All numbers of a loop but its plant's; ``block`` samples have their errors summed up together."""
 
     law: Law | Servo
     hardware: Hardware
@@ -37,98 +34,151 @@ class LoopNumbers(NamedTuple):
     block: Array
 
 
-def plant_rows(n: int) -> LaneRows:
-    """Rows of a plant that a sample's code uses."""
-    rows = LaneRows()
-    for name, size in (("state", 4 * n), ("torque", n), ("ddq", n), ("live", 1)):
-        rows.take(name, size)
-    return rows
-
-
-def sample_rows(n: int) -> LaneRows:
-    """Rows of a sample that the loop uses."""
-    rows = LaneRows()
-    for name in ("live", "count", "diverged", *POINTERS):
-        rows.take(name, 1)
-    rows.take("sums", len(streaming.SUMS) * n)
-    return rows
-
-
-class _Recorder:
-    """Tape, its rows, and what is written to them."""
+class Writer:
+    """What a tape reads from rows, and what is written to them."""
 
     def __init__(self, rows: LaneRows) -> None:
         self.tape, self.rows = LaneTape(), rows
         self.written: dict[int, Any] = {}
 
     def read(self, name: str, size: int) -> Array:
-        return self.rows.variables(self.tape, name, size)
+        """Rows of a name, as they are now."""
+        before = self.rows.variables(self.tape, name, size)
+        now = [self.written.get(row, x) for row, x in zip(self.rows.known(name, size), before, strict=True)]
+        values = np.empty(size, dtype=object)
+        values[:] = now
+        return values
 
     def one(self, name: str) -> Any:
+        """The only row of a name."""
         return self.read(name, 1)[0]
 
     def write(self, name: str, values: Any) -> None:
+        """New values of the rows of a name."""
         self.written.update(zip(self.rows.known(name, len(values)), values, strict=True))
 
+    def source(self, name: str) -> str:
+        """Source of ``<name>`` and ``prepare``."""
+        return lane_code(name, self.tape, self.written, self.rows)
+
+
+def experiment_rows(n: int) -> LaneRows:
+    """Rows of every experiment, which come first: the same for all laws, so plants share their code."""
+    rows = LaneRows()
+    sizes = {"state": 4 * n, "torque": n, "ddq": n, "live": 1, "desired": 3 * n, "noise": 3 * n}
+    for name, size in sizes.items():
+        rows.take(name, size)
+    return rows
+
 
 @remembered
-def slope_code(plant: Plant) -> tuple[str, LaneRows]:
-    """Source of ``slope``: the state's derivative into row ``slope``."""
-    tape, n = LaneTape(), plant.preload.shape[0]
-    rows = plant_rows(n)
-    state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
-    t: Any = tape.write("argument", "k")
-    slope = state_derivative(t, state, torque, rows.parameters(tape, plant))
-    return lane_code("slope", tape, dict(zip(rows.take("slope", 4 * n), slope, strict=True)), rows), rows
+def experiment_code(numbers: tuple[Plant, LawNumbers], record: bool, command: CommandFunction) -> Written:
+    """Source of ``advance`` and ``sample`` for experiments of a batch, and their rows."""
+    plant, law = numbers
+    rows = experiment_rows(plant.preload.shape[0])
+    moved = advance_source(plant, rows)
+    code = Writer(rows)
+    write_sample(code, law, command, statistics=True, record=record)
+    return {"advance": moved, "sample": code.source("sample")}, rows
 
 
 @remembered
-def advance_code(plant: Plant) -> tuple[str, LaneRows]:
-    """Source of ``advance``: plants from sample k to the next one, torque held.
+def sample_code(numbers: LawNumbers, command: CommandFunction) -> Written:
+    """Source of ``sample`` for a run by SciPy, and its rows."""
+    code = Writer(experiment_rows(numbers.hardware.S.shape[0]))
+    write_sample(code, numbers, command, statistics=False, record=True)
+    return {"sample": code.source("sample")}, code.rows
 
-    Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A lane that
-    meets a higher demand goes back. Row ``ddq`` receives the joint acceleration at the start.
+
+@remembered
+def slope_code(plant: Plant) -> Written:
+    """Source of ``slope``: the state's derivative at a time into row ``slope``."""
+    n = plant.preload.shape[0]
+    code = Writer(experiment_rows(n))
+    x = code.rows.parameters(code.tape, plant)
+    t: Any = code.tape.write("time")
+    code.write("slope", state_derivative(t, code.read("state", 4 * n), code.read("torque", n), x))
+    return {"slope": code.source("slope")}, code.rows
+
+
+def experiment_tape(
+    plant: Plant, law: LawNumbers, steps: int, command: CommandFunction = control.command
+) -> Writer:
+    """One sample of an experiment as one tape without a branch: its law, then steps of its plant.
+
+    Parameters
+    ----------
+    plant, law
+        Stacked records of one experiment or many, see :func:`lanes.stacked`. What is neither zero nor one
+        becomes a row.
+    steps
+        Runge-Kutta steps until the next sample.
+
+    Returns
+    -------
+    Writer
+        `tape` holds the lines in order: ``row`` reads a row, ``sample`` is the number k of the sample and
+        ``time`` its time, s. `rows` says which row is what, and the values of parameters. `written` are new
+        values by row. Before the sample, ``desired`` and ``noise`` hold its motion and unit noise. After it,
+        ``trace`` holds what is recorded, and ``live`` is 0 where the run has ended.
     """
     n = plant.preload.shape[0]
-    code = _Recorder(plant_rows(n))
-    tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
+    code = Writer(experiment_rows(n))
+    write_sample(code, law, command, statistics=False, record=True)
+    x, torque = code.rows.parameters(code.tape, plant), code.read("torque", n)
+    t, h = code.tape.write("time"), code.one("period") * (1.0 / steps)
+    for k in range(steps):
+        ahead, _ = runge_kutta(
+            lambda t, state: state_derivative(t, state, torque, x), t + k * h, code.read("state", 4 * n), h
+        )
+        code.write("state", ahead)
+    return code
 
-    def of_level(name: str, level: Any) -> Any:
-        cells = read(name, len(PACES))
+
+def advance_source(plant: Plant, rows: LaneRows) -> str:
+    """Source of ``advance``: plants from a sample at a time to the next one, torque held.
+
+    Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A period
+    begins with the level that the last one met. Where a plant meets a higher one, its steps were too long to
+    be stable, and it goes back to the period's start. Row ``ddq`` receives the acceleration there.
+    """
+    n, begin, step = plant.preload.shape[0], Writer(rows), Writer(rows)
+
+    def of_level(code: Writer, name: str, level: Any) -> Any:
+        cells = code.read(name, len(PACES))
         return choose(level >= 2.0, cells[2], choose(level >= 1.0, cells[1], cells[0]))
 
-    state, torque, begin = read("state", 4 * n), read("torque", n), read("begin", 4 * n)
-    left, done, h, most = one("left"), one("done"), one("h"), one("demand")
-    k, period, live = tape.write("argument", "k"), one("period"), one("live")
-    x = rows.parameters(tape, plant)
+    live, most = begin.one("live"), begin.one("demand")
+    begin.write("begin", begin.read("state", 4 * n))
+    begin.write("left", [choose(live > 0.0, of_level(begin, "steps", most), 0.0)])
+    begin.write("done", [0.0])
+    begin.write("h", [choose(live > 0.0, of_level(begin, "length", most), 0.0)])
+    begin.write("demand", [choose(live > 0.0, 0.0, most)])
+    started = {row: as_operand(value) for row, value in begin.written.items()}
+    first = machine.vector_code("begin", begin.tape.lines, started)
 
-    write("begin", state)
-    write("left", [choose(live > 0.0, of_level("steps", most), 0.0)])
-    write("done", [0.0])
-    write("h", [choose(live > 0.0, of_level("length", most), 0.0)])
-    write("demand", [choose(live > 0.0, 0.0, most)])
-    first = machine.vector_code("begin", tape.lines, {k: as_operand(x) for k, x in code.written.items()})
-
-    code.written = {}
-    busy, t = left > 0.0, k * period + done * h
-
-    def derivative(t: Any, x_t: Array) -> Array:
-        return state_derivative(t, x_t, torque, x)
-
-    after, slope = runge_kutta(derivative, t, state, h)
+    x, torque, state = rows.parameters(step.tape, plant), step.read("torque", n), step.read("state", 4 * n)
+    left, done, h, most = (step.one(name) for name in ("left", "done", "h", "demand"))
+    time: Any = step.tape.write("time")
+    after, slope = runge_kutta(
+        lambda t, state: state_derivative(t, state, torque, x), time + done * h, state, h
+    )
     met = np.maximum(most, demand(state, after, x))
-    is_last, wanted = busy * (done + 1.0 >= left), of_level("steps", met)
+    # A lane that is done waits for its neighbours.
+    busy = left > 0.0
+    is_last, wanted = busy * (done + 1.0 >= left), of_level(step, "steps", met)
     again = is_last * (wanted > left)
-    ahead = [choose(again, *pair) for pair in zip(begin, after, strict=True)]
-    write("state", [choose(busy, *pair) for pair in zip(ahead, state, strict=True)])
+    ahead = [choose(again, *pair) for pair in zip(step.read("begin", 4 * n), after, strict=True)]
     at_start = busy * (done <= 0.0)
-    write("ddq", [choose(at_start, *pair) for pair in zip(slope[n : 2 * n], read("ddq", n), strict=True)])
-    write("left", [choose(is_last, choose(again, wanted, 0.0), left)])
-    write("done", [choose(is_last, 0.0, done + busy)])
-    write("h", [choose(again, of_level("length", met), h)])
-    write("demand", [choose(busy, choose(again, 0.0, met), most)])
-    step = lane_code("step", tape, code.written, rows)
-    return "\n".join((first, step, machine.repeated("advance", "begin", "step", rows.named["left"]))), rows
+    step.write("ddq", [choose(at_start, *p) for p in zip(slope[n : 2 * n], step.read("ddq", n), strict=True)])
+    step.write("state", [choose(busy, *pair) for pair in zip(ahead, state, strict=True)])
+    step.write("left", [choose(is_last, choose(again, wanted, 0.0), left)])
+    step.write("done", [choose(is_last, 0.0, done + busy)])
+    step.write("h", [choose(again, of_level(step, "length", met), h)])
+    step.write("demand", [choose(busy, choose(again, 0.0, met), most)])
+    return "\n".join(
+        (first, step.source("step"), machine.repeated("advance", "begin", "step", rows.named["left"]))
+    )
 
 
 def runge_kutta(
@@ -143,54 +193,43 @@ def runge_kutta(
     return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
 
 
-@remembered
-def sample_code(
-    numbers: LoopNumbers, statistics: bool, record: bool, command: CommandFunction
-) -> tuple[str, LaneRows]:
-    """Source of ``sample``: encoders, law and motors at sample k."""
-    n = numbers.hardware.S.shape[0]
-    code, plant = _Recorder(sample_rows(n)), plant_rows(n).named
-    tape, rows, read, one, write = code.tape, code.rows, code.read, code.one, code.write
-
-    def at(name: str, index: Any, size: int) -> Symbol:
-        return tape.write("moved", one(name), index * float(size))
-
-    def of_plant(name: str, size: int) -> range:
-        return range(LANES * plant[name], LANES * (plant[name] + size), LANES)
-
-    x, k, live = rows.parameters(tape, numbers), tape.write("argument", "k"), one("live")
-    own, desired, noise = one("plant"), at("desired", k, 3 * n), at("noise", k, 3 * n)
-    state = tape.load(own, of_plant("state", 4 * n))
+def write_sample(
+    code: Writer, numbers: LawNumbers, command: CommandFunction, *, statistics: bool, record: bool
+) -> None:
+    """Write encoders, law and motors at a sample."""
+    n, read, one, write = numbers.hardware.S.shape[0], code.read, code.one, code.write
+    x, k, live = code.rows.parameters(code.tape, numbers), code.tape.write("sample"), one("live")
     example = start((np.zeros(n), np.zeros(n)), np.zeros(n), np.zeros(n), numbers.law)
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
-    delay = x.hardware.actuator.delay
-    pending = list(read("pending", delay * n).reshape(-1, n))
-    q_d, dq_d, ddq_d = np.split(tape.load(desired, range(3 * n)), 3)
-    motion, unit_noise = (q_d, dq_d, ddq_d), tape.load(noise, range(3 * n))
-    found = sample(state, memory, pending, motion, unit_noise, x.law, x.hardware, command)
-
-    stores = [(own, *put) for put in zip(of_plant("torque", n), found.torque, strict=True)]
+    pending = list(read("pending", longest(numbers.hardware.actuator.delay) * n).reshape(-1, n))
+    q_d, dq_d, ddq_d = np.split(read("desired", 3 * n), 3)
+    state, motion = read("state", 4 * n), (q_d, dq_d, ddq_d)
+    found = sample(state, memory, pending, motion, read("noise", 3 * n), x.law, x.hardware, command)
     if statistics:
-        before = read("tau_before", n), read("H_before", n), tape.load(own, of_plant("ddq", n))
+        before = read("tau_before", n), read("H_before", n), read("ddq", n)
         stepped = _statistics(found, motion, before, x)
         sums = dict(zip(streaming.SUMS, read("sums", len(streaming.SUMS) * n).reshape(-1, n), strict=True))
         write("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
         write("tau_before", found.tau_m)
         write("H_before", found.signals[0])
-        block = at("blocks", np.floor((k + 0.5) * (1.0 / x.block)), n)
-        for i, total in enumerate(tape.load(block, range(n))):
-            stores.append((block, i, total + choose(live > 0.0, stepped.e[i], 0.0)))
+        write("block", _in_blocks(read("block", n), stepped.e, live, k, x.block))
     if record:
-        kept = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
-        place = at("trace", k, kept.size)
-        stores += [(place, i, value) for i, value in enumerate(kept)]
-    after = live * found.bounded * (k + 1.0 < x.samples)
+        write("trace", np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals]))
+    write("torque", found.torque)
     write("count", [one("count") + live])
     write("diverged", [one("diverged") + live * (1.0 - found.bounded)])
-    write("live", [after])
+    write("live", [live * found.bounded * (k + 1.0 < x.samples)])
     write("memory", np.concatenate([np.ravel(part) for part in found.memory]))
     write("pending", np.ravel(found.pending))
-    return lane_code("sample", tape, code.written, rows, [*stores, (own, *of_plant("live", 1), after)]), rows
+
+
+def _in_blocks(sums: Array, e: Array, live: Any, k: Symbol, block: Any) -> list[Any]:
+    """Sums of the errors since the block's first sample; a run that has ended adds nothing."""
+    first = np.floor((k + 0.5) * (1.0 / block)) * block
+    return [
+        choose(k < first + 0.5, 0.0, total) + choose(live > 0.0, error, 0.0)
+        for total, error in zip(sums, e, strict=True)
+    ]
 
 
 def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:

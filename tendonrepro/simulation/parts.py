@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,12 +14,12 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen.lanes import LaneRows, bundled, columns, part_of, stacked
-from tendonrepro.simulation.codegen.machine import LaneCode, assembled, callable_code
-from tendonrepro.simulation.kernel import LoopNumbers, advance_code, sample_code, slope_code
+from tendonrepro.simulation.codegen.lanes import LaneRows, Written, bundled, columns, part_of, stacked
+from tendonrepro.simulation.codegen.machine import assembled, callable_code
+from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, plant_modes, steps_needed
-from tendonrepro.simulation.sampled import Hardware, measure, start
+from tendonrepro.simulation.sampled import Hardware, longest, measure, start
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""
@@ -44,10 +44,12 @@ def rest_at(q: Array, plant: Plant) -> Rest:
 class CompiledPart:
     """Compiled code that loops share.
 
-    ``start`` holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
+    ``code`` has the addresses of functions by name, and those to be run once before any of them. ``start``
+    holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
     """
 
-    code: LaneCode
+    code: Mapping[str, int]
+    prepare: Sequence[int]
     rows: LaneRows
     start: dict[str, Array]
     column: dict[int, int]
@@ -63,18 +65,18 @@ class CompiledPart:
                 first = self.rows.named[name]
                 values[first : first + numbers.shape[0]] = numbers[:, own]
         bundles = bundled(values)
-        prepare = callable_code(self.code.prepare)
-        for bundle in bundles:
-            prepare(bundle.ctypes.data, 0.0)
+        for address in self.prepare:
+            for bundle in bundles:
+                callable_code(address)(bundle.ctypes.data, 0.0, 0.0)
         return columns(bundles)[:, : len(places)]
 
 
-def plant_parts(
+def plant_needs(
     loops: Mapping[int, Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
-) -> tuple[dict[int, CompiledPart], dict[int, NDArray[np.int64]], dict[int, Rest]]:
-    """Compile plants with as many joints and components of the disturbance.
+) -> tuple[dict[int, NDArray[np.int64]], dict[int, Rest]]:
+    """Steps per sample and rest, by place, of plants with as many joints and parts of the disturbance.
 
-    By place: code, steps per sample at each level of demand, 0 where none are enough, and rest.
+    Steps are (levels,), one for each level of demand; 0 where none are enough.
     """
     # Runs under other readings share their plant and motion: these are worked out once.
     key = {
@@ -93,33 +95,11 @@ def plant_parts(
     counts = {L: np.hstack([part[L] for part in found]) for L in periods}
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
-    once, at_rest = np.ones((1, len(single))), rest_at(q, plant)
-
-    @cache
-    def part(L: float) -> CompiledPart:
-        source, rows = advance_code(plant)
-        steps = counts[L].astype(float)
-        start = {
-            "state": at_rest.state,
-            "live": once,
-            "demand": HIGHEST * once,
-            "steps": steps,
-            "length": L / np.maximum(steps, 1.0),
-            "period": L * once,
-        }
-        return CompiledPart(LaneCode(*assembled(source, "prepare_step", "advance")), rows, start, places)
-
+    at_rest = rest_at(q, plant)
     return (
-        {place: part(loop.L) for place, loop in loops.items()},
         {place: counts[loop.L][:, places[place]] for place, loop in loops.items()},
         {place: Rest(*(part[:, k] for part in at_rest)) for place, k in places.items()},
     )
-
-
-def slope_part(plant: Plant) -> CompiledPart:
-    """Compile the state's derivative of one plant."""
-    source, rows = slope_code(stacked([plant]))
-    return CompiledPart(LaneCode(*assembled(source, "prepare_slope", "slope")), rows, {}, {0: 0})
 
 
 def _steps(
@@ -130,31 +110,61 @@ def _steps(
     return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
 
-def sample_part(
+def experiment_part(
     loops: Mapping[int, Loop],
     rest: Mapping[int, Rest],
+    steps: Mapping[int, NDArray[np.int64]],
     block: Callable[[float], int],
     *,
-    statistics: bool,
     record: bool,
 ) -> CompiledPart:
-    """Compile a sample of loops alike in command and branches; errors are summed up over ``block(L)``."""
+    """Compile law and plant of loops alike in all that chooses branches, see `batch`.
+
+    Errors are summed up over ``block(L)`` samples.
+    """
     ordered = [(loop, rest[place]) for place, loop in loops.items()]
     numbers = _numbers(ordered, block)
     command = next(iter(loops.values())).controller.command or control.command
-    source, rows = sample_code(numbers, statistics, record, command)
-    code = LaneCode(*assembled(source, "prepare_sample", "sample"))
-    return CompiledPart(code, rows, _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
+    plants = stacked([loop.plant for loop in loops.values()])
+    written = experiment_code((plants, numbers), record, command)
+    counts = np.array([steps[place] for place in loops], dtype=np.float64).T
+    length = np.array([loop.L for loop in loops.values()]) / np.maximum(counts, 1.0)
+    first = {
+        "state": np.array([still.state for _, still in ordered]).T,
+        "demand": np.full((1, len(loops)), HIGHEST),
+        "steps": counts,
+        "length": length,
+    }
+    return _compiled(written, first | _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
 
 
-def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LoopNumbers:
+def sample_part(loop: Loop, rest: Rest) -> CompiledPart:
+    """Compile a sample of one run by SciPy."""
+    numbers = _numbers([(loop, rest)], lambda _: 1)
+    written = sample_code(numbers, loop.controller.command or control.command)
+    return _compiled(written, _start([(loop, rest)], numbers), {0: 0})
+
+
+def slope_part(plant: Plant) -> CompiledPart:
+    """Compile the state's derivative of one plant."""
+    return _compiled(slope_code(stacked([plant])), {}, {0: 0})
+
+
+def _compiled(written: Written, start: dict[str, Array], column: dict[int, int]) -> CompiledPart:
+    sources, rows = written
+    code = {name: assembled(source, "prepare", name) for name, source in sources.items()}
+    prepare, run = zip(*code.values(), strict=True)
+    return CompiledPart(dict(zip(code, run, strict=True)), prepare, rows, start, column)
+
+
+def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
     phases: dict[int, streaming.Thresholds] = {}
     for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)
         phases[name] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
-    numbers: LoopNumbers = stacked(
+    numbers: LawNumbers = stacked(
         [
-            LoopNumbers(
+            LawNumbers(
                 law=loop.controller.law,
                 hardware=hardware_of(loop, rest),
                 phases=phases[id(loop.reference)],
@@ -179,7 +189,7 @@ def torque_before(loop: Loop, rest: Rest) -> Array:
     return np.zeros_like(rest.tau) if loop.cold else rest.tau
 
 
-def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LoopNumbers) -> dict[str, Array]:
+def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str, Array]:
     """First values of rows, (rows, N), by the start-up rule."""
     noise = {seed: unit_noise(loop)(1)[0] for seed, loop in {loop.seed: loop for loop, _ in loops}.items()}
     found = [
@@ -192,7 +202,7 @@ def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LoopNumbers) -> dict[str
         memory = start(measure(state, first, numbers.law, numbers.hardware), q_d, tau, numbers.law)
     return {
         "memory": np.concatenate([part.reshape(-1, len(loops)) for part in memory]),
-        "pending": np.tile(tau, (numbers.hardware.actuator.delay, 1)),
+        "pending": np.tile(tau, (longest(numbers.hardware.actuator.delay), 1)),
         "tau_before": tau,
         "H_before": tau,
         "live": np.ones((1, len(loops))),

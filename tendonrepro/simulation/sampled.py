@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, choose, pick
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo, servo_torque, start_memory
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
@@ -43,8 +43,8 @@ class Sampled(NamedTuple):
     """What one sample makes of a state; arrays (n,), SI.
 
     `measured` is as of :func:`measure`. Torques are `tau` commanded, `tau_m` applied, and `torque` with the
-    noise that no controller knows. `rate` is of the error; None of a position loop. Commands in `pending` are
-    on their way to the motors.
+    noise that no controller knows. `rate` is of the error; None of a position loop. `pending` are commands on
+    their way to the motors, the newest first.
     """
 
     measured: Two
@@ -73,13 +73,13 @@ def sample(
     measured = measure(state, noise, law, hardware)
     fed = (*desired[:2], law.feed_forward * desired[2]) if isinstance(law, Law) else desired
     tau, signals, rate, H_hat = _decide(memory, measured, fed, law, command)
-    queue = [*pending, tau]
-    tau_m = applied_torque(queue[0], actuator, S, S_inv)
+    line = [tau, *pending]
+    tau_m = applied_torque(pick(line, actuator.delay), actuator, S, S_inv)
     if isinstance(law, Servo):
         memory = measured[1], memory[1]
     else:
         within = applied_torque(tau, actuator._replace(resolution=0.0), S, S_inv)
-        stored = tau_m if law.stores_applied else within
+        stored = choose(law.stores_applied, tau_m, within)
         # A user's law may have neither rate nor estimate; its memory then holds zeros.
         own = command is not control.command
         kept = (np.nan_to_num(rate), np.nan_to_num(H_hat)) if own else (rate, H_hat)
@@ -90,7 +90,7 @@ def sample(
         bounded = bounded * (abs(error) <= hardware.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
     # The noise acts on the plant alone: no controller can know it.
     torque = tau_m + times(S_inv.T, actuator.noise * noise[2 * n :])
-    return Sampled(measured, tau, tau_m, torque, signals, rate, memory, queue[1:], bounded)
+    return Sampled(measured, tau, tau_m, torque, signals, rate, memory, line[:-1], bounded)
 
 
 def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:
@@ -98,9 +98,10 @@ def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) ->
     n = len(state) // 4
     turned = times(hardware.S_inv, state[2 * n : 3 * n] - hardware.theta_start)
     q_motor = _counted(turned, noise[n : 2 * n], hardware.motor_encoder)
-    if isinstance(law, Law) and law.motor_side:
-        return times(hardware.S, q_motor), q_motor
-    return _counted(state[:n], noise[:n], hardware.joint_encoder), q_motor
+    q = _counted(state[:n], noise[:n], hardware.joint_encoder)
+    if isinstance(law, Law):
+        q = choose(law.motor_side, times(hardware.S, q_motor), q)
+    return q, q_motor
 
 
 def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
@@ -112,7 +113,14 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
 
 def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Any:
     """Memory at the first sample, given the desired angles and the torque before."""
-    return (measured[1], tau) if isinstance(law, Servo) else start_memory(measured[0], tau, law.lag, q_d)
+    if isinstance(law, Servo):
+        return measured[1], tau
+    return start_memory(measured[0], tau, longest(law.lag), q_d)
+
+
+def longest(count: Any) -> int:
+    """Largest of whole numbers in which experiments side by side differ, or the one they share."""
+    return int(np.max(count))
 
 
 def _decide(

@@ -97,13 +97,13 @@ class Arm:
         self.torque = self.rows[named["torque"] :, 0][:n]
         self.state[:] = self.rest.state
         slope = self.rows[named["slope"] :, 0][: 4 * n]
-        run, address = callable_code(part.code.run), self.rows.ctypes.data
+        run, address = callable_code(part.code["slope"]), self.rows.ctypes.data
         # SciPy calls this some thirty times a period; a memory view is filled in half the time of an array.
         state: Any = memoryview(self.state.data)
 
         def derivative(t: float, x: Array) -> Array:
             state[:] = x
-            run(address, t)
+            run(address, 0.0, t)
             return slope
 
         self.slope = derivative
@@ -118,26 +118,27 @@ class MachineLaw:
     """Package's own law as machine code."""
 
     def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
-        part = sample_part({0: loop}, {0: arm.rest}, lambda _: 1, statistics=False, record=True)
-        rows, named, reference = _filled(part), part.rows.named, loop.fed
-        # The code reads them by address, so they are kept.
-        self._arrays = {
-            "plant": arm.rows,
-            "desired": np.hstack([reference.q_d, reference.dq_d, reference.ddq_d]),
-            "noise": _noise(loop),
-            "trace": trace,
-        }
-        for name, values in self._arrays.items():
-            rows.view(np.int64)[named[name]] = values.ctypes.data
-        self._run, self._address, self._live = (
-            callable_code(part.code.run),
-            rows.ctypes.data,
-            rows[named["live"]],
-        )
+        part, n = sample_part(loop, arm.rest), loop.plant.preload.size
+        self._rows, named, reference = _filled(part), part.rows.named, loop.fed
+
+        def lane(name: str, size: int) -> Array:
+            """View of the first lane of a name."""
+            return self._rows[named[name] :, 0][:size]
+
+        self._arm, self._trace = arm, trace
+        desired = reference.q_d, reference.dq_d, reference.ddq_d
+        self._signals = np.hstack([*desired, _noise(loop)])
+        # Desired motion and noise are neighbours.
+        self._given = lane("desired", 6 * n)
+        self._state, self._torque, self._live = lane("state", 4 * n), lane("torque", n), lane("live", 1)
+        self._kept = lane("trace", trace.shape[1])
+        self._run, self._address = callable_code(part.code["sample"]), self._rows.ctypes.data
 
     def __call__(self, k: int) -> bool:
         """Set the arm's torque at sample k; whether the run goes on."""
-        self._run(self._address, k)
+        self._state[:], self._given[:] = self._arm.state, self._signals[k]
+        self._run(self._address, k, 0.0)
+        self._trace[k], self._arm.torque[:] = self._kept, self._torque
         return bool(self._live[0] > 0.0)
 
 

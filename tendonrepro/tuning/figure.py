@@ -11,42 +11,53 @@ from matplotlib.axes import Axes
 from tendonrepro.results.figures import style
 
 KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
+VELOCITY = {False: "velocity as measured", True: "velocity filtered"}
 LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
+MARKERS = "osD^vP"
 FEW = 0.5  # share of plants below which a median is not drawn
 
 
 @style.journal_style()
 def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> style.Drawing:
-    """Draw medians of error against torque roughness, a panel for each class of knowledge."""
-    figure = style.open_figure(style.PAGE_MM, 88.0)
-    panels = figure.subplots(1, len(KNOWN), squeeze=False, sharex=True, sharey=True)[0]
+    """Draw medians of error against torque roughness: a column for what is known, a row for the velocity."""
+    figure = style.open_figure(style.PAGE_MM, 134.0)
+    grid = figure.subplots(len(VELOCITY), len(KNOWN), sharex=True, sharey=True)
     drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
-    for panel, knows in zip(panels, KNOWN, strict=True):
-        _draw(panel, [row for row in laws if row["knows"] == knows and row["share_stable"] >= FEW], drawn)
-    panels[0].set_ylabel("mean absolute error (deg)")
-    style.letter_panels(panels, KNOWN.values())
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    conditions = list(product(VELOCITY, KNOWN))
+    for panel, (filtered, knows) in zip(grid.flat, conditions, strict=True):
+        condition = (knows, filtered)
+        rows = [row for row in laws if (row["knows"], row["filtered"]) == condition]
+        _draw(panel, [row for row in rows if row["share_stable"] >= FEW], drawn)
+    for panel, name in zip(grid[:, 0], VELOCITY.values(), strict=True):
+        panel.set_ylabel(f"{name}\nmean absolute error (deg)")
+    for panel in grid[-1]:
+        panel.set_xlabel("torque roughness (N m)")
+    style.letter_panels(grid.flat, [KNOWN[knows] for _, knows in conditions])
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     caption = (
-        "Every law at its best: mean absolute error against torque roughness, medians over the plants on "
+        "Mean absolute error against torque roughness of every law at its best. Medians over the plants on "
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
-        "changes."
+        "changes. What is known is the arm's weight, its model, or nothing."
     )
-    return style.Drawing("tune", figure, list(panels), caption)
+    return style.Drawing("tune", figure, list(grid.flat), caption, origin="Simulated, tendonrepro tune")
 
 
 def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> None:
     def plot(own: Sequence[Mapping[str, Any]], **look: Any) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
-    for (number, law), filtered in product(enumerate(titles, start=1), (False, True)):
-        front = [row for row in rows if (row["law"], row["filtered"]) == (law, filtered)]
-        mark = (
-            {"marker": "s", "markerfacecolor": "white"} if filtered else {"marker": "o", "label": titles[law]}
-        )
-        plot(front, **style.stroke_of(number).line | mark | {"linewidth": 0.7, "markersize": 2.6})
-    panel.plot([], [], "s", color="black", markersize=2.6, fillstyle="none", label="velocity filtered")
-    published = [row for row in rows if row["cap"] == "published" and not row["filtered"]]
+    for number, (law, title) in enumerate(titles.items(), start=1):
+        front = [row for row in rows if row["law"] == law and row["cap"] != "published"]
+        look = style.stroke_of(number).line | {
+            "marker": MARKERS[(number - 1) % len(MARKERS)],
+            "markersize": 3.2,
+        }
+        plot(front, label=title, **look)
+    published = [row for row in rows if row["cap"] == "published"]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
-    plot(stars, linestyle="", marker="*", color="black", markersize=5, label="published gains")
-    plot(curve, color="#BEBEBE", linewidth=2.2, zorder=1, label="the same over α")
-    panel.set(xscale="log", yscale="log", xlabel="torque roughness (N m)")
+    plot(stars, linestyle="", marker="*", color="black", markersize=6, label="published gains")
+    plot(curve, color="#BEBEBE", linewidth=2.2, zorder=1, label="published gains over α")
+    panel.set(xscale="log", yscale="log")
+    panel.margins(0.06)
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_major_formatter("{x:g}")

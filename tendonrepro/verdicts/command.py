@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tendonrepro import __version__
+from tendonrepro.configuration.request import FORMATS
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
+from tendonrepro.results.study import figure_formats
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
@@ -49,12 +51,13 @@ def run_claims(
     *,
     force: bool = False,
     every: bool = False,
+    formats: Sequence[str] = FORMATS,
 ) -> Ledger:
     """Judge the claims from what lies under `out`, and write the ledger.
 
     With `ids` it shows all their evidence, and writes nothing. `baseline` is an earlier ``claims.json``;
     `measured` is by default ``data/measured.h5``. `force` overwrites what no ledger wrote; `every` shows more
-    than the main claims.
+    than the main claims. `formats` are those of the picture.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def run_claims(
     with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force, talk=talk) as result:
         write_claims(verdicts, result.path, judged_by)
         if ensemble is not None:
-            _write_influences(ensemble, result)
+            _write_influences(ensemble, result, formats)
         # Whatever lies under the results, the ledger is the same command's.
         result.manifest = {
             "schema_version": SCHEMA_VERSION,
@@ -85,6 +88,7 @@ def run_claims(
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "environment": environment(),
             "config": {"sha256": FOLDER},
+            **figure_formats(formats),
             "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
         }
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
@@ -93,16 +97,16 @@ def run_claims(
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
-def _write_influences(data: EnsembleData, result: NewResult) -> None:
+def _write_influences(data: EnsembleData, result: NewResult, formats: Sequence[str]) -> None:
     found = rankings(data)
     result.write("decides.json", to_json(found))
-    if found:
+    if found and formats:
         from tendonrepro.results.figures.style import save_drawing
 
         drawn = replace(
             draw_influences(found), origin=f"Simulated, {count_of(len(data), 'plant')} of the box"
         )
-        save_drawing(drawn, result.path / "figures")
+        save_drawing(drawn, result.path / "figures", formats)
 
 
 def judged(

@@ -72,6 +72,16 @@ def test_compare_json_has_the_promised_keys(compared: tuple[Path, Any]) -> None:
     assert data["manifest"] == str(Path("out") / "manifest.json")
 
 
+@pytest.mark.parametrize("words", [["compare", *SHORT], ["statics"], ["sweep", "--over", "seed=1,2", *SHORT]])
+def test_a_command_draws_no_figures_where_none_are_wanted(tmp_path: Path, words: list[str]) -> None:
+    answer(*words, "--no-figures", "--out", "out", cwd=tmp_path)
+    assert not (tmp_path / "out" / "figures").exists()
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["figure_formats"] == []
+    wrong = run(*words, "--formats", "jpg", "--out", "other", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert not (tmp_path / "other").exists()
+
+
 def test_manifest_says_what_made_the_result(compared: tuple[Path, Any]) -> None:
     manifest = json.loads((compared[0] / "out" / "manifest.json").read_text())
     assert manifest["overrides"] == SHORT[1::2]

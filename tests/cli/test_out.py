@@ -23,6 +23,7 @@ ARGUMENTS = {
     "config init": ["compare"],
     "export": ["runs.h5"],
     "ingest": ["data.csv"],
+    "live": [],
     "recover": ["runs.h5"],
     "report": ["."],
     "sweep": ["--over", "control.gains.lam=4,5"],
@@ -30,7 +31,13 @@ ARGUMENTS = {
 }
 """What a command cannot do without."""
 
-FILES = {"animate": "mine.gif", "export": "mine.csv", "ingest": "mine.h5", "report": "mine.html"}
+FILES = {
+    "animate": "mine.gif",
+    "export": "mine.csv",
+    "ingest": "mine.h5",
+    "live": "mine.html",
+    "report": "mine.html",
+}
 """Commands that write one file, and a name that they accept."""
 
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axis import Tick
+from matplotlib.text import Text
 from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, tables_of, text_of
 
 from tendonrepro.configuration.published import published
 from tendonrepro.reporting.contents import AS_PUBLISHED, BOTH, CHANGED, STEPS, numbers
-from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
+from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 
 pytestmark = NEEDS_DOCS
@@ -30,15 +34,60 @@ def claims() -> dict[str, Any]:
     return {entry["id"]: entry for entry in stored("claims")["claims"]}
 
 
-def test_made_parts_are_fresh_and_stand_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", name="makers")
+def _makers() -> Iterator[list[Any]]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(DOCS)
+        yield [importlib.import_module(name) for name in ("pages", "generate")]
+
+
+@pytest.fixture(scope="module", name="pictures")
+def _pictures(makers: list[Any]) -> dict[str, Drawing]:
+    drawn: dict[str, Drawing] = makers[1].pictures()
+    return drawn
+
+
+def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
     """`make pages` and `make findings` write them again."""
-    monkeypatch.syspath_prepend(DOCS)
-    pages, generate = (importlib.import_module(name) for name in ("pages", "generate"))
+    pages, generate = makers
     texts = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("*.md")}
     for name, text in texts.items():
         assert pages.fresh(pages.fresh(text), generate.MAKERS) == text, name
     parts = [part[2] for text in texts.values() for part in pages.PART.finditer(text)]
     assert sorted(parts) == sorted([*pages.MAKERS, *generate.MAKERS])
+
+
+def test_pictures_are_described_by_their_captions(makers: list[Any], pictures: dict[str, Drawing]) -> None:
+    texts = [text_of(f"docs/{path.name}") for path in DOCS.glob("*.md")] + [text_of("README.md")]
+    assert [makers[1].described(text, pictures) for text in texts] == texts
+    assert all((DOCS / f"{name}.png").exists() for name in pictures)
+
+
+def test_no_text_of_a_picture_leaves_it_and_names_in_the_map_cover_no_other(
+    pictures: dict[str, Drawing],
+) -> None:
+    with journal_style():
+        for name, drawing in pictures.items():
+            imprint(drawing.figure, drawing.origin)
+            drawing.figure.draw_without_rendering()
+            ticks = {id(text) for tick in drawing.figure.findobj(Tick) for text in tick.findobj(Text)}
+            texts = [
+                text for text in drawing.figure.findobj(Text) if text.get_text() and id(text) not in ticks
+            ]
+            boxes = {id(text): text.get_window_extent() for text in texts}
+            page = drawing.figure.bbox.padded(0.5)
+            outside = [text.get_text() for text in texts if not _within(boxes[id(text)], page)]
+            assert outside == [], name
+            if name == "map":
+                for panel in drawing.axes:
+                    own = [boxes[id(text)] for text in panel.texts]
+                    assert all(_within(box, panel.bbox) for box in own)
+                    assert not [pair for pair in combinations(own, 2) if pair[0].overlaps(pair[1])]
+                    assert {text.get_text() for text in panel.texts} >= {"MAE", "RMSE", "as published"}
+
+
+def _within(inner: Any, outer: Any) -> bool:
+    return bool((inner.min >= outer.min).all() and (inner.max <= outer.max).all())
 
 
 def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any]) -> None:
@@ -110,12 +159,10 @@ def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings:
     assert readings["printed"]["c2_c3"]["joint_2"]["median"] == pytest.approx(1.032, rel=0.005)
 
 
-def test_picture_of_the_orders(readings: dict[str, Any]) -> None:
+def test_picture_of_the_orders(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
     """A bar for each kind of order of each reading that has a label; those of a reading fill its row."""
     shown = [readings[name] for name in AS_PUBLISHED | CHANGED]
-    widths = [
-        [bar.get_width() for bar in bars] for bars in draw_orders(stored("ensemble")).axes[0].containers
-    ]
+    widths = [[bar.get_width() for bar in bars] for bars in pictures["orders"].axes[0].containers]
     rows = [row for row in zip(*widths, strict=True) if sum(row)]
     assert len(rows) == len(shown)
     for (in_order, first, _, reverse), reading in zip(rows, shown, strict=True):
@@ -125,9 +172,9 @@ def test_picture_of_the_orders(readings: dict[str, Any]) -> None:
     assert [sum(row) for row in rows] == pytest.approx([1.0] * len(shown))
 
 
-def test_picture_of_the_map(readings: dict[str, Any]) -> None:
+def test_picture_of_the_map(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
     """A dot for each reading under which plants are stable, lines at 1 ± alpha, and Table 2."""
-    for panel, joint in zip(draw_map(stored("ensemble"), stored("closest")).axes, (2, 3), strict=True):
+    for panel, joint in zip(pictures["map"].axes, (2, 3), strict=True):
         (dots, named) = [line for line in panel.lines if line.get_marker() == "o"]
         places = [
             (held["c1_c2"][f"joint_{joint}"]["median"], held["c2_c3"][f"joint_{joint}"]["median"])
@@ -148,14 +195,19 @@ def test_picture_of_the_map(readings: dict[str, Any]) -> None:
         assert closest == pytest.approx(errors[:, :2] / errors[:, 1:])
 
 
-def test_picture_of_the_ranges(readings: dict[str, Any]) -> None:
+def test_picture_of_the_ranges(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
     """A bar from the 5th to the 95th percentile of each reading with a label, and Table 2 across."""
-    ratio, joints = draw_ranges(stored("ensemble")).axes
+    ratio, joints = pictures["ranges"].axes
     bars = [segment[:, 0] for segment in ratio.collections[0].get_segments()]
     ends = [
         [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")] for name in AS_PUBLISHED | CHANGED
     ]
     assert np.array(bars) == pytest.approx(np.array(ends))
+    left, right = ratio.get_xlim()
+    cut = [(row, "<") for row, (low, _) in enumerate(ends) if low < left]
+    cut += [(row, ">") for row, (_, high) in enumerate(ends) if high > right]
+    arrows = [(line.get_ydata()[0], line.get_marker()) for line in ratio.lines if line.get_marker() in "<>"]
+    assert sorted(arrows) == sorted(cut)
     across = [line.get_xdata()[0] for line in joints.lines if line.get_linestyle() == "--"]
     assert across == pytest.approx([0.219 / 0.261])
 

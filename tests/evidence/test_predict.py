@@ -10,7 +10,9 @@ import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
+from tendonrepro.configuration.quantity import Moving
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -30,6 +32,7 @@ from tendonrepro.evidence.predict import (
     with_alpha,
 )
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -38,6 +41,8 @@ LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolut
 COMPARE = LOADED.compare
 LOOPS = dict(build_loops(COMPARE, LOADED.base.folder))
 BY_NAME = {one.name: one for one in EXPERIMENTS}
+BOX = make_box(LOADED.config)
+NOMINAL = BOX.named(BOX.nominal)
 
 
 def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,6 +90,33 @@ def test_what_is_changed_and_nothing_else() -> None:
     assert (flat.rate_gain == flat.eta).all()
     assert law_of(changed("other_encoders")).motor_side
     assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
+
+
+def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
+    """Runs from one start are equal to the last bit. Starts a degree apart show in the first period alone."""
+    together = BY_NAME["repeat"].change(COMPARE, LOADED.base.folder, LOOPS)
+    apart = COMPARE.model_copy(update={"runs": {**COMPARE.runs, SECOND: _beside(COMPARE.runs[SECOND])}})
+    loops = dict(build_loops(apart, LOADED.base.folder))
+    elsewhere = BY_NAME["repeat"].change(apart, LOADED.base.folder, loops)
+    found = simulate_batch([loops[FIRST], together, elsewhere], COMPARE.status).statistics
+    first, same, other = found["mae"]
+    assert (same == first).all()
+    assert (abs(other / first - 1.0) > 0.02).all()
+    assert found["mae_settled"][2] == pytest.approx(found["mae_settled"][0], rel=0.01)
+
+
+def _beside(run: CompareRun) -> CompareRun:
+    offset = Moving.model_validate({"value": [-1.0, -1.0], "unit": "deg", "source": "assumed: a test"})
+    return run.model_copy(update={"start_offset": offset})
+
+
+def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ratio with the first two seconds left out is that of the statistics without them."""
+    errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
+    errors["mae_settled"][:, 4] = 3.0
+    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
+    found = predict._ratios(errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3))
+    assert [row.median for row in found] == [1.5, 1.5]
 
 
 def test_ramps_keep_their_corners_at_half_the_speed() -> None:

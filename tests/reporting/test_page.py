@@ -5,10 +5,11 @@ import subprocess
 from html import escape
 
 import pytest
+from PIL import Image
 from reporting.conftest import LIKE_HTML
 
 from tendonrepro.reporting import contents
-from tendonrepro.reporting.command import page
+from tendonrepro.reporting.command import page, pictures, plate
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
@@ -115,3 +116,15 @@ def test_a_phone_shows_all_without_scrolling_sideways(text, tmp_path):
     width, outside = done.stdout.rpartition('<p id="out">')[2].partition("<")[0].split()
     assert int(width) <= 390
     assert int(outside) == 0
+
+
+def test_a_figure_without_svg_is_shown_as_png(tmp_path):
+    """As SVG where both are there; a narrow one stays narrow."""
+    folder = tmp_path / "figures"
+    folder.mkdir()
+    for name, width in (("a", 1000), ("b", 2000), ("c", 1000)):
+        Image.new("L", (width, 10)).save(folder / f"{name}.png", dpi=(300, 300))
+    (folder / "c.svg").write_text("<svg width='9pt'/>", encoding="utf-8")
+    plates = [plate(path) for path in pictures(folder)]
+    assert [one["narrow"] for one in plates] == [True, False, False]
+    assert ["image/svg" in one["address"] for one in plates] == [False, False, True]

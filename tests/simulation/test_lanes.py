@@ -9,12 +9,20 @@ from support.oracles import FEATURES, random_plant, random_state
 from tendonrepro.arrays import Array
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
-from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
-from tendonrepro.simulation.kernel import advance_code, runge_kutta
+from tendonrepro.simulation.codegen.machine import (
+    LANES,
+    Record,
+    Signal,
+    assembled,
+    callable_code,
+    callable_sweep,
+    sweep_code,
+)
+from tendonrepro.simulation.kernel import advance_source, experiment_rows, runge_kutta, slope_code
 from tendonrepro.simulation.resolution import demand
 
-K = 400.0
-"""Number that code is called with."""
+T = 0.4
+"""Time that code is called with, s."""
 
 
 def filled(rows: LaneRows) -> Array:
@@ -26,7 +34,7 @@ def filled(rows: LaneRows) -> Array:
 
 def run(source: str, w: Array, *names: str) -> None:
     for address in assembled(source, *names):
-        callable_code(address)(w.ctypes.data, K)
+        callable_code(address)(w.ctypes.data, 0.0, T)
 
 
 @pytest.mark.parametrize(
@@ -36,14 +44,15 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: froz
     plants = [random_plant(n, seed, features).plant for seed in range(LANES)]
     rng = np.random.default_rng(8)
     state, tau = random_state(n, rng, (LANES,)), rng.normal(size=(n, LANES))
-    source, rows = advance_code(stacked(plants))
+    rows = experiment_rows(n)
+    source = advance_source(stacked(plants), rows)
     after, at = filled(rows), rows.named
     after[: 4 * n], after[4 * n : 5 * n] = state, tau
     live = np.arange(LANES) != 3
     # One step at every level.
-    after[at["live"]], after[at["period"]], after[at["demand"]] = live, 1e-3, 2.0
+    after[at["live"]], after[at["demand"]] = live, 2.0
     after[at["steps"] : at["steps"] + 3], after[at["length"] : at["length"] + 3] = 1.0, 1e-3
-    run(source, after, "prepare_step", "advance")
+    run(source, after, "prepare", "advance")
     for lane, plant in enumerate(plants):
 
         def derivative(t: float, x: Array, lane: int = lane, plant: object = plant) -> Array:
@@ -52,7 +61,7 @@ def test_a_step_on_lanes_is_that_of_the_plants_one_by_one(n: int, features: froz
         if not live[lane]:
             assert after[: 4 * n, lane].tolist() == state[:, lane].tolist()
             continue
-        expected, slope = runge_kutta(derivative, 0.4, state[:, lane], 1e-3)
+        expected, slope = runge_kutta(derivative, T, state[:, lane], 1e-3)
         assert after[at["demand"], lane] == demand(state[:, lane], expected, plant)
         assert after[: 4 * n, lane] == pytest.approx(expected, rel=1e-11, abs=1e-12)
         assert after[at["ddq"] : at["ddq"] + n, lane] == pytest.approx(slope[n : 2 * n], rel=1e-10, abs=1e-10)
@@ -75,18 +84,19 @@ def test_runge_kutta_is_of_order_four() -> None:
 def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> None:
     """From fast motion to a change of direction, beside one that moves on and one that stands still."""
     plant = random_plant(1, 1, frozenset({"coulomb"})).plant
-    source, rows = advance_code(stacked([plant] * LANES))
+    rows = experiment_rows(1)
+    source = advance_source(stacked([plant] * LANES), rows)
     v, S, at = plant.link_friction.smoothing_velocity[0], plant.drive.S[0, 0], rows.named
     winch = 50.0 * S * plant.drive.friction.smoothing_velocity[0]
     state = np.zeros((4, LANES))
     state[1], state[3], state[1, 1], state[:, 2] = 4.5 * v, winch, 60.0 * v, 0.0
     torque, h = np.full((1, LANES), 0.0), 1e-3
     w = filled(rows)
-    w[:4], w[4], w[at["live"]], w[at["period"]] = state, torque, 1.0, h
+    w[:4], w[4], w[at["live"]] = state, torque, 1.0
     w[at["demand"]] = [0.0, 0.0, 2.0, *[0.0] * (LANES - 3)]
     for level, steps in enumerate((1.0, 2.0, 5.0)):
         w[at["steps"] + level], w[at["length"] + level] = steps, h / steps
-    run(source, w, "prepare_step", "advance")
+    run(source, w, "prepare", "advance")
 
     def after(lane: int, steps: int) -> tuple[Array, int]:
         x, met = state[:, lane], 0
@@ -106,24 +116,31 @@ def test_a_lane_that_meets_a_higher_demand_goes_back_and_takes_more_steps() -> N
         assert w[at["demand"], lane] == met
 
 
-def test_pointers_lead_each_lane_to_its_own_numbers() -> None:
+def test_signals_and_records_are_each_lanes_own() -> None:
+    """A run of three rows: it ends with a lane's own sample, and sums what it is given from there on."""
     tape, rows = LaneTape(), LaneRows()
-    (pointer,) = rows.variables(tape, "pointer", 1)
-    moved = tape.write("moved", pointer, 2.0 * tape.write("argument", "k"))
-    first, second = tape.load(moved, range(2))
-    source = lane_code("sums", tape, {}, rows, [(moved, 1, first + second)])
-    numbers, w = np.arange(1000.0 * LANES).reshape(LANES, 1000), filled(rows)
-    wanted = numbers.copy()
-    wanted[:, 801] += numbers[:, 800]
-    w.view(np.int64)[0] = [row.ctypes.data for row in numbers]
-    run(source, w, "prepare_sums", "sums")
-    np.testing.assert_array_equal(numbers, wanted)
+    live, given, total = rows.variables(tape, "numbers", 3)
+    k = tape.write("sample")
+    sample = lane_code("sample", tape, {0: live * (k < 7.0), 2: total + given}, rows)
+    advance = lane_code("advance", tape, {2: total + 1000.0}, rows)
+    signals, records = [Signal(1, 1)], [Record(2, 1, 2)]
+    codes = [assembled(source, name)[0] for source, name in ((sample, "sample"), (advance, "advance"))]
+    (address,) = assembled(sweep_code(0, signals, records), "sweep")
+    numbers, kept = np.arange(20.0 * LANES).reshape(LANES, 20), np.zeros((8, 1, LANES))
+    starts, into = np.array([row.ctypes.data for row in numbers]), np.array([kept.ctypes.data])
+    w = aligned(np.zeros((rows.count, LANES)))
+    w[0] = 1.0
+    callable_sweep(address)(*codes, w.ctypes.data, 3, 20, 1e-3, starts.ctypes.data, into.ctypes.data)
+    sums = np.cumsum(numbers[:, 3:8], axis=1) + 1000.0 * np.arange(5)
+    # Two samples to an entry; the last one stands.
+    assert kept[:3, 0].T.tolist() == sums[:, [1, 3, 4]].tolist()
+    assert not kept[3:].any()
 
 
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:
     first, second = (stacked([random_plant(2, seed).plant] * 2) for seed in (1, 2))
     assert signature(first) == signature(second)
-    (one, rows), (other, others) = advance_code(first), advance_code(second)
+    (one, rows), (other, others) = slope_code(first), slope_code(second)
     assert one is other
     for plant, kept in ((first, rows), (second, others)):
         assert plant.drive.inertia[0].tolist() in [values.tolist() for values in kept.constants.values()]

@@ -133,7 +133,7 @@ def test_what_depends_on_one_array_alone_is_computed_once() -> None:
     (a, b), (x,) = tape.places("fixed", 2), tape.places("given", 1)
     shared: Any = np.sin(a) * b
     results = [shared + x, x * a, shared - b]
-    once, lines = split_by_input(tape.lines, results, "fixed", "kept")
+    once, lines = split_by_input(tape.lines, results, ("fixed",), "kept")
     prepare = function_source("g", tape.lines, once, ("fixed", "kept"), JAVASCRIPT)
     places = {("found", k): value for k, value in enumerate(results)}
     inner = function_source("inner", lines, places, ("kept", "given", "found"), JAVASCRIPT)

@@ -11,7 +11,7 @@ from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
-from tendonrepro.simulation.kernel import advance_code
+from tendonrepro.simulation.kernel import advance_source, experiment_rows
 from tendonrepro.simulation.stepper import simulate
 
 WINCH = np.full(2, 0.037)
@@ -128,11 +128,10 @@ def test_a_preload_that_keeps_all_tense_leaves_every_bit():
 
 def test_off_leaves_nothing_in_the_code(monkeypatch):
     plants = {word: stacked([run_of(word)[1].plant]) for word in ("off", "on")}
-    off, on = (advance_code(plants[word])[0] for word in ("off", "on"))
+    off, on = (advance_source(plants[word], experiment_rows(2)) for word in ("off", "on"))
     assert off.count("\n") < on.count("\n")
     monkeypatch.setattr(drive, "pulled", lambda torque, _: torque)
-    # Written once for plants alike: another disturbance field makes it write again.
-    assert advance_code.__wrapped__(plants["off"])[0] == off
+    assert advance_source(plants["off"], experiment_rows(2)) == off
 
 
 def test_a_tendon_that_would_push_at_rest_has_no_torque():

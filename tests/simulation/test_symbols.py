@@ -20,7 +20,7 @@ TRACES = {
     "clearance": "abs",
     "losses": "abs",
     "step": ">=",
-    "sine": "argument",
+    "sine": "time",
 }
 
 
@@ -35,7 +35,7 @@ def operations(plant: Plant) -> set[str]:
     """Kinds of operations in the code of a plant."""
     tape, rows, n = WithLibrary(), LaneRows(), plant.preload.size
     state, torque = rows.variables(tape, "state", 4 * n), rows.variables(tape, "torque", n)
-    t: Any = tape.write("argument", "k")
+    t: Any = tape.write("time")
     slope = state_derivative(t, state, torque, rows.parameters(tape, stacked([plant])))
     return {tape.lines[name][0] for name in needed(tape.lines, slope)}
 
@@ -59,8 +59,8 @@ def computed(function: Callable[[Array, Any], Array], x: Array, p: Any) -> Array
     w[: x.size] = x[:, np.newaxis]
     for row, values in rows.constants.items():
         w[row] = values
-    for address in assembled(source, "prepare_f", "f"):
-        callable_code(address)(w.ctypes.data, 0.5)
+    for address in assembled(source, "prepare", "f"):
+        callable_code(address)(w.ctypes.data, 0.0, 0.5)
     assert (w == w[:, :1]).all()
     return w[places, 0]
 

@@ -177,7 +177,7 @@ def under(reading_: Reading, config: CompareConfig, draw: Mapping[str, float]) -
     """
     for name, value in reading_.settings:
         for path, new in _changes(name, value, config, draw).items():
-            config = _replaced(config, path, new)
+            config = replaced(config, path, new)
     return config
 
 
@@ -187,10 +187,10 @@ def as_printed(config: CompareConfig) -> CompareConfig:
     return under(Reading(PRINTED, tuple((name, AXES[name].printed) for name in names)), config, {})
 
 
-def _replaced(model: _M, path: str, value: object) -> _M:
+def replaced(model: _M, path: str, value: object) -> _M:
     """Copy a model with the field at a dotted path changed."""
     first, _, rest = path.partition(".")
-    return model.model_copy(update={first: _replaced(getattr(model, first), rest, value) if rest else value})
+    return model.model_copy(update={first: replaced(getattr(model, first), rest, value) if rest else value})
 
 
 def _scalar(value: float, unit: str, row: str = "") -> Scalar:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.configuration.request import FORMATS
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
@@ -86,15 +87,17 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         return canvas.finish(name, caption, origin_of(file))
 
 
-def begin_drawing(figures: Iterable[tuple[TraceFile, Path, str]], start: Start = map) -> Iterable[list[Path]]:
+def begin_drawing(
+    figures: Iterable[tuple[TraceFile, Path, str]], formats: Sequence[str] = FORMATS, start: Start = map
+) -> Iterable[list[Path]]:
     """Begin to draw and write figures, by traces, folder and name; yield the paths of each."""
     # Another process gets a copy.
-    return start(_drawn, [(shown(name, file), folder, name) for file, folder, name in figures])
+    return start(_drawn, [(shown(name, file), folder, name, formats) for file, folder, name in figures])
 
 
-def _drawn(figure: tuple[TraceFile, Path, str]) -> list[Path]:
-    file, folder, name = figure
-    return save_drawing(draw(name, file), folder)
+def _drawn(figure: tuple[TraceFile, Path, str, Sequence[str]]) -> list[Path]:
+    file, folder, name, formats = figure
+    return save_drawing(draw(name, file), folder, formats)
 
 
 def origin_of(file: TraceFile) -> str:

@@ -5,7 +5,7 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,6 +22,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from tendonrepro import __version__
+from tendonrepro.configuration.request import FORMATS
 from tendonrepro.files import write_atomically
 from tendonrepro.results.figures.thinned import thinned_fonts
 
@@ -30,6 +31,9 @@ COLUMN_MM = 85.0
 
 PAGE_MM = 175.0
 """Width of two journal columns."""
+
+NOTEBOOK_DPI = 120
+"""Fine enough for a screen; a printed figure has more."""
 
 _EDGE = 0.005
 """Free space beside what is printed below the panels, as a share of the width."""
@@ -87,9 +91,19 @@ journal_style = partial(style.context, Path(__file__).with_name("tendonrepro.mpl
 """Puts the project's style in force, whatever the user's own matplotlib settings are."""
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows as the value of a cell, without ``%matplotlib inline``."""
+
+    def _repr_png_(self) -> bytes:
+        image = BytesIO()
+        with journal_style():
+            self.savefig(image, format="png", dpi=NOTEBOOK_DPI)
+        return image.getvalue()
+
+
 def open_figure(width_mm: float, height_mm: float) -> Figure:
     """Empty figure of a printed size, mm; its layout keeps texts apart."""
-    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    figure = ShownFigure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -113,6 +127,15 @@ def settle(figure: Figure) -> None:
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)
+
+
+def mark_cut(
+    panel: Axes, ends: tuple[float, float], y: float, limits: tuple[float, float], colour: str
+) -> None:
+    """Mark with arrows where a bar at a height y goes on beyond the limits of its panel."""
+    (low, high), (left, right) = ends, limits
+    for edge, arrow in [(left, "<")] * bool(low < left) + [(right, ">")] * bool(high > right):
+        panel.plot([edge], [y], arrow, color=colour, markersize=4.0, clip_on=False, zorder=3.0)
 
 
 def letter_panels(panels: Iterable[Axes], titles: Iterable[str]) -> dict[str, Axes]:
@@ -149,8 +172,8 @@ def title_of(name: str) -> str:
     return f"Figure {int(number)}" if number.isdecimal() else name
 
 
-def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
-    """Write a figure as PDF, SVG and PNG, and its caption as text.
+def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write a figure in every format, and its caption as text.
 
     A TendonreproError tells where a file cannot be written.
     """
@@ -160,18 +183,18 @@ def save_drawing(drawn: Drawing, folder: Path) -> list[Path]:
         "svg": {"Title": title, "Description": caption, "Date": None},
         "png": {"Title": title, "Description": caption},
     }
-    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in metadata]
+    paths = [folder / f"{drawn.stem}.{suffix}" for suffix in formats]
     with journal_style():
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
-        for path, (suffix, entries) in zip(paths, metadata.items(), strict=True):
+        for path, suffix in zip(paths, formats, strict=True):
             # Made in memory: the writer of PDF does not survive a full disk.
             image = BytesIO()
             # The usual level, 6, takes twice the time for a tenth of the size.
             options: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
             with thinned_fonts(drawn.figure) if suffix == "pdf" else nullcontext():
-                drawn.figure.savefig(image, format=suffix, metadata=entries, **options)
+                drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
             write_atomically(path, image.getvalue())
     told = folder / f"{drawn.stem}.txt"
     write_atomically(told, "\n\n".join(about(drawn)) + "\n")

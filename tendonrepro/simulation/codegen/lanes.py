@@ -63,10 +63,6 @@ class LaneTape(Tape):
             return left * super().binary("/", 1.0, right)
         return super().binary(operator, left, right)
 
-    def load(self, pointer: Symbol, places: Iterable[int]) -> Array:
-        """Symbols of numbers at places after the one that each lane's pointer points to."""
-        return np.array([self.write("load", pointer, float(place)) for place in places], dtype=object)
-
     def row(self, index: int, *, parameter: bool = False) -> Symbol:
         """Symbol of a row."""
         symbol = self.write("row", float(index))
@@ -162,29 +158,33 @@ def signature(record: Any) -> tuple[Any, ...]:
     )
 
 
-Writer: TypeAlias = Callable[..., tuple[str, LaneRows]]
+Written: TypeAlias = tuple[Mapping[str, str], LaneRows]
+"""Sources by the names of their functions, and the rows that these work on."""
 
 
-def remembered(write: Writer) -> Writer:
+def remembered(write: Callable[..., Written]) -> Callable[..., Written]:
     """Write code once per :func:`signature`."""
-    known: dict[tuple[Any, ...], tuple[str, LaneRows]] = {}
+    known: dict[tuple[Any, ...], Written] = {}
 
     @wraps(write)
-    def code(record: Any, *options: Any) -> tuple[str, LaneRows]:
+    def code(record: Any, *options: Any) -> Written:
         key = signature(record) + options
         if key not in known:
             known[key] = write(record, *options)
-        source, rows = known[key]
-        return source, rows.holding(record)
+        sources, rows = known[key]
+        return sources, rows.holding(record)
 
     return code
 
 
 def stacked(records: list[Any]) -> Any:
-    """One record of many, experiments as last axis; whole numbers must agree."""
+    """One record of many, experiments as last axis.
+
+    Whole numbers and truths on which all agree stay what they are, and may choose branches.
+    """
 
     def stack(*leaves: Any) -> Any:
-        if isinstance(leaves[0], bool | int):
+        if isinstance(leaves[0], bool | int) and len({*leaves}) == 1:
             return leaves[0]
         return np.ascontiguousarray(np.moveaxis(np.array(leaves, dtype=np.float64), 0, -1))
 
@@ -196,11 +196,9 @@ def part_of(record: Any, chosen: slice) -> Any:
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
-def bundled(values: NDArray[Any], spare: NDArray[Any] | None = None) -> NDArray[Any]:
-    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare get `spare` or the last column."""
-    missing = -values.shape[1] % LANES
-    filler = np.repeat(values[:, -1:] if spare is None else spare, missing, axis=1)
-    filled = np.hstack([values, filler])
+def bundled(values: NDArray[Any]) -> NDArray[Any]:
+    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare repeat the last column."""
+    filled = np.hstack([values, np.repeat(values[:, -1:], -values.shape[1] % LANES, axis=1)])
     return aligned(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
 
 
@@ -219,28 +217,20 @@ def columns(bundles: NDArray[Any]) -> NDArray[Any]:
     return bundles.swapaxes(0, 1).reshape(bundles.shape[1], -1)
 
 
-Stores: TypeAlias = Iterable[tuple[Symbol, int, Any]]
-"""Pointers, offsets in numbers, and the values to be put there."""
-
-
-def lane_code(
-    name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows, stores: Stores = ()
-) -> str:
-    """Source of ``<name>(rows, k)``, and of ``prepare_<name>`` for what depends on parameters alone.
+def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+    """Source of ``<name>(rows, k, t)``, and of ``prepare`` for what depends on parameters alone.
 
     The latter has to run first. Results are by row.
     """
-    stores = list(stores)
-    fixed = _fixed(tape, [*results.values(), *(value for _, _, value in stores)])
+    fixed = _fixed(tape, results.values())
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}
     read = tape.lines | {value: ("row", (float(row),)) for value, row in kept.items()}
     prepared = {row: value for value, row in kept.items()}
     body = {row: as_operand(value) for row, value in results.items()}
-    put = [machine.Store(pointer.name, offset, as_operand(value)) for pointer, offset, value in stores]
     return "\n".join(
         (
-            machine.vector_code(name, read, body, put),
-            machine.vector_code(f"prepare_{name}", tape.lines, prepared),
+            machine.vector_code(name, read, body),
+            machine.vector_code("prepare", tape.lines, prepared),
         )
     )
 

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
 from llvmlite import binding
 
-from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
 
 LANES = 8
@@ -36,67 +34,60 @@ def _text(operand: str | float) -> str:
     return f"splat (double 0x{bits:016X})"
 
 
-class LaneCode(NamedTuple):
-    """Addresses of two functions ``void (double *rows, double k)``; ``prepare`` comes first."""
-
-    prepare: int
-    run: int
-
-
-class Store(NamedTuple):
-    """A value to be put some numbers behind where each lane's pointer leads."""
-
-    pointer: str
-    offset: int
-    value: str | float
-
-
-def vector_code(
-    name: str, lines: Mapping[str, Line], results: Mapping[int, str | float], stores: Iterable[Store] = ()
-) -> str:
-    """Source of ``<name>(rows, k)``: the lines that results need.
-
-    Rows are read just before their first use and written as soon as known: few values wait in registers.
-    """
-    stores = list(stores)
-    wanted = [*results.values(), *(part for store in stores for part in (store.pointer, store.value))]
-    order = needed(lines, wanted)
-    turn: dict[str | float, float] = {x: float(k) for k, x in enumerate(order)}
-    reads = {x: lines[x][1][0] for x in order if lines[x][0] == "row"}
-    for x in reversed(order):
-        turn |= {operand: turn[x] - 0.5 for operand in lines[x][1] if operand in reads}
-    pieces = [(turn[x], _instructions(x, *lines[x])) for x in order]
-    read = {row: turn[x] for x, row in reads.items()}
-    for row, value in results.items():
-        place = f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}"
-        # Else LLVM stores by masks where a value may stay as it was, which takes AVX2 long.
-        write = f"store volatile {V} {_text(value)}, ptr %end{row}, align {ALIGNED}"
-        pieces.append((max(turn.get(value, 0.0), read.get(row, 0.0)) + 0.25, [place, write]))
-    body = [part for _, parts in sorted(pieces) for part in parts]
-    for k, store in enumerate(stores):
-        body += [
-            *(line.format(x=f"store{k}", a=f"%{store.pointer}", place=store.offset) for line in _PLACE),
-            f"call void @llvm.masked.scatter.v{LANES}f64.v{LANES}p0("
-            f"{V} {_text(store.value)}, {PLACES} %store{k}.place, i32 8, {_ALL})",
-        ]
-    head = f"define void @{name}(ptr noalias %rows, double %k) {{"
+def vector_code(name: str, lines: Mapping[str, Line], results: Mapping[int, str | float]) -> str:
+    """Source of ``<name>(rows, k, t)``: the lines that results, by row, need."""
+    body: list[str] = []
+    for x in _in_order(lines, results):
+        body += _stored(x, results[x]) if isinstance(x, int) else _instructions(x, *lines[x])
+    head = f"define void @{name}(ptr noalias %rows, double %k, double %t) {{"
     return "\n".join([head, *(f"  {line}" for line in body), "  ret void", "}", ""])
+
+
+def _in_order(lines: Mapping[str, Line], results: Mapping[int, str | float]) -> Iterator[str | int]:
+    """Lines to be worked out, by name, and rows to be written, so that few values wait in registers.
+
+    A row is read just before the first use of what is in it. It is written as soon as its new value is known,
+    and the old one has been read.
+    """
+    order = needed(lines, results.values())
+    read = {x: int(lines[x][1][0]) for x in order if lines[x][0] == "row"}
+    awaited = {row: {value} & lines.keys() for row, value in results.items()}
+    for name, row in read.items():
+        awaited.get(row, set()).add(name)
+    writes: dict[str | float, list[int]] = {}
+    for row, names in awaited.items():
+        for x in names:
+            writes.setdefault(x, []).append(row)
+    known: set[str | float] = set()
+    # What only moves from row to row comes last.
+    for x in (*(x for x in order if x not in read), *read):
+        for y in (*(operand for operand in lines[x][1] if operand in read), x):
+            if isinstance(y, str) and y not in known:
+                known.add(y)
+                yield y
+                yield from (row for row in writes.get(y, ()) if awaited[row] <= known)
+    yield from (row for row, names in awaited.items() if not names)
+
+
+def _stored(row: int, value: str | float) -> tuple[str, str]:
+    return (
+        f"%end{row} = getelementptr {V}, ptr %rows, i64 {row}",
+        # Else LLVM stores by masks where a value may stay as it was, which takes AVX2 long.
+        f"store volatile {V} {_text(value)}, ptr %end{row}, align {ALIGNED}",
+    )
 
 
 def repeated(name: str, first: str, again: str, row: int) -> str:
     """Source of a call of one function, then another while any lane of a row is positive."""
-    return f"""define void @{name}(ptr %rows, double %k) {{
+    return f"""define void @{name}(ptr %rows, double %k, double %t) {{
 start:
-  %place = getelementptr {V}, ptr %rows, i64 {row}
-  call void @{first}(ptr %rows, double %k)
+  call void @{first}(ptr %rows, double %k, double %t)
   br label %look
 look:
-  %left = load {V}, ptr %place, align {ALIGNED}
-  %most = call double @llvm.vector.reduce.fmax.v{LANES}f64({V} %left)
-  %goes.on = fcmp ogt double %most, 0.0
-  br i1 %goes.on, label %again, label %end
+  {_any_positive("left", row)}
+  br i1 %left.any, label %again, label %end
 again:
-  call void @{again}(ptr %rows, double %k)
+  call void @{again}(ptr %rows, double %k, double %t)
   br label %look
 end:
   ret void
@@ -104,54 +95,106 @@ end:
 """
 
 
-_SWEEP = """define void @sweep(ptr %codes, ptr %bundles, i64 %count, i64 %first, i64 %last) {
+def _any_positive(name: str, row: int) -> str:
+    """Instructions that give ``%<name>.any``: whether any lane of a row is positive."""
+    return f"""%{name}.place = getelementptr {V}, ptr %rows, i64 {row}
+  %{name} = load {V}, ptr %{name}.place, align {ALIGNED}
+  %{name}.most = call double @llvm.vector.reduce.fmax.v{LANES}f64({V} %{name})
+  %{name}.any = fcmp ogt double %{name}.most, 0.0"""
+
+
+class Signal(NamedTuple):
+    """Rows that are filled before each sample, from one array (samples, size) for each lane."""
+
+    row: int
+    size: int
+
+
+class Record(NamedTuple):
+    """Rows kept after each sample in an array (entries, size, LANES), with `each` samples to an entry."""
+
+    row: int
+    size: int
+    each: int
+
+
+def sweep_code(live: int, signals: Sequence[Signal], records: Sequence[Record]) -> str:
+    """Source of ``sweep(sample, advance, rows, first, last, period, sources, kept)``.
+
+    One bundle goes through samples ``first`` to ``last`` while a lane is alive: signals into their rows,
+    ``sample``, rows into records, ``advance``. ``sources`` are LANES addresses for each signal, of sample 0;
+    ``kept`` are addresses of the records, of sample ``first``.
+    """
+    places, reads, writes = [], [], []
+    for k, signal in enumerate(signals):
+        places.append(f"%of{k} = getelementptr {PLACES}, ptr %sources, i64 {k}")
+        places.append(f"%source{k} = load {PLACES}, ptr %of{k}, align 8")
+        reads.append(f"%at{k} = mul i64 %k, {signal.size}")
+        for i in range(signal.size):
+            x = f"%signal{k}.{i}"
+            reads += [
+                f"{x}.at = add i64 %at{k}, {i}",
+                f"{x}.place = getelementptr double, {PLACES} %source{k}, i64 {x}.at",
+                f"{x} = call {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0("
+                f"{PLACES} {x}.place, i32 8, {BITS} splat (i1 true), {V} poison)",
+                f"{x}.row = getelementptr {V}, ptr %rows, i64 {signal.row + i}",
+                f"store {V} {x}, ptr {x}.row, align {ALIGNED}",
+            ]
+    for k, record in enumerate(records):
+        places.append(f"%into{k} = getelementptr ptr, ptr %kept, i64 {k}")
+        places.append(f"%record{k} = load ptr, ptr %into{k}, align 8")
+        writes.append(f"%entry{k} = udiv i64 %done, {record.each}")
+        writes.append(f"%start{k} = mul i64 %entry{k}, {record.size}")
+        for i in range(record.size):
+            x = f"%record{k}.{i}"
+            writes += [
+                f"{x}.row = getelementptr {V}, ptr %rows, i64 {record.row + i}",
+                f"{x} = load {V}, ptr {x}.row, align {ALIGNED}",
+                f"{x}.at = add i64 %start{k}, {i}",
+                f"{x}.place = getelementptr {V}, ptr %record{k}, i64 {x}.at",
+                f"store {V} {x}, ptr {x}.place, align 8",
+            ]
+    gap = "\n  "
+    return f"""define void @sweep(
+  ptr %sample, ptr %advance, ptr %rows, i64 %first, i64 %last, double %period, ptr %sources, ptr %kept
+) {{
 start:
-  br label %sample
-sample:
-  %k = phi i64 [ %first, %start ], [ %next, %sampled ]
+  {gap.join(places)}
+  br label %begin
+begin:
+  %k = phi i64 [ %first, %start ], [ %next, %advanced ]
+  %done = sub i64 %k, %first
   %number = sitofp i64 %k to double
-  br label %bundle
-bundle:
-  %b = phi i64 [ 0, %sample ], [ %after, %bundle ]
-  %code.place = getelementptr ptr, ptr %codes, i64 %b
-  %rows.place = getelementptr ptr, ptr %bundles, i64 %b
-  %code = load ptr, ptr %code.place
-  %rows = load ptr, ptr %rows.place
-  call void %code(ptr %rows, double %number)
-  %after = add i64 %b, 1
-  %was.last = icmp eq i64 %after, %count
-  br i1 %was.last, label %sampled, label %bundle
-sampled:
+  %time = fmul double %number, %period
+  {gap.join(reads)}
+  call void %sample(ptr %rows, double %number, double %time)
+  {gap.join(writes)}
+  {_any_positive("live", live)}
+  br i1 %live.any, label %alive, label %end
+alive:
+  call void %advance(ptr %rows, double %number, double %time)
+  br label %advanced
+advanced:
   %next = add i64 %k, 1
   %is.over = icmp eq i64 %next, %last
-  br i1 %is.over, label %end, label %sample
+  br i1 %is.over, label %end, label %begin
 end:
   ret void
-}
+}}
 """
 
 
-def sweep(parts: Sequence[tuple[int, Array]], first: int, last: int) -> None:
-    """Call codes in turn, each with its bundle, at every sample of a span."""
-    (address,) = assembled(_SWEEP, "sweep")
-    run = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(address)
-    codes = np.array([code for code, _ in parts])
-    bundles = np.array([rows.ctypes.data for _, rows in parts])
-    run(codes.ctypes.data, bundles.ctypes.data, len(parts), first, last)
+def callable_sweep(address: int) -> Callable[..., None]:
+    """Machine code of :func:`sweep_code` as a function; others may run meanwhile."""
+    words, number = ctypes.c_void_p, ctypes.c_int64
+    return ctypes.CFUNCTYPE(None, *[words] * 3, *[number] * 2, ctypes.c_double, *[words] * 2)(address)
 
 
-def callable_code(address: int) -> Callable[[int, float], None]:
-    """Machine code as a function of a bundle's address and a number."""
-    return ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(address)
+def callable_code(address: int) -> Callable[[int, float, float], None]:
+    """Machine code as a function of a bundle's address, the number of a sample, and a time, s."""
+    return ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)(address)
 
 
-_ALL = f"{BITS} splat (i1 true)"
-_PLACE = (
-    f"%{{x}}.bits = bitcast {V} {{a}} to {WORDS}",
-    f"%{{x}}.start = inttoptr {WORDS} %{{x}}.bits to {PLACES}",
-    f"%{{x}}.place = getelementptr double, {PLACES} %{{x}}.start, i64 {{place}}",
-)
-"""Where the pointers of a row lead, so many numbers further."""
 _ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
     # As in frexp, in [1/2, 1).
@@ -191,31 +234,20 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
         f"%{{x}}.place = getelementptr {V}, ptr %rows, i64 {{place}}",
         f"%{{x}} = load {V}, ptr %{{x}}.place, align {ALIGNED}",
     ),
-    # Pointers, kept as bits of numbers, moved on by whole numbers of numbers.
-    "moved": (
-        f"%{{x}}.bits = bitcast {V} {{a}} to {WORDS}",
-        f"%{{x}}.count = fptosi {V} {{b}} to {WORDS}",
-        f"%{{x}}.bytes = shl {WORDS} %{{x}}.count, splat (i64 3)",
-        f"%{{x}}.sum = add {WORDS} %{{x}}.bits, %{{x}}.bytes",
-        f"%{{x}} = bitcast {WORDS} %{{x}}.sum to {V}",
-    ),
-    "load": (
-        *_PLACE,
-        f"%{{x}} = call {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0("
-        f"{PLACES} %{{x}}.place, i32 8, {_ALL}, {V} poison)",
-    ),
-    # Of the arguments only the number is read.
-    "argument": (
-        f"%{{x}}.one = insertelement {V} poison, double %k, i64 0",
-        f"%{{x}} = shufflevector {V} %{{x}}.one, {V} poison, <{LANES} x i32> zeroinitializer",
-    ),
+    **{
+        name: (
+            f"%{{x}}.one = insertelement {V} poison, double %{argument}, i64 0",
+            f"%{{x}} = shufflevector {V} %{{x}}.one, {V} poison, <{LANES} x i32> zeroinitializer",
+        )
+        for name, argument in (("sample", "k"), ("time", "t"))
+    },
 }
 """Instructions that give ``%x`` the value of an operation on a, b and c."""
 
 
 def _instructions(x: str, operation: str, operands: tuple[str | float, ...]) -> list[str]:
     named = dict(zip("abc", map(_text, operands), strict=False))
-    place = int(operands[-1]) if operation in ("row", "load") else None
+    place = int(operands[0]) if operation == "row" else None
     return [line.format(x=x, place=place, **named) for line in _INSTRUCTIONS[operation]]
 
 
@@ -247,7 +279,6 @@ _DECLARED = "".join(
     (
         *(f"declare {V} @llvm.{name}.v{LANES}f64({V})\n" for name in _CALLED.values()),
         f"declare {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0({PLACES}, i32, {BITS}, {V})\n",
-        f"declare void @llvm.masked.scatter.v{LANES}f64.v{LANES}p0({V}, {PLACES}, i32, {BITS})\n",
         f"declare double @llvm.vector.reduce.fmax.v{LANES}f64({V})\n",
     )
 )

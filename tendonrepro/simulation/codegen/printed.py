@@ -7,9 +7,11 @@ places are lines ``input`` of a tape, and writes its results to others.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+import numpy as np
 
 from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, Symbol, Tape, as_operand, needed
 
@@ -73,6 +75,12 @@ using std::floor;
 
 class PlacesTape(Tape):
     """Tape whose symbols begin as places of arrays."""
+
+    def function(self, ufunc: Any, x: Symbol) -> Any:
+        """As of any tape; ``tanh`` by ``exp``, within 3e-16: in browsers that takes a third of the time."""
+        if ufunc is np.tanh:
+            return 1.0 - 2.0 / (np.exp(2.0 * x) + 1.0)
+        return super().function(ufunc, x)
 
     def places(self, array: str, count: int, first: int = 0) -> list[Symbol]:
         """Symbols of places that follow each other."""
@@ -194,9 +202,9 @@ def _short_name(number: int) -> str:
 
 
 def split_by_input(
-    lines: Mapping[str, Line], results: Iterable[Any], array: str, kept: str
+    lines: Mapping[str, Line], results: Iterable[Any], arrays: Collection[str], kept: str
 ) -> tuple[dict[Place, str], dict[str, Line]]:
-    """Part what depends on one array alone from the rest, so that it is computed once.
+    """Part what depends on some arrays alone from the rest, so that it is computed once.
 
     Returns
     -------
@@ -207,9 +215,8 @@ def split_by_input(
     """
     fixed: set[str] = set()
     for name, (operation, operands) in lines.items():
-        of_array = operands[0] == array if operation == "input" else None
         inner = [part for part in operands if isinstance(part, str)]
-        if of_array or (of_array is None and inner and fixed.issuperset(inner)):
+        if operands[0] in arrays if operation == "input" else fixed.issuperset(inner):
             fixed.add(name)
     wanted = {as_operand(result) for result in results}
     edge: list[str] = []

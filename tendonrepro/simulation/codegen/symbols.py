@@ -96,6 +96,9 @@ class Symbol(NDArrayOperatorsMixin):
                 operand if isinstance(operand, np.ndarray) else _as_object(operand) for operand in inputs
             ]
             return ufunc(*plain)
+        if ufunc is np.bitwise_and:
+            # Comparisons are 1 or 0.
+            return inputs[0] * inputs[1]
         if ufunc in (np.maximum, np.minimum):
             left, right = inputs
             return np.where(left >= right if ufunc is np.maximum else left <= right, left, right)
@@ -104,18 +107,33 @@ class Symbol(NDArrayOperatorsMixin):
         return self.tape.function(ufunc, self)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """``np.where`` of symbols."""
+        """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; one condition may choose arrays."""
         del types
+        if function is np.zeros_like:
+            return 0.0
+        if function is np.clip and not kwargs:
+            x, lowest, highest = args
+            return np.minimum(np.maximum(x, lowest), highest)
         if function is not np.where or kwargs:
             return NotImplemented
         condition, then, otherwise = args
         if not isinstance(condition, Symbol):
             return _as_object(then if condition else otherwise)
+        if isinstance(then, np.ndarray) or isinstance(otherwise, np.ndarray):
+            return np.frompyfunc(lambda *pair: self.tape.write("choose", condition, *pair), 2, 1)(
+                then, otherwise
+            )
         return self.tape.write("choose", condition, then, otherwise)
 
     def __getitem__(self, key: tuple[()]) -> Symbol:
         """The only key of a scalar is the empty one."""
         return self
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same line: an operation asked for twice is written once."""
+        return self is other
+
+    __hash__ = object.__hash__
 
     def __bool__(self) -> bool:
         """Refuse: code takes one branch for all numbers."""

@@ -1,0 +1,1 @@
+"""The paper's experiment as one HTML file that runs in a browser."""

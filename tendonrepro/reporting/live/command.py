@@ -1,0 +1,71 @@
+"""What ``tendonrepro live`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.request import Request
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.command import Order
+from tendonrepro.files import refuse_existing, write_atomically
+from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
+
+PAGE = "live.html"
+"""Name of the page."""
+
+_MARK = b'<meta name="generator" content="live page of tendonrepro'
+"""What every page has near its beginning."""
+
+
+def run_live(request: Request) -> dict[str, Any]:
+    """Write the page, a user's configuration among its presets; return what ``--json`` prints.
+
+    Raises
+    ------
+    UsageError
+        If another file is in the way, or the page cannot run the configuration.
+    """
+    own = request.config is not None or request.overrides
+    return write_page(
+        request.out or Path(PAGE), request.load("compare") if own else None, force=request.force
+    )
+
+
+def check_target(path: Path, *, force: bool) -> None:
+    """Raise a UsageError where a page would replace what is none; `force` allows that for files."""
+    earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
+    refuse_existing(path, force=force or earlier)
+
+
+def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[str, Any]:
+    """Write the page; it replaces an earlier one, any other file with `force` alone."""
+    check_target(path, force=force)
+    library = Library()
+    presets = shipped_presets(library)
+    if loaded is not None:
+        about = f"The configuration {Path(loaded.origin).name}, with its own arm, gains and motion."
+        presets.insert(0, preset(loaded, "own", "Your configuration", about, library))
+    content = build_page(presets, library).encode()
+    write_atomically(path, content)
+    names = [one["name"] for one in presets]
+    return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
+
+
+def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, Any]:
+    """Write the page beside results of orders; a comparison of the user's own is among its presets."""
+    (request, *_) = (order.request for order in orders if order.experiment == "compare")
+    loaded = request.load("compare") if request.config is not None or request.overrides else None
+    try:
+        return write_page(path, loaded, force=request.force)
+    except UsageError as error:
+        talk.note(f"{path.name} has no preset of your configuration: {error.message}")
+        return write_page(path, None, force=request.force)
+
+
+def live_text(found: dict[str, Any]) -> str:
+    """What the terminal says."""
+    return f"{found['path']}: {found['bytes'] / 1e3:.0f} kB, open it in a browser"

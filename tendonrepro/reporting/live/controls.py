@@ -1,0 +1,155 @@
+"""What the page lets a reader move: keys of the configuration, each with a span for its slider."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import NamedTuple
+
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.quantity import Scalar
+from tendonrepro.reporting.live.model import Inputs
+
+READING, CONTROLLER, MOTION, STARTS, ARM = (
+    "How the paper is understood",
+    "Controllers",
+    "Motion",
+    "Where each run starts",
+    "Load and arm",
+)
+GROUPS = (CONTROLLER, STARTS, READING, MOTION, ARM)
+
+
+class Knob(NamedTuple):
+    """A key whose numbers can be moved.
+
+    The slider goes from ``least`` to ``most`` in ``unit``, in steps, or by ratio where `step` is 0.
+    """
+
+    key: str
+    label: str
+    group: str
+    unit: str
+    least: float
+    most: float
+    step: float
+    help: str = ""
+
+
+GAINS = (
+    Knob("control.gains.alpha", "α, weight of the older estimate", CONTROLLER, "1", 0.0, 1.0, 0.01,
+        "Controller 1 alone has it. It makes the estimate older: errors that loads cause grow by 1 + α."),
+    Knob("control.gains.lam", "λ, reaching gain", CONTROLLER, "s-1", 1.0, 20.0, 0.1),
+    Knob("control.gains.eta", "η, surface gain of Controllers 1 and 2", CONTROLLER, "1", 0.2, 4.0, 0.05),
+    Knob("control.gains.b", "b, exponent of Controllers 1 and 2", CONTROLLER, "1", 0.5, 0.99, 0.01),
+    Knob("control.gains.Delta", "Δ, where the surface changes", CONTROLLER, "rad", 0.001, 1.0, 0.0,
+        "Near zero error the surface is a polynomial, beyond Δ a power."),
+    Knob("control.gains.beta", "β, surface gain of Controller 3", CONTROLLER, "s-1", 0.5, 6.0, 0.05),
+    Knob("control.gains.M_bar", "M̄, constant inertia", CONTROLLER, "kg m2", 0.001, 0.1, 0.0,
+        "The error of a slow load is inversely proportional to it."),
+    Knob("control.filter_cutoff", "Cutoff of the velocity filter", READING, "Hz", 10.0, 400.0, 0.0,
+        "Used where the velocity is filtered."),
+    Knob("control.reference_lag", "Lag of the reference's rates", READING, "ms", 0.0, 500.0, 5.0,
+        "Used where they are late."),
+    Knob("manipulator.encoders.joint.resolution", "Encoder step", READING, "deg", 0.0, 0.1, 0.001,
+        "0 is an ideal encoder."),
+)  # fmt: skip
+STROKE = (
+    Knob("reference.amplitude", "Stroke", MOTION, "deg", 5.0, 60.0, 0.5),
+    Knob("reference.rise", "Duration of a stroke", MOTION, "s", 0.5, 5.0, 0.1),
+    Knob("reference.hold", "Pause after a stroke", MOTION, "s", 0.0, 4.0, 0.1),
+)
+OSCILLATION = (
+    Knob("reference.amplitude", "Amplitude", MOTION, "deg", 5.0, 60.0, 0.5),
+    Knob("reference.period", "Period", MOTION, "s", 2.0, 20.0, 0.1),
+)
+PLANT = (
+    Knob("manipulator.links.mass", "Mass of the link", ARM, "kg", 0.05, 2.0, 0.0),
+    Knob("manipulator.links.length", "Length of the link", ARM, "m", 0.1, 0.5, 0.005,
+        "The centre of mass stays where it is."),
+    Knob("manipulator.tendons.axial_stiffness", "Stiffness of the tendon", ARM, "N m-1", 1e4, 3e6, 0.0),
+    Knob("manipulator.tendons.damping_factor", "Factor on all tendons' damping", ARM, "1", 0.5, 20.0, 0.0),
+    Knob("manipulator.friction.winch.coulomb", "Dry friction of the winch", ARM, "N m", 0.0, 3.0, 0.02),
+    Knob("manipulator.winches.reflected_inertia", "Inertia at the winch", ARM, "kg m2", 0.01, 1.0, 0.0),
+)  # fmt: skip
+
+
+LATE = "late"
+"""Reading whose lag a configuration may lack."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A reading whose values change numbers alone, and the words for its values."""
+
+    name: str
+    label: str
+    words: Mapping[str, str]
+    help: str = ""
+
+
+CHOICES = (
+    Choice("weights", "Weights of the two estimates, Eq. (15)",
+        {"interpolating": "1 − α and α, as published", "extrapolating": "1 + α and −α, a changed sign"}),
+    Choice("Delta_unit", "Unit of Δ", {"rad": "radians", "deg": "degrees"}),
+    Choice("reference_acceleration", "Acceleration of the reference, Eq. (18)",
+        {"fed_forward": "fed forward, as published", "absent": "not fed forward", LATE: "late"},
+        "Without it, the reference causes an error of its own, the same for all controllers."),
+    Choice("error_rate", "Velocity",
+        {"backward_difference": "difference of encoder values", "low_pass": "the same, low-pass filtered"}),
+)  # fmt: skip
+RUN = (
+    Knob("start_offset", "Start of {}", STARTS, "deg", -3.0, 3.0, 0.05),
+    Knob("payload", "Payload of {}", ARM, "kg", 0.0, 1.0, 0.01),
+)
+"""Knobs of single runs."""
+
+START_HELP = (
+    "Joint angle less the reference at the start. It decays within two seconds, but counts in the tables: "
+    "0.2 of it is left after one second."
+)
+MOTIONS = {"minimum_jerk": "smooth strokes", "ramp": "straight ramps, without acceleration"}
+"""Motions that share their keys, by kind."""
+
+
+def knobs_of(config: CompareConfig) -> Iterator[Knob]:
+    """The controls of a configuration, apart from those of single runs."""
+    kind = config.reference.kind
+    motion = STROKE if kind in MOTIONS else OSCILLATION if kind == "raised_cosine" else ()
+    for knob in (*GAINS, *motion, *PLANT):
+        if attrgetter(knob.key)(config) is not None:
+            yield knob
+
+
+def choices_of(config: CompareConfig) -> list[Choice]:
+    """The readings that can be chosen; a value that needs another trace stays as configured."""
+    readings, found = config.control.readings, []
+    for choice in CHOICES:
+        known = getattr(readings, choice.name) in choice.words
+        if choice.name == "error_rate" and config.control.filter_cutoff is None:
+            known = False
+        if choice.name == "Delta_unit" and readings.gain_unit != "radian":
+            known = False
+        if known:
+            words = dict(choice.words)
+            if config.control.reference_lag is None:
+                words.pop(LATE, None)
+            found.append(replace(choice, words=words))
+    return found
+
+
+def entries_of(config: CompareConfig, key: str) -> list[tuple[int | None, str]]:
+    """Entries of a key's quantity, None for a scalar, and the joint that each is of."""
+    held = attrgetter(key)(config)
+    if isinstance(held, Scalar):
+        return [(None, "")]
+    joints, every = config.joints, len(held.value)
+    return [(every - len(joints) + k, f"joint {joint}") for k, joint in enumerate(joints)]
+
+
+def inputs_of(config: CompareConfig) -> Inputs:
+    """What the code of a configuration takes as inputs."""
+    numbers = [(knob.key, entry) for knob in knobs_of(config) for entry, _ in entries_of(config, knob.key)]
+    units = {knob.key: knob.unit for knob in knobs_of(config)}
+    return Inputs(numbers, units, {choice.name: tuple(choice.words) for choice in choices_of(config)})

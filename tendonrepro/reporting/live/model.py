@@ -1,0 +1,235 @@
+"""A comparison as JavaScript: its configuration's numbers are inputs, its physics is traced.
+
+The package's own functions build plant, law and reference from symbols in place of a configuration's numbers.
+So neither an equation nor a conversion of units is written again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tendonrepro.arrays import Array, choose
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import replaced
+from tendonrepro.configuration.quantity import Quantity, to_si
+from tendonrepro.experiments import rig
+from tendonrepro.experiments.loops import build_law, motions
+from tendonrepro.physics.dynamics import Plant, state_derivative
+from tendonrepro.physics.trajectory import at_rest
+from tendonrepro.simulation.codegen.lanes import mapped
+from tendonrepro.simulation.codegen.printed import JAVASCRIPT, PlacesTape, function_source, split_by_input
+from tendonrepro.simulation.codegen.symbols import Symbol, needed
+from tendonrepro.simulation.kernel import runge_kutta, unpacked
+from tendonrepro.simulation.parts import rest_at
+from tendonrepro.simulation.sampled import Hardware, measure, sample, start
+
+
+class Inputs(NamedTuple):
+    """What can be moved, in the order of the inputs' array.
+
+    ``numbers`` are dotted keys, with the entry where a key holds a vector; ``units`` are theirs, by key.
+    ``readings`` have their values.
+    """
+
+    numbers: Sequence[tuple[str, int | None]]
+    units: Mapping[str, str]
+    readings: Mapping[str, Sequence[str]]
+
+
+class Code(NamedTuple):
+    """Functions of one plant or law: the first runs once for its parameters, the second at every step."""
+
+    prepare: str
+    run: str
+    constants: int
+    written: int
+    """numbers that the first one writes beside its constants"""
+    reads: list[int]
+    """inputs that it depends on"""
+
+
+class _Given(Quantity):
+    """A quantity whose numbers are symbols."""
+
+    @property
+    def si(self) -> Any:
+        if isinstance(self.value, tuple):
+            return np.array([to_si(one, self.unit) for one in self.value], dtype=object)
+        return to_si(self.value, self.unit)
+
+
+def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape, off: str = "") -> CompareConfig:
+    """The configuration with symbols for the inputs' numbers, and zero for those of a key that is off."""
+    symbols = tape.places("pp", len(inputs.numbers))
+    for (key, entry), known in zip(inputs.numbers, symbols, strict=True):
+        symbol: Any = 0.0 if key == off else known
+        held, unit = attrgetter(key)(config), inputs.units[key]
+        value: Any = symbol
+        if entry is not None:
+            factor = 1.0 if held.unit == unit else to_si(1.0, held.unit) / to_si(1.0, unit)
+            value = tuple(symbol if k == entry else one * factor for k, one in enumerate(held.value))
+        changed = _Given.model_construct(value=value, unit=unit, source=held.source)
+        config = replaced(config, key, changed)
+    return config
+
+
+def plant_code(config: CompareConfig, inputs: Inputs, off: str = "") -> Code:
+    """``plant(pp, rr, kk, zz)`` and ``step(kk, ss, uu, nn)``.
+
+    `rr` is of a run: payload, factor on friction, and by how much its start is off, deg. `zz` receives the
+    state in which the arm waits, the torque that holds it, and the motor angles that are read as zero. `uu`
+    has torque, time and length of a step, from state `ss` to `nn`. What a key that is `off` would add is left
+    out.
+    """
+    tape, n = PlacesTape(), len(config.joints)
+    payload, scale = tape.places("rr", 2)
+    plant = rig.build_plant(given(config, inputs, tape, off), payload, scale)  # type: ignore[arg-type]
+    begin: Any = np.array([to_si(one, "deg") for one in tape.places("rr", n, 2)], dtype=object)
+    rest = rest_at(begin, plant)
+    state, torque = _array(tape, "ss", 4 * n), _array(tape, "uu", n)
+    t, h = tape.places("uu", 2, n)
+    after, _ = runge_kutta(partial(_slope, torque=torque, plant=plant), t, state, h)
+    return _code(tape, ("plant", _flat(rest), ("pp", "rr"), "zz"), ("step", list(after), ("ss", "uu"), "nn"))
+
+
+def _slope(t: Any, state: Array, torque: Array, plant: Plant) -> Array:
+    return state_derivative(t, state, torque, plant)
+
+
+def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
+    """``law(pp, zz, kk, bb)`` and ``sample(kk, ss, mm, dd, oo)``.
+
+    `zz` is as of :func:`plant_code`. `mm` holds what the law remembers and commands on their way, at first
+    `bb`. `dd` is the desired motion. `oo` receives the next `mm`, then torque on the plant, encoder values,
+    commanded and applied torque, estimate, sliding variable, and whether all is in bounds.
+    """
+    tape, n = PlacesTape(), len(config.joints)
+    held = given(config, inputs, tape)
+    choices = tape.places("pp", len(inputs.readings), len(inputs.numbers))
+    law = _under(
+        held, list(zip(inputs.readings.items(), choices, strict=True)), partial(build_law, name=name)
+    )
+    rest, tau, zero = np.split(_array(tape, "zz", 6 * n), [4 * n, 5 * n])
+    hardware = _hardware(held, zero)
+    quiet: Any = np.zeros(3 * n)
+    if config.control.readings.start == "cold":
+        tau = 0.0 * tau
+    # Every reference begins at zero, the start posture.
+    first = start(measure(rest, quiet, law, hardware), np.zeros(n), tau, law)
+    delay = hardware.actuator.delay
+    begin = [*_flat(first), *(one for _ in range(delay) for one in tau)]
+    sizes = len(begin) - delay * n
+    memory = unpacked(_array(tape, "mm", sizes), first)
+    pending = list(_array(tape, "mm", delay * n, sizes).reshape(-1, n))
+    desired = tuple(_array(tape, "dd", 3 * n).reshape(3, n))
+    state = _array(tape, "ss", 4 * n)
+    found = sample(state, memory, pending, desired, quiet, law, hardware)
+    result = [*_flat(found.memory), *(one for line in found.pending for one in line)]
+    result += [
+        *found.torque,
+        *found.measured[0],
+        *found.tau,
+        *found.tau_m,
+        *found.signals[0],
+        *found.signals[1],
+    ]
+    result.append(found.bounded)
+    return _code(tape, ("law", begin, ("pp", "zz"), "bb"), ("sample", result, ("ss", "mm", "dd"), "oo"))
+
+
+def _hardware(config: CompareConfig, zero: Array) -> Hardware:
+    S, S_inv = rig.coupling(config)
+    encoders = config.manipulator.encoders
+    return Hardware(
+        rig.build_encoder(encoders.joint),
+        rig.build_encoder(encoders.motor),
+        zero,
+        rig.build_actuator(config),
+        S,
+        S_inv,
+        config.status.divergence_limit.si,
+    )
+
+
+def _under(config: CompareConfig, choices: Sequence[Any], build: Callable[[CompareConfig], Any]) -> Any:
+    """Record under readings that are chosen by the numbers of their values.
+
+    Such readings change numbers; one that chooses a branch is another trace.
+    """
+    if not choices:
+        return build(config)
+    ((name, values), chosen), *rest = choices
+    key = f"control.readings.{name}"
+    found = _under(replaced(config, key, values[0]), rest, build)
+    for k, value in enumerate(values[1:], 1):
+        other = _under(replaced(config, key, value), rest, build)
+        found = mapped(partial(_either, chosen >= k - 0.5), other, found)
+    return found
+
+
+def _either(condition: Any, then: Any, otherwise: Any) -> Any:
+    """One leaf of two records, or the other."""
+    if isinstance(then, np.ndarray):
+        cells = np.empty(then.shape, dtype=object)
+        for index in np.ndindex(then.shape):
+            cells[index] = _either(condition, then[index], otherwise[index])
+        return cells
+    if then is otherwise or (not isinstance(then, Symbol) and then == otherwise):
+        return then
+    if isinstance(then, bool | int):
+        message = "a reading that chooses a branch needs a trace of its own"
+        raise TypeError(message)
+    return choose(condition, then, otherwise)
+
+
+def _array(tape: PlacesTape, name: str, size: int, first: int = 0) -> Any:
+    return np.array(tape.places(name, size, first), dtype=object)
+
+
+def _flat(parts: Sequence[Array]) -> list[Any]:
+    return [one for part in parts for one in np.ravel(part)]
+
+
+def _code(tape: PlacesTape, once: tuple[Any, ...], often: tuple[Any, ...]) -> Code:
+    """Two functions, each of its name, results, arrays read and array written."""
+    name, results, arrays, out = once
+    run_name, run_results, run_arrays, run_out = often
+    kept, lines = split_by_input(tape.lines, run_results, arrays, "kk")
+    first: dict[Any, Any] = {**kept, **{(out, k): value for k, value in enumerate(results)}}
+    then = {(run_out, k): value for k, value in enumerate(run_results)}
+    return Code(
+        function_source(name, tape.lines, first, (*arrays, "kk", out), JAVASCRIPT),
+        function_source(run_name, lines, then, ("kk", *run_arrays, run_out), JAVASCRIPT),
+        len(kept),
+        len(results),
+        _inputs_read(tape, first.values()),
+    )
+
+
+def _inputs_read(tape: PlacesTape, results: Iterable[Any]) -> list[int]:
+    used = (tape.lines[name] for name in needed(tape.lines, results))
+    return sorted(int(place[1]) for operation, place in used if operation == "input" and place[0] == "pp")
+
+
+def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Code, list[list[int]]]:
+    """``motion(pp, kk, cc)`` and ``desired(kk, tt, dd)``, and whether each joint moves in each of its turns.
+
+    `cc` receives how long a turn of each joint lasts. `tt` is the time since its turn began. `dd` receives
+    angles, velocities and accelerations.
+    """
+    tape = PlacesTape()
+    held = given(config, inputs, tape)
+    joints = motions(held.reference, held.joints, folder)
+    moving = [next((one for one in joint.turns if one is not at_rest), at_rest) for joint in joints]
+    since = tape.places("tt", len(joints))
+    shapes = [shape(t) for shape, t in zip(moving, since, strict=True)]  # type: ignore[arg-type]
+    desired = [value for part in zip(*shapes, strict=True) for value in part]
+    cycles = [joint.period for joint in joints]
+    turns = [[int(turn is not at_rest) for turn in joint.turns] for joint in joints]
+    return _code(tape, ("motion", cycles, ("pp",), "cc"), ("desired", desired, ("tt",), "dd")), turns

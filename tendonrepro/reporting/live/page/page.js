@@ -1,0 +1,648 @@
+"use strict";
+// Controls, drawing and words. The experiment itself is in the engine above.
+
+const byId = (id) => document.getElementById(id);
+const make = (tag, attributes = {}, ...children) => {
+  const one = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) if (value !== undefined) one.setAttribute(name, value);
+  one.append(...children);
+  return one;
+};
+const STROKES = {
+  controller_1: ["#004488", []],
+  controller_2: ["#b5405a", [7, 3]],
+  controller_3: ["#cc8800", [2, 2]],
+  controller_1_payload: ["#000000", [9, 2, 2, 2]],
+};
+const SPARES = [["#004488", [3, 3]], ["#b5405a", [10, 3]], ["#777777", [12, 4]], ["#117733", []], ["#000000", [1, 3]]];
+const REFERENCE = ["#9aa4ae", []];
+const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
+
+const UNITS = { "1": "", "s-1": "s⁻¹", "kg m2": "kg m²", "N m-1": "N/m", deg: "°" };
+const ORIGINS = { printed: "published", identified: "fitted" };
+
+const unitOf = ({ unit }) => UNITS[unit] ?? unit;
+
+// A preset's control from what all presets say of it and its own value; the file says where that comes from.
+function controlOf(tree, [knob, value, factor]) {
+  const said = PAGE.knobs[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
+  const source = held?.source ?? "assumed: on the reference", origin = source.split(":")[0];
+  return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
+}
+const PRESETS = PAGE.presets.map((one) => (one.of ? one : { ...one, controls: one.controls.map((held) => controlOf(one.tree, held)) }));
+
+let preset, state, baseline = null, results = null;
+
+// ---- State: values by the controls' names, in the address too ---------------------------------------------------
+
+// A variant is another preset with some values changed.
+function whole(which) {
+  if (!which.of) return which;
+  const base = PRESETS.find((one) => one.name === which.of), tree = structuredClone(base.tree);
+  const changed = (one) => (one.id in which.values ? { ...one, value: which.values[one.id] } : one);
+  const held = { ...base, ...which, tree, controls: base.controls.map(changed), choices: base.choices.map(changed) };
+  for (const one of [...held.controls, ...held.choices]) if (one.id in which.values) put(tree, one, which.values[one.id], base.n);
+  return held;
+}
+
+function take(which, values = {}) {
+  preset = which;
+  state = new Map([...preset.controls, ...preset.choices].map((one) => [one.id, one.value]));
+  for (const [id, value] of Object.entries(values)) state.set(id, value);
+  baseline = results = null;
+  showPreset();
+}
+
+const all = () => [...preset.controls, ...preset.choices];
+const isMoved = (one) => state.get(one.id) !== one.value;
+const moved = () => all().filter(isMoved);
+
+function writeAddress() {
+  const parts = moved().map((one) => `${one.id}=${encodeURIComponent(state.get(one.id))}`);
+  history.replaceState(null, "", `#${[preset.name, ...parts].join("&")}`);
+}
+
+function readAddress() {
+  const [name, ...parts] = location.hash.replace(/^#/, "").split("&");
+  const problems = [], values = {};
+  const found = PRESETS.find((one) => one.name === name), chosen = whole(found || PRESETS[0]);
+  if (!found && name) problems.push(`The address names the preset “${readable(name)}”, which this page does not have.`);
+  for (const part of parts) {
+    const [id, raw = ""] = part.split("="), text = readable(raw);
+    const control = chosen.controls.find((one) => one.id === id), choice = chosen.choices.find((one) => one.id === id);
+    const wrong = control ? unfit(control, text, chosen.L) : choice && !choice.values.includes(text) ? "is not a choice" : "";
+    if (!control && !choice) problems.push(`The address sets “${readable(id)}”, which this page does not have.`);
+    else if (wrong) problems.push(`The address sets ${(control || choice).label} to “${text}”, which ${wrong}.`);
+    else values[id] = control ? Number(text) : text;
+  }
+  take(chosen, values);
+  byId("problem").textContent = problems.length ? `${problems.join(" ")} The rest is shown.` : "";
+}
+
+function readable(text) {
+  try {
+    return decodeURIComponent(text).slice(0, 80);
+  } catch {
+    return text.slice(0, 80);
+  }
+}
+
+// Why a control cannot have a value, in words; empty if it can.
+function unfit(control, text, L) {
+  const value = Number(text), { least, most, open_least, open_most } = control;
+  if (String(text).trim() === "" || !Number.isFinite(value)) return "is not a number";
+  if (value < least || (open_least && value === least)) return `must be ${open_least ? "above" : "at least"} ${least}`;
+  if (value > most || (open_most && value === most)) return `must be ${open_most ? "below" : "at most"} ${most}`;
+  if (control.unit === "s" && Math.abs(value / L - Math.round(value / L)) > 1e-6) return `must be a multiple of the sampling period, ${L} s`;
+  return "";
+}
+
+// ---- Controls ---------------------------------------------------------------------------------------------------
+
+function showPreset() {
+  for (const input of byId("presets").querySelectorAll("input")) input.checked = input.value === preset.name;
+  byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
+  const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
+  const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 801px)").matches;
+  if (first) byId("panel").open = wide;
+  byId("controls").replaceChildren(
+    ...preset.groups.map((group, k) => {
+      const box = make("details", { "data-group": group }, make("summary", {}, group));
+      if (open.has(group) || (first && k < 2)) box.open = true;
+      for (const choice of preset.choices) if (choice.group === group) box.append(choiceField(choice));
+      const fields = preset.controls.filter((one) => one.group === group);
+      for (const label of new Set(fields.map((one) => one.label))) {
+        box.append(numberField(fields.filter((one) => one.label === label)));
+      }
+      return box;
+    }),
+  );
+  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.map(tryButton), allBack());
+  buildFigures();
+  compute(true);
+}
+
+function numberField(fields) {
+  const { label, origin, source, help } = fields[0], words = unitOf(fields[0]);
+  const from = make("span", { class: "from", title: source }, ` ${words}${words && ", "}${origin}`);
+  const box = make("fieldset", {}, make("legend", {}, label, from));
+  if (help) box.append(make("p", { class: "help" }, help));
+  for (const control of fields) box.append(numberRow(control));
+  return box;
+}
+
+function numberRow(control) {
+  const id = `c-${control.id}`, name = `${control.label}${control.part ? `, ${control.part}` : ""}`;
+  const unit = unitOf(control) && `, ${unitOf(control)}`;
+  const number = make("input", { type: "number", id, step: "any", "aria-label": name + unit });
+  const range = make("input", { type: "range", min: 0, max: 1000, step: 1, "aria-label": `${name}, slider` });
+  const reset = make("button", { type: "button", class: "reset", "aria-label": `Reset ${name} to ${control.value}` }, "↺");
+  const row = make("div", { class: "row", "data-id": control.id }, make("label", { for: id }, control.part || "value"), range, number, reset);
+  const show = () => {
+    const value = state.get(control.id);
+    number.value = shorter(value);
+    range.value = position(control, value);
+    range.setAttribute("aria-valuetext", `${shorter(value)} ${unitOf(control)}`);
+    row.classList.toggle("moved", isMoved(control));
+  };
+  const set = (value, exact) => {
+    state.set(control.id, value);
+    show();
+    changed(exact);
+  };
+  range.addEventListener("input", () => set(atPosition(control, Number(range.value)), false));
+  range.addEventListener("change", () => changed(true));
+  number.addEventListener("change", () => {
+    const wrong = unfit(control, number.value, preset.L);
+    byId("problem").textContent = wrong ? `${name}: ${number.value || "nothing"} ${wrong}. It stays ${shorter(state.get(control.id))}.` : "";
+    if (wrong) show();
+    else set(Number(number.value), true);
+  });
+  reset.addEventListener("click", () => {
+    set(control.value, true);
+    number.focus();
+  });
+  row.show = show;
+  show();
+  return row;
+}
+
+function choiceField(choice) {
+  const select = make("select", { "aria-label": choice.label });
+  for (const [k, value] of choice.values.entries()) select.append(make("option", { value }, choice.words[k]));
+  const reset = make("button", { type: "button", class: "reset", "aria-label": `Reset ${choice.label}` }, "↺");
+  const row = make("div", { class: "row choice", "data-id": choice.id }, select, reset);
+  const set = (value) => {
+    state.set(choice.id, value);
+    row.show();
+    changed(true);
+  };
+  row.show = () => {
+    select.value = state.get(choice.id);
+    row.classList.toggle("moved", isMoved(choice));
+  };
+  select.addEventListener("change", () => set(select.value));
+  reset.addEventListener("click", () => {
+    set(choice.value);
+    select.focus();
+  });
+  row.show();
+  const legend = make("legend", {}, choice.label, make("span", { class: "from" }, ` ${choice.origin}`));
+  const box = make("fieldset", {}, legend, row);
+  if (choice.help) box.append(make("p", { class: "help" }, choice.help));
+  return box;
+}
+
+function tryButton(one) {
+  const button = make("button", { type: "button" }, one.label);
+  button.addEventListener("click", () => {
+    for (const every of all()) state.set(every.id, every.value);
+    for (const [id, value] of Object.entries(one.set)) state.set(id, value);
+    showRows();
+    changed(true);
+  });
+  return button;
+}
+
+function allBack() {
+  const button = make("button", { type: "button", id: "reset-all" }, "Reset all");
+  button.addEventListener("click", () => {
+    for (const every of all()) state.set(every.id, every.value);
+    showRows();
+    changed(true);
+  });
+  return button;
+}
+
+function showRows() {
+  byId("problem").textContent = "";
+  for (const row of document.querySelectorAll("#controls .row")) row.show();
+}
+
+const shorter = (value) => Number(value.toPrecision(6));
+
+function position({ slider, log }, value) {
+  const [least, most] = slider, share = log ? Math.log(value / least) / Math.log(most / least) : (value - least) / (most - least);
+  return Math.round(1000 * Math.min(Math.max(share || 0, 0), 1));
+}
+
+function atPosition({ slider, log, step }, place) {
+  const [least, most] = slider, share = place / 1000;
+  if (log) return Number((least * (most / least) ** share).toPrecision(2));
+  return Number((Math.round((least + share * (most - least)) / step) * step).toPrecision(6));
+}
+
+// ---- Computing: one run a worker, the latest state wins -----------------------------------------------------------
+
+const pool = {
+  workers: [],
+  waiting: [],
+  start() {
+    const code = `${byId("engine").textContent}\nonmessage = (asked) => postMessage(run(asked.data));`;
+    try {
+      const address = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
+      const count = Math.min(4, navigator.hardwareConcurrency || 2);
+      for (let k = 0; k < count; k++) this.workers.push(this.hire(new Worker(address)));
+    } catch {
+      this.workers = [];
+    }
+  },
+  hire(worker) {
+    worker.onmessage = (answer) => {
+      const { resolve } = worker.task;
+      worker.task = null;
+      resolve(answer.data);
+      this.next();
+    };
+    // A browser that allows no worker here computes in the page itself.
+    worker.onerror = () => {
+      const left = [...this.workers.map((one) => one.task), ...this.waiting].filter(Boolean);
+      this.workers = [];
+      this.waiting = [];
+      for (const { job, resolve } of left) setTimeout(() => resolve(run(job)));
+    };
+    return worker;
+  },
+  ask(job) {
+    return new Promise((resolve) => {
+      if (this.workers.length) this.waiting.push({ job, resolve });
+      else setTimeout(() => resolve(run(job)));
+      this.next();
+    });
+  },
+  next() {
+    for (const worker of this.workers) {
+      if (!worker.task && this.waiting.length) {
+        worker.task = this.waiting.shift();
+        worker.postMessage(worker.task.job);
+      }
+    }
+  },
+};
+
+function jobOf(which, exact, values = state) {
+  const pp = [], rr = [...which.rr];
+  for (const control of preset.controls) {
+    if (control.run === undefined) pp[control.place] = values.get(control.id);
+    else if (control.run === which.name) rr[control.place] = values.get(control.id);
+  }
+  for (const choice of preset.choices) if (choice.place !== null) pp[choice.place] = choice.values.indexOf(values.get(choice.id));
+  const kind = values.get("reference.kind") || preset.motion;
+  const { model, n, L, limit, ringing, share } = preset;
+  const lag = values.get("control.readings.reference_acceleration") === "late" ? values.get("control.reference_lag") / 1000 : 0;
+  const steps = exact ? which.steps : which.coarse;
+  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, n, L, steps, limit, ringing, share, exact };
+}
+
+// All that a run depends on: what its plant, its law and its motion read of the inputs, and the rest of the job.
+function keyOf(job) {
+  const { plant, laws, motions } = MODELS[job.model];
+  const read = new Set([plant, laws[job.law], motions[job.motion]].flatMap(({ reads }) => reads));
+  return JSON.stringify({ ...job, pp: [...read].map((place) => job.pp[place]) });
+}
+
+const known = new Map(); // results by run, with the job they are of
+let busy = false, wanted = null, since = 0;
+
+function changed(exact) {
+  writeAddress();
+  compute(exact);
+}
+
+async function compute(exact) {
+  if (!since) since = performance.now();
+  if (busy) {
+    wanted = exact;
+    return;
+  }
+  busy = true;
+  const started = since, asked = preset;
+  since = 0;
+  const found = await Promise.all(
+    preset.runs.map(async (which) => {
+      const job = jobOf(which, exact), key = keyOf(job), held = known.get(which.name);
+      if (held && held.key === key) return held.found;
+      const result = await pool.ask(job);
+      known.set(which.name, { key, found: result });
+      return result;
+    }),
+  );
+  if (asked === preset) {
+    results = new Map(preset.runs.map((which, k) => [which.name, found[k]]));
+    if (exact && !moved().length) baseline = results;
+    show();
+    // What a chart is given it draws in the next turn.
+    await null;
+    document.documentElement.dataset.milliseconds = (performance.now() - started).toFixed(1);
+    document.documentElement.dataset.exact = String(exact && wanted === null);
+    const steps = [...new Set(found.map((one) => one.steps))].join(" and ");
+    byId("how").textContent =
+      `${preset.runs.length} runs of ${found[0].duration.toFixed(1)} s, ${steps} Runge-Kutta steps a sample, in ` +
+      `${Math.round(performance.now() - started)} ms. Same equations and same numbers as the command line.`;
+  }
+  if (asked === preset && !baseline && wanted === null) {
+    const own = new Map(all().map((one) => [one.id, one.value]));
+    const held = await Promise.all(preset.runs.map((which) => pool.ask(jobOf(which, true, own))));
+    if (asked === preset) {
+      baseline = new Map(preset.runs.map((which, k) => [which.name, held[k]]));
+      byId("change").textContent = changeWords();
+      showTables();
+    }
+  }
+  busy = false;
+  if (wanted !== null) {
+    const next = wanted;
+    wanted = null;
+    compute(next);
+  }
+}
+
+// ---- Words and tables -------------------------------------------------------------------------------------------
+
+const compared = () => preset.runs.filter((which) => which.compared);
+const degrees = (value) => (value * 180) / Math.PI;
+const shown = (value, digits = 3) => (Number.isFinite(value) ? degrees(value).toFixed(digits) : "–");
+
+function show() {
+  byId("order").textContent = orderWords();
+  byId("change").textContent = changeWords();
+  const words = statusWords();
+  byId("state").textContent = words.text;
+  byId("state").className = words.bad ? "bad" : "";
+  showTables();
+  drawFigures();
+  if (!byId("yaml").hidden) byId("yaml").value = yamlText();
+}
+
+function orderWords() {
+  const runs = compared();
+  if (runs.length < 2) return "";
+  if (runs.some(({ name }) => !Number.isFinite(results.get(name).mae[0]))) return "Not every controller finishes, so there is no order.";
+  const orders = preset.joints.map((_, i) => [...runs].sort((a, b) => results.get(a.name).mae[i] - results.get(b.name).mae[i]));
+  const words = (order) => order.map((which) => which.short).join(", then ");
+  const same = orders.every((order) => words(order) === words(orders[0]));
+  const ours = same
+    ? `Smallest mean error first: Controller ${words(orders[0])}${preset.joints.length > 1 ? ", on every joint" : ""}.`
+    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${words(order)}`).join("; ")}.`;
+  return preset.printed ? `${ours} The paper has 1, then 2, then 3.` : ours;
+}
+
+// The change that matters most, against the preset.
+function changeWords() {
+  const changes = moved();
+  if (!changes.length || !baseline) return "";
+  const sizes = [];
+  for (const { name, label, compared } of preset.runs) {
+    preset.joints.forEach((joint, i) => {
+      const before = baseline.get(name).mae[i], after = results.get(name).mae[i], size = Math.abs(Math.log(after / before));
+      if (size > 0) sizes.push({ label, joint, before, after, size, weight: compared ? size : 0.1 * size });
+    });
+  }
+  const labels = [...new Set(changes.map(({ label }) => label))], what = labels.slice(0, 2).map(movedWords);
+  if (labels.length > 2) what.push(`${labels.length - 2} more changed`);
+  const most = sizes.sort((a, b) => b.weight - a.weight)[0];
+  const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
+  if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
+  if (!most || most.size < 5e-4) return `${what.join("; ")}. No mean error changes by more than 0.05 %.`;
+  const percent = 100 * (most.after / most.before - 1);
+  const sign = percent > 0 ? "+" : "−", size = Math.abs(percent);
+  return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${sign}${size < 10 ? size.toFixed(1) : size.toFixed(0)} %).`;
+}
+
+// A control's values now and in the preset, of all joints.
+function movedWords(label) {
+  const fields = all().filter((one) => one.label === label), name = label.split(",")[0];
+  const joints = fields[0].part && fields.length > 1 ? ` on ${fields.map(({ part }) => part).join(" / ")}` : "";
+  return `${name}${joints} is ${fields.map((one) => told(one)).join(" / ")} instead of ${fields.map((one) => told(one, one.value)).join(" / ")}`;
+}
+
+function told(one, value = state.get(one.id)) {
+  if (one.words) return `“${one.words[one.values.indexOf(value)]}”`;
+  const unit = unitOf(one);
+  return `${String(shorter(value)).replace("-", "−")}${unit === "°" ? "°" : unit && ` ${unit}`}`;
+}
+
+function statusWords() {
+  const words = [];
+  for (const { name, label } of preset.runs) {
+    const { status, end, steps } = results.get(name);
+    if (status === "diverged") words.push(`${label} diverges: its error passes ${shorter(degrees(preset.limit))}° at ${end.toFixed(3)} s.`);
+    if (status === "ringing") words.push(`${label} oscillates: most of its error's power is above ${preset.ringing} Hz.`);
+    if (status === "unresolved") words.push(`${label} is not shown: ${steps} steps a sample are too few for this arm. Make tendons softer or winches heavier.`);
+  }
+  preset.joints.forEach((joint, i) => {
+    const furthest = (end) => preset.joints.slice(0, i + 1).reduce((sum, _, k) => sum + end(reached(k)), preset.posture[i]);
+    const [least, most] = [furthest((ends) => ends[0]), furthest((ends) => ends[1])];
+    if (least <= 0 || most >= 180) words.push(`Link ${joint} would leave the half-plane in which the arm works: it goes from ${least.toFixed(0)}° to ${most.toFixed(0)}° from hanging.`);
+  });
+  if (words.length) return { text: words.join(" "), bad: true };
+  return { text: preset.runs.length > 1 ? `All ${preset.runs.length} runs are stable.` : "The run is stable.", bad: false };
+}
+
+// Least and largest displacement of a joint's reference, degrees.
+function reached(i) {
+  const { q_d } = results.get(preset.runs[0].name).curves;
+  return [degrees(Math.min(...q_d[i])), degrees(Math.max(...q_d[i]))];
+}
+
+function showTables() {
+  byId("tables").replaceChildren(
+    ...preset.tables.map(({ caption, rows }) => {
+      const head = make("tr", {}, make("th", { scope: "col" }, ""));
+      for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
+      const body = make("tbody");
+      for (const { run, label } of rows) body.append(tableRow(run, label));
+      const paper = preset.printed ? make("span", {}, " in degrees, beside it the paper’s") : make("span", {}, " in degrees");
+      return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
+    }),
+  );
+}
+
+function tableRow(run, label) {
+  const found = results.get(run), row = make("tr", { "data-run": run, "data-status": found.status });
+  const status = found.status === "ok" ? "" : make("span", { class: "bad" }, ` ${OBSERVED[found.status]}`);
+  row.append(make("th", { scope: "row" }, label, status));
+  const { printed } = preset.runs.find((which) => which.name === run);
+  for (const metric of ["mae", "rmse"]) {
+    preset.joints.forEach((_, i) => {
+      const ours = found.status === "unresolved" ? NaN : found[metric][i];
+      const cell = make("td", { "data-value": degrees(ours) }, make("b", {}, shown(ours)));
+      if (printed) cell.append(make("span", { class: "paper" }, printed[metric][i].toFixed(3)));
+      const before = baseline && moved().length ? baseline.get(run)[metric][i] : NaN;
+      if (shown(before) !== "–" && shown(before) !== shown(ours)) cell.append(make("span", { class: "was" }, `was ${shown(before)}`));
+      row.append(cell);
+    });
+  }
+  return row;
+}
+
+// ---- Figures ----------------------------------------------------------------------------------------------------
+
+const QUANTITIES = {
+  q: ["Joint {} and its reference", "deg", degrees],
+  e: ["Error of joint {}", "deg", degrees],
+  s: ["Sliding variable s, joint {}", "rad/s", (x) => x],
+  H_hat: ["Estimate Ĥ, joint {}", "N m", (x) => x],
+  tau: ["Torque τ, joint {}", "N m", (x) => x],
+};
+let plots = [];
+
+function buildFigures() {
+  for (const { chart } of plots) chart.destroy();
+  plots = [];
+  byId("figures").replaceChildren(
+    ...preset.figures.flatMap(({ title, runs, quantities }) => {
+      const held = make("div", { class: "plots" });
+      for (const name of quantities) preset.joints.forEach((joint, i) => held.append(buildPlot(name, i, joint, runs)));
+      return [make("h2", {}, title), legendOf(runs, quantities.includes("q")), held];
+    }),
+  );
+  byId("figures").style.visibility = results ? "" : "hidden";
+}
+
+const strokeOf = (run) => STROKES[run] || SPARES[preset.runs.findIndex(({ name }) => name === run) % SPARES.length];
+
+function legendOf(runs, reference) {
+  const list = make("ul", { class: "legend" });
+  const add = (label, [colour, dash]) => {
+    const box = make("span");
+    box.innerHTML = `<svg width="34" height="8" aria-hidden="true"><path d="M0 4h34" stroke="${colour}" stroke-width="2.2" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+    list.append(make("li", {}, box, label));
+  };
+  if (reference) add("reference", REFERENCE);
+  for (const run of runs) add(preset.runs.find((which) => which.name === run).label, strokeOf(run));
+  return list;
+}
+
+function buildPlot(name, i, joint, runs) {
+  const box = make("div", { class: "plot", role: "img" });
+  plots.push({ box, name, i, joint, runs, chart: null, drawn: null, seen: false });
+  watcher.observe(box);
+  return box;
+}
+
+// Plots out of sight wait until they are scrolled to.
+const watcher = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    const plot = plots.find(({ box }) => box === target);
+    if (plot) {
+      plot.seen = isIntersecting;
+      if (isIntersecting) draw(plot);
+    }
+  }
+}, { rootMargin: "200px" });
+
+function drawFigures() {
+  byId("figures").style.visibility = "";
+  for (const plot of plots) if (plot.seen) draw(plot);
+}
+
+function draw(plot) {
+  if (!results || plot.drawn === results) return;
+  plot.drawn = results;
+  const { name, i, runs, box, joint } = plot, [title, unit, scaled] = QUANTITIES[name], isMean = MEANS.includes(name);
+  const found = runs.map((run) => results.get(run)), times = ({ curves }) => (isMean ? curves.middles : curves.ends);
+  const longest = found.reduce((a, b) => (times(b).length > times(a).length ? b : a)), time = times(longest), lines = [];
+  if (name === "q") lines.push(["reference", REFERENCE, longest.curves.q_d[i]]);
+  runs.forEach((run, k) => {
+    const values = found[k].status === "unresolved" ? [] : found[k].curves[name][i];
+    lines.push([preset.runs.find((which) => which.name === run).label, strokeOf(run), values]);
+  });
+  const data = [time, ...lines.map(([, , values]) => time.map((_, k) => (k < values.length && Number.isFinite(values[k]) ? scaled(values[k]) : null)))];
+  const heading = `${title.replace("{}", joint)}, ${unit}${isMean ? ` (mean over ${Math.round(1000 * longest.stretch)} ms)` : ""}`;
+  box.setAttribute("aria-label", `${heading}. ${lines.map(([label], k) => spanWords(label, data[k + 1])).join(" ")}`);
+  if (plot.chart) plot.chart.setData(data);
+  else plot.chart = chartOf(box, heading, lines, data);
+}
+
+function spanWords(label, values) {
+  const held = values.filter((value) => value !== null);
+  if (!held.length) return `${label}: nothing.`;
+  return `${label}: from ${Math.min(...held).toPrecision(3)} to ${Math.max(...held).toPrecision(3)}.`;
+}
+
+function chartOf(box, title, lines, data) {
+  const series = lines.map(([label, [stroke, dash]]) => ({ label, stroke, dash, width: label === "reference" ? 3 : 1.4, points: { show: false } }));
+  const axis = { stroke: "#59636e", font: "11px system-ui, sans-serif", grid: { stroke: "#e6eaee", width: 1 }, ticks: { show: false } };
+  const options = {
+    title,
+    width: box.clientWidth,
+    height: 150,
+    legend: { show: false },
+    cursor: { sync: { key: "time" }, points: { show: false } },
+    scales: { x: { time: false } },
+    series: [{}, ...series],
+    axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((tick) => `${tick} s`) }, { ...axis, size: 46 }],
+  };
+  return new uPlot(options, data, box);
+}
+
+new ResizeObserver(() => {
+  for (const { chart, box } of plots) if (chart && box.clientWidth !== chart.width) chart.setSize({ width: box.clientWidth, height: 150 });
+}).observe(byId("figures"));
+
+// ---- Taking it along --------------------------------------------------------------------------------------------
+
+// The preset's configuration with what was moved, for the command line.
+function yamlText() {
+  const tree = structuredClone(preset.tree);
+  for (const one of moved()) put(tree, one, state.get(one.id), preset.n);
+  return `# ${preset.title}, from the page of tendonrepro live\n${yamlOf(tree, "")}`;
+}
+
+// Set a value in a configuration, in the page's unit.
+function put(tree, one, value, n) {
+  const keys = (one.key || one.id).split("."), last = keys.pop(), node = keys.reduce((held, key) => held[key], tree);
+  if (one.values) {
+    node[last] = value;
+    return;
+  }
+  // A run without a start offset starts on its reference.
+  const held = (node[last] ??= { value: Array(n).fill(0), unit: one.unit }), inUnit = (number) => (held.unit === one.unit ? number : number * one.factor);
+  if (one.entry === null) held.value = value;
+  else held.value = held.value.map((number, k) => (k === one.entry ? value : inUnit(number)));
+  held.unit = one.unit;
+  held.source = "assumed: set by hand in the page of tendonrepro live";
+}
+
+function yamlOf(tree, indent) {
+  let text = "";
+  for (const [key, value] of Object.entries(tree)) {
+    if (value === null) continue;
+    if (typeof value === "object" && !Array.isArray(value)) text += `${indent}${key}:\n${yamlOf(value, `${indent}  `)}`;
+    else text += `${indent}${key}: ${JSON.stringify(value)}\n`;
+  }
+  return text;
+}
+
+async function copy(text, what) {
+  try {
+    await navigator.clipboard.writeText(text);
+    byId("copied").textContent = `${what} copied.`;
+  } catch {
+    byId("copied").textContent = `The browser does not allow copying here: select the text below.`;
+    byId("yaml").hidden = false;
+    byId("yaml").value = text;
+    byId("yaml").select();
+  }
+}
+
+byId("copy-link").addEventListener("click", () => copy(location.href, "Link"));
+byId("copy-yaml").addEventListener("click", () => {
+  byId("yaml").hidden = false;
+  byId("yaml").value = yamlText();
+  copy(byId("yaml").value, "Configuration");
+});
+byId("controls").addEventListener("submit", (event) => event.preventDefault());
+for (const one of PRESETS) {
+  const radio = make("input", { type: "radio", name: "preset", value: one.name });
+  radio.addEventListener("change", () => {
+    byId("problem").textContent = "";
+    take(whole(one));
+    writeAddress();
+  });
+  byId("presets").append(make("label", {}, radio, ` ${one.title}`));
+}
+addEventListener("hashchange", readAddress);
+pool.start();
+readAddress();

@@ -1,0 +1,238 @@
+"""The page in a browser: the numbers of Python, whatever is moved, and words for what goes wrong."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reporting.live.conftest import OWN
+from support.browser import Browser
+
+from tendonrepro.configuration.load import CompareConfig, ConfigSource, LoadedConfig, load_config
+from tendonrepro.experiments.loops import all_loops
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.simulation import parts
+from tendonrepro.simulation.batch import simulate_batch
+
+pytestmark = pytest.mark.slow
+
+NEAR_DEG = 1e-4
+"""Allowed difference of an error from Python's at as many steps."""
+
+USUAL_DEG = 1e-3
+"""The same at the steps of Python's own rule: other steps move encoder counts."""
+
+ERRORS = (
+    "return [...results].map(([name, { mae, rmse, status }]) => "
+    "[name, mae.map(degrees), rmse.map(degrees), status])"
+)
+RIGHT, HOME = "\ue014", "\ue011"
+
+
+def shown(browser: Browser) -> None:
+    """Wait until the exact results of the present state are shown."""
+    end = time.monotonic() + 60.0
+    ready = "return !busy && wanted === null && document.documentElement.dataset.exact === 'true'"
+    while not browser.run(ready):
+        assert time.monotonic() < end, browser.console()
+        time.sleep(0.05)
+
+
+def opened(browser: Browser, page: Path, fragment: str = "") -> dict[str, Any]:
+    browser.open(page, fragment)
+    shown(browser)
+    return errors(browser)
+
+
+def errors(browser: Browser) -> dict[str, Any]:
+    return {name: (mae, rmse, status) for name, mae, rmse, status in browser.run(ERRORS)}
+
+
+def by_python(loaded: LoadedConfig, steps: Mapping[str, int] | None = None) -> dict[str, Any]:
+    """The same of the compiled stepper; `steps` a sample stand for those of its own rule."""
+    assert isinstance(loaded.config, CompareConfig)
+    found = {}
+    for name, loop in all_loops(loaded).items():
+        with pytest.MonkeyPatch.context() as patch:
+            if steps:
+                patch.setattr(parts, "steps_needed", lambda modes, *_, m=steps[name]: np.full(len(modes), m))
+            batch = simulate_batch([loop], loaded.config.status)
+        mae, rmse = (np.degrees(batch.statistics[size][0]) for size in ("mae", "rmse"))
+        found[name] = (mae, rmse, STATUSES[batch.status[0]])
+    return found
+
+
+def same(ours: dict[str, Any], pythons: dict[str, Any], near: float = NEAR_DEG) -> None:
+    """Compare statuses, and errors of runs that did not diverge."""
+    assert ours.keys() == pythons.keys()
+    for name, (mae, rmse, status) in pythons.items():
+        assert ours[name][2] == status, name
+        if status != "diverged":
+            assert ours[name][0] == pytest.approx(mae, abs=near), name
+            assert ours[name][1] == pytest.approx(rmse, abs=near), name
+
+
+def taken_steps(browser: Browser) -> dict[str, int]:
+    return dict(browser.run("return [...results].map(([name, one]) => [name, one.steps])"))
+
+
+def configured(browser: Browser) -> LoadedConfig:
+    """The configuration that the page gives."""
+    text = browser.run("return yamlText()")
+    return load_config(ConfigSource(text, "page", None), "compare")
+
+
+def words(browser: Browser, element: str) -> str:
+    return str(browser.run(f"return document.getElementById('{element}').textContent"))
+
+
+def test_every_preset_has_pythons_errors_and_an_empty_console(browser: Browser, page: Path) -> None:
+    opened(browser, page)
+    names = browser.run("return PRESETS.map((one) => one.name)")
+    assert names[0] == "own"
+    assert len(names) >= 5
+    for name in names:
+        found = opened(browser, page, f"#{name}")
+        same(found, by_python(configured(browser), taken_steps(browser)))
+        same(found, by_python(configured(browser)), USUAL_DEG)
+        assert words(browser, "problem") == ""
+    own = opened(browser, page, "#own")
+    same(own, by_python(load_config(None, "compare", overrides=OWN), taken_steps(browser)))
+    assert browser.console() == []
+
+
+def test_the_first_view_is_complete(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    assert browser.run("return document.querySelectorAll('table').length") == 2
+    cells = browser.run("return [...document.querySelectorAll('td b')].map((one) => one.textContent)")
+    assert len(cells) == 5 * 4
+    assert all(float(cell) > 0.0 for cell in cells)
+    assert browser.run("return [...document.querySelectorAll('td .paper')].length") == 5 * 4
+    assert browser.run("return plots.length") == 14
+    browser.run("window.scrollTo(0, document.body.scrollHeight)")
+    time.sleep(0.3)
+    drawn = "return plots.filter(({ seen }) => seen).map(({ box }) => box.querySelectorAll('canvas').length)"
+    assert set(browser.run(drawn)) == {1}
+    assert browser.console() == []
+
+
+def test_a_slider_moved_by_the_keyboard_changes_table_pictures_and_address(
+    browser: Browser, page: Path
+) -> None:
+    before = opened(browser, page, "#published")
+    picture = "return plots.find(({ name }) => name === 'e').chart.data[1].join()"
+    first = browser.run(picture)
+    slider = "[data-id='control.gains.alpha.2'] input[type=range]"
+    browser.run(f"document.querySelector(\"{slider}\").closest('details').open = true")
+    browser.keys(slider, HOME + RIGHT)
+    shown(browser)
+    after = errors(browser)
+    assert after["controller_1"][0] != before["controller_1"][0]
+    assert after["controller_2"] == before["controller_2"]
+    assert browser.run(picture) != first
+    same(after, by_python(configured(browser), taken_steps(browser)))
+    cell = 'return document.querySelector("tr[data-run=controller_1] td b").textContent'
+    assert float(browser.run(cell)) == pytest.approx(after["controller_1"][0][0], abs=6e-4)
+    fragment = browser.run("return location.hash")
+    assert "control.gains.alpha.2=" in fragment
+    assert opened(browser, page, fragment) == after
+    assert browser.run("return moved().map(({ id }) => id)") == ["control.gains.alpha.2"]
+    browser.run("document.getElementById('reset-all').click()")
+    shown(browser)
+    assert errors(browser) == before
+
+
+MOVED = {
+    "control.readings.weights": "extrapolating",
+    "control.readings.Delta_unit": "deg",
+    "control.readings.error_rate": "low_pass",
+    "control.filter_cutoff": "120",
+    "control.readings.reference_acceleration": "late",
+    "control.reference_lag": "40",
+    "runs.controller_2.start_offset.3": "-0.7",
+    "reference.amplitude.2": "30",
+    "reference.rise": "2",
+    "manipulator.links.mass.3": "0.3",
+    "manipulator.friction.winch.coulomb.2": "0.5",
+    "runs.controller_1_payload.payload": "0.3",
+}
+
+
+def test_the_configuration_taken_along_gives_the_same(browser: Browser, page: Path) -> None:
+    for name in ("published", "fitted"):
+        opened(browser, page, f"#{name}")
+        known = browser.run("return all().map(({ id, values }) => [id, values || []])")
+        there = [
+            f"{key}={MOVED[key]}" for key, values in known if MOVED.get(key) in (values or MOVED.values())
+        ]
+        found = opened(browser, page, f"#{'&'.join((name, *there))}")
+        assert words(browser, "problem") == ""
+        same(found, by_python(configured(browser), taken_steps(browser)))
+
+
+def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, "#published&control.gains.M_bar.2=0.1&control.gains.M_bar.3=0.1")
+    diverged = [name for name, (_, _, status) in found.items() if status == "diverged"]
+    assert diverged
+    marked = "return [...document.querySelectorAll('tr[data-status=diverged]')].map((one) => one.dataset.run)"
+    assert set(browser.run(marked)) == set(diverged)
+    assert browser.run("return document.getElementById('state').className") == "bad"
+    pythons = by_python(configured(browser), taken_steps(browser))
+    assert {name for name, (_, _, status) in pythons.items() if status == "diverged"} == set(diverged)
+    assert browser.console() == []
+
+
+def test_an_arm_that_no_step_resolves_is_not_shown(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, "#published&manipulator.tendons.axial_stiffness.2=3e12")
+    assert {status for _, _, status in found.values()} == {"unresolved"}
+    cells = browser.run("return [...document.querySelectorAll('td b')].map((one) => one.textContent)")
+    assert not any(cell[0].isdigit() for cell in cells)
+
+
+@pytest.mark.parametrize(
+    "fragment",
+    [
+        "#nothing",
+        "#published&control.gains.nu=3",
+        "#published&control.gains.alpha.2=7",
+        "#published&%E0=%",
+        "#published&reference.rise=2.00005",
+    ],
+)
+def test_a_bad_address_is_a_sentence(browser: Browser, page: Path, fragment: str) -> None:
+    found = opened(browser, page, fragment)
+    assert len(words(browser, "problem")) > 20
+    assert all(status == "ok" for _, _, status in found.values())
+    assert browser.run("return moved().length") == 0
+    assert browser.console() == []
+
+
+@pytest.mark.parametrize("pixels", [390, 1280])
+def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: int) -> None:
+    browser.width(pixels)
+    opened(browser, page, "#published")
+    browser.run("for (const one of document.querySelectorAll('details')) one.open = true")
+    outside = (
+        "return [...document.querySelectorAll('body *')]"
+        ".filter((one) => one.getBoundingClientRect().right > innerWidth + 1)"
+        ".map((one) => one.outerHTML.slice(0, 80))"
+    )
+    assert browser.run(outside) == []
+    assert browser.run("return document.documentElement.scrollWidth") <= pixels
+    browser.width(1280)
+
+
+def test_every_control_has_a_name_and_can_be_reached(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    nameless = (
+        "return [...document.querySelectorAll('input, select, button, textarea')]"
+        ".filter((one) => !(one.ariaLabel || one.textContent || one.labels?.length)).length"
+    )
+    assert browser.run(nameless) == 0
+    named = "return [...document.querySelectorAll('.plot')].filter(({ ariaLabel }) => ariaLabel).length"
+    assert browser.run(named) >= 4
+    assert browser.run("return document.querySelectorAll('[tabindex=\"-1\"]').length") == 0

@@ -1,0 +1,59 @@
+"""The file: small, complete in itself, and never written over something else."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import tendonrepro as tr
+from tendonrepro.errors import ConfigError, UsageError
+
+LARGEST = 200_000
+"""Bytes that the page may have."""
+
+
+def test_the_page_is_small_and_asks_nobody(tmp_path: Path) -> None:
+    path = tr.live(out=tmp_path / "live.html")
+    text = path.read_text(encoding="utf-8")
+    assert len(text.encode()) <= LARGEST
+    assert re.search(r"Content-Security-Policy\" content=\"default-src 'none'", text)
+    assert re.findall(r"""\b(?:src|href)=["'](?!data:)""", text) == []
+    assert "MIT License" in text
+    assert tr.live(out=path).read_text(encoding="utf-8") == text
+
+
+def test_a_configuration_of_ones_own_is_the_first_preset(tmp_path: Path) -> None:
+    title = "</script><b>mine"
+    path = tr.live(out=tmp_path / "mine.html", set={"control.gains.lam": [6, 7], "title": title})
+    text = path.read_text(encoding="utf-8")
+    assert len(text.encode()) <= LARGEST
+    assert '"presets":[{"name":"own"' in text
+    assert title not in text
+
+
+def test_a_motion_from_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "motion.csv").write_text(
+        "time_s,q2_deg,q3_deg\n" + "".join(f"{t},{t},{t}\n" for t in range(8)), encoding="utf-8"
+    )
+    change = {"reference": {"kind": "sampled", "file": str(tmp_path / "motion.csv")}}
+    with pytest.raises(UsageError):
+        tr.live(out=tmp_path / "live.html", set=change)
+    with pytest.raises(ConfigError):
+        tr.live("decouple", out=tmp_path / "live.html")
+    assert not (tmp_path / "live.html").exists()
+
+
+def test_another_file_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "notes.html"
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError):
+        tr.live(out=path)
+    assert path.read_text(encoding="utf-8") == "mine"
+    with pytest.raises(UsageError):
+        tr.live(out=tmp_path)
+    tr.live(out=path, force=True)
+    assert path.stat().st_size > 1000
+    with pytest.raises(UsageError):
+        tr.report(tmp_path, out=path)
