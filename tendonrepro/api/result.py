@@ -70,8 +70,8 @@ class Result:
         import pandas as pd
 
         if self._folder is not None:
-            read = partial(pd.read_csv, float_precision="round_trip")
-            return {path.stem: read(path) for path in sorted(self._folder.rglob("*.csv"))}
+            paths = sorted(self._folder.rglob("*.csv"))
+            return {path.stem: pd.read_csv(path, float_precision="round_trip") for path in paths}
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property
