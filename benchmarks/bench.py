@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 from bench_batch import batch_cases, compilation_case, mix_case
+from bench_commands import commands_case
 from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
 from bench_live import live_case
 
@@ -53,6 +54,7 @@ def main():
             "import_heavy": import_case(),
             "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
         }
+    cases["commands_in_turns"] = commands_case()
     cases["first_compilation"] = compilation_case()
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
     cases |= batch_cases()

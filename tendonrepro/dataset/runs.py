@@ -115,7 +115,7 @@ class Assembly:
         if not series:
             raise ConfigError("none of its tables has a column that the mapping knows")
         if run.reading_error_deg:
-            return read_off(series, run)
+            return read_off(series)
         return self._common(name, series)
 
     def _source(self, name: str) -> Source:
