@@ -53,6 +53,8 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 
 def base_of_paper(config: CompareConfig) -> bool:
     """Whether the plants of an ensemble are drawn around the paper's arm, gains and payload."""
+    if config.joints != COMPARED:
+        return False
     gains = {name: held.si for name, held in config.control.gains if held}
     return is_arm_of_paper(config.manipulator) and all(
         _driven_as_paper(name, run.law, gains, run.payload.si)
