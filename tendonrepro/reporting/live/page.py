@@ -159,9 +159,10 @@ def model_source(loaded: LoadedConfig, library: Library) -> tuple[int, list[list
         code, turns = motion_code(replaced(config, "reference", other), inputs, loaded.folder)
         motions.append(f"{kind}:{library.entry(code)}")
     plant = library.entry(plant_code(config, inputs))
-    smooth = library.entry(plant_code(config, inputs, DRY_FRICTION))
     dry = [place for place, (key, _) in enumerate(inputs.numbers) if key == DRY_FRICTION]
-    plants = f"plant:{plant},smooth:{smooth},dry:{dry}"
+    plants = f"plant:{plant},dry:{dry}"
+    if not config.manipulator.friction.winch.coulomb.si[-len(config.joints) :].any():
+        plants += f",smooth:{library.entry(plant_code(config, inputs, DRY_FRICTION))}"
     text = f"{{{plants},laws:{{{','.join(parts)}}},motions:{{{','.join(motions)}}}}}"
     return library.add(text), turns
 
@@ -444,11 +445,11 @@ def build_page(presets: Sequence[dict[str, Any]], library: Library) -> str:
     """The HTML file."""
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
-        "STYLE": _file("page.css"),
-        "ENGINE": f"{_file('engine.js')}\n{library.source()}",
+        "STYLE": _compact("page.css"),
+        "ENGINE": f"{_compact('engine.js')}\n{library.source()}",
         "UPLOT_CODE": f"/*\n{_file('uplot-LICENSE')}*/\n{_file('uplot.js')}",
         "DATA": _script_json({"knobs": library.knobs, "presets": presets}),
-        "PAGE_CODE": _file("page.js"),
+        "PAGE_CODE": _compact("page.js"),
         "VERSION": __version__,
     }
     return re.sub("|".join(parts), lambda found: parts[found[0]], _file("page.html"))
@@ -461,6 +462,11 @@ def _script_json(data: Any) -> str:
 
 def _file(name: str) -> str:
     return (FOLDER / name).read_text(encoding="utf-8")
+
+
+def _compact(name: str) -> str:
+    """A script or style sheet without indentation and lines of comment."""
+    return re.sub(r"^(\s+|//.*\n)+", "", _file(name), flags=re.M)
 
 
 def shipped_presets(library: Library) -> list[dict[str, Any]]:
