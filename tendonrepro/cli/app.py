@@ -387,6 +387,25 @@ def config_schema(terminal: Terminal, kind: str | None = None) -> None:
     terminal.show(schema, to_json(schema).rstrip())
 
 
+def _keep_settings_of_matplotlib() -> None:
+    """Name a folder that stays where the home cannot be written: else every process makes one."""
+    if "MPLCONFIGDIR" in os.environ:
+        return
+    with suppress(RuntimeError):  # nobody of that user id has a home
+        own = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+        there = next((place for place in (own, *own.parents) if place.exists()), own)
+        if there.is_dir() and os.access(there, os.W_OK):
+            return
+    import tempfile
+
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"tendonrepro-matplotlib-{user}"
+    # Where not even this works, matplotlib says so itself.
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        os.environ["MPLCONFIGDIR"] = str(folder)
+
+
 def main() -> None:
     """Run the command line and leave with its exit code."""
     _open_streams()
@@ -394,6 +413,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Commands draw to files. A notebook names a backend here that another environment may not have.
     os.environ.pop("MPLBACKEND", None)
+    _keep_settings_of_matplotlib()
     try:
         _refuse_empty(sys.argv[1:])
         code = app(standalone_mode=False) or 0

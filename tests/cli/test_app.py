@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -372,3 +373,27 @@ def test_version_citation_and_doctor(command: str, tmp_path: Path) -> None:
     found = answer("doctor", cwd=tmp_path)
     assert {*found["checks"].values()} == {"ok"}
     assert found["environment"]["versions"]["h5py"]
+
+
+def test_a_home_that_cannot_be_written_leaves_one_folder_however_many_commands_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("no passwd entry")
+
+    (tmp_path / "file").touch()
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    for name in ("MPLCONFIGDIR", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "file" / "home")
+    for _ in range(2):
+        assert run("config", "list", cwd=tmp_path).returncode == 0
+        os.environ.pop("MPLCONFIGDIR")
+    monkeypatch.setattr(Path, "home", no_home)
+    assert run("config", "list", cwd=tmp_path).returncode == 0
+    (folder,) = (tmp_path / "temporary").iterdir()
+    assert os.environ.pop("MPLCONFIGDIR") == str(folder)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    assert run("config", "list", cwd=tmp_path).returncode == 0
+    assert "MPLCONFIGDIR" not in os.environ
