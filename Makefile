@@ -9,10 +9,10 @@ ARGS ?=
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help figures test test-slow check check-release format bench claims report data findings pages notebook docs docs-links mutants clean
+.PHONY: help figures test test-slow test-lowest test-newest check check-release format bench claims report data findings pages notebook docs docs-links mutants clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 figures: $(VENV)/.run  ## both experiments: every figure and table under reports/
 	$(BIN)/tendonrepro reproduce $(ARGS)
@@ -22,6 +22,24 @@ test: $(VENV)/.test  ## the test suite, offline, a few minutes
 
 test-slow: $(VENV)/.test  ## the tests that take longer
 	$(BIN)/python -m pytest -m "slow and not network" $(ARGS)
+
+# What uses a library. The other quick tests need the equations, the pages or the benchmarks alone.
+VERSIONS_TESTS := tests --ignore=tests/physics --ignore=tests/docs --ignore=tests/benchmarks
+RESOLUTION_lowest := lowest-direct
+RESOLUTION_newest := highest
+
+test-lowest: build/lowest/.test  ## quick tests with the lowest versions that pyproject.toml allows
+	build/lowest/$(notdir $(BIN))/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(VERSIONS_TESTS) $(ARGS)
+
+test-newest: build/newest/.test  ## quick tests with the newest versions that there are
+	build/newest/$(notdir $(BIN))/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(VERSIONS_TESTS) $(ARGS)
+
+# pip has no way to ask for the lowest versions; uv has.
+build/%/.test: pyproject.toml | $(VENV)/.python
+	rm -rf build/$* && $(PYTHON) -m venv build/$*
+	build/$*/$(notdir $(BIN))/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt uv
+	build/$*/$(notdir $(BIN))/uv pip install --quiet --python build/$* --resolution $(RESOLUTION_$*) --editable ".[test]"
+	@touch $@
 
 check: $(VENV)/.dev  ## lint, format, types, architecture
 	$(BIN)/ruff check .

@@ -11,10 +11,10 @@ import os
 import statistics
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+from bench_common import ROOT, checkout_of
+
 TURNS = 5
 
 SNIPPET = """
@@ -46,18 +46,8 @@ def speeds(checkout: Path) -> dict[str, float]:
 
 def main() -> None:
     commit = sys.argv[1]
-    with tempfile.TemporaryDirectory() as folder:
-        old = Path(folder) / "old"
-        subprocess.run(
-            ["git", "worktree", "add", "--detach", str(old), commit],
-            cwd=ROOT,
-            check=True,
-            capture_output=True,
-        )
-        try:
-            turns = [(speeds(old), speeds(ROOT)) for _ in range(TURNS)]
-        finally:
-            subprocess.run(["git", "worktree", "remove", "--force", str(old)], cwd=ROOT, check=True)
+    with checkout_of(commit) as old:
+        turns = [(speeds(old), speeds(ROOT)) for _ in range(TURNS)]
     print("| case | then, experiments/s | now | ratio, median of the turns |\n|---|---:|---:|---:|")
     for case in turns[0][0]:
         then, now = ([turn[k][case] for turn in turns] for k in (0, 1))

@@ -70,7 +70,8 @@ class Result:
         import pandas as pd
 
         if self._folder is not None:
-            return {path.stem: pd.read_csv(path) for path in sorted(self._folder.rglob("*.csv"))}
+            paths = sorted(self._folder.rglob("*.csv"))
+            return {path.stem: pd.read_csv(path, float_precision="round_trip") for path in paths}
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property

@@ -20,6 +20,11 @@ def bench(scripts: None) -> ModuleType:  # noqa: ARG001
 
 
 @pytest.fixture
+def commands(scripts: None) -> ModuleType:  # noqa: ARG001
+    return import_module("bench_commands")
+
+
+@pytest.fixture
 def batch(scripts: None) -> ModuleType:  # noqa: ARG001
     return import_module("bench_batch")
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from types import ModuleType
 
 import numpy as np
+import pytest
+from support import ROOT
 
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.stepper import simulate
@@ -29,6 +32,17 @@ def test_command_case_measures_time_and_memory(bench: ModuleType) -> None:
     assert found.keys() == KEYS | {"cpu_seconds"}
     assert found["bars"].keys() == {"seconds", "peak_memory_mb"}
     assert all(entry["value"] > 0.0 for entry in found["bars"].values())
+
+
+def test_commands_in_turns_have_both_times(commands: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = {"import": ["-c", "import tendonrepro"]}
+    assert commands.commands_case("no-such-commit", words, 1)["commands"] == {}
+    monkeypatch.setattr(commands, "checkout_of", lambda _: nullcontext(ROOT))
+    found = commands.commands_case("this", words, 1)
+    assert found.keys() == KEYS | {"commands"}
+    times = {"seconds_then", "seconds", "ratio", "cpu_seconds_then", "cpu_seconds", "cpu_ratio"}
+    assert found["commands"]["import"].keys() == times
+    assert all(value > 0.0 for value in found["commands"]["import"].values())
 
 
 def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:

@@ -208,7 +208,7 @@ def folder(tmp_path: Path, compare_path: Path) -> Path:
 def test_table_holds_every_sample(folder: Path, form: str) -> None:
     path = export_traces(folder, form)
     assert path == folder / f"traces.{form}"
-    table = pd.read_csv(path) if form == "csv" else pd.read_parquet(path)
+    table = pd.read_csv(path, float_precision="round_trip") if form == "csv" else pd.read_parquet(path)
     for name, trace in COMPARE.runs.items():
         rows = table[table.run == name]
         for k, joint in enumerate(trace.joint):

@@ -6,7 +6,7 @@ So neither an equation nor a conversion of units is written again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -24,7 +24,7 @@ from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.trajectory import at_rest
 from tendonrepro.simulation.codegen.lanes import mapped
 from tendonrepro.simulation.codegen.printed import JAVASCRIPT, PlacesTape, function_source, split_by_input
-from tendonrepro.simulation.codegen.symbols import Symbol
+from tendonrepro.simulation.codegen.symbols import Symbol, needed
 from tendonrepro.simulation.kernel import runge_kutta, unpacked
 from tendonrepro.simulation.parts import rest_at
 from tendonrepro.simulation.sampled import Hardware, measure, sample, start
@@ -50,6 +50,8 @@ class Code(NamedTuple):
     constants: int
     written: int
     """numbers that the first one writes beside its constants"""
+    reads: list[int]
+    """inputs that it depends on"""
 
 
 class _Given(Quantity):
@@ -206,7 +208,13 @@ def _code(tape: PlacesTape, once: tuple[Any, ...], often: tuple[Any, ...]) -> Co
         function_source(run_name, lines, then, ("kk", *run_arrays, run_out), JAVASCRIPT),
         len(kept),
         len(results),
+        _inputs_read(tape, first.values()),
     )
+
+
+def _inputs_read(tape: PlacesTape, results: Iterable[Any]) -> list[int]:
+    used = (tape.lines[name] for name in needed(tape.lines, results))
+    return sorted(int(place[1]) for operation, place in used if operation == "input" and place[0] == "pp")
 
 
 def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Code, list[list[int]]]:

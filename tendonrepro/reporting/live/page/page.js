@@ -14,7 +14,7 @@ const STROKES = {
   controller_3: ["#cc8800", [2, 2]],
   controller_1_payload: ["#000000", [9, 2, 2, 2]],
 };
-const SPARE = ["#777777", [12, 4]];
+const SPARES = [["#004488", [3, 3]], ["#b5405a", [10, 3]], ["#777777", [12, 4]], ["#117733", []], ["#000000", [1, 3]]];
 const REFERENCE = ["#9aa4ae", []];
 const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
 
@@ -26,7 +26,7 @@ const unitOf = ({ unit }) => UNITS[unit] ?? unit;
 // A preset's control from what all presets say of it and its own value; the file says where that comes from.
 function controlOf(tree, [knob, value, factor]) {
   const said = PAGE.knobs[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
-  const source = held?.source ?? "assumed: on the reference", origin = source.split(":")[0];
+  const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
   return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
 const PRESETS = PAGE.presets.map((one) => (one.of ? one : { ...one, controls: one.controls.map((held) => controlOf(one.tree, held)) }));
@@ -50,6 +50,7 @@ function take(which, values = {}) {
   state = new Map([...preset.controls, ...preset.choices].map((one) => [one.id, one.value]));
   for (const [id, value] of Object.entries(values)) state.set(id, value);
   baseline = results = null;
+  document.documentElement.dataset.exact = "";
   showPreset();
 }
 
@@ -104,10 +105,11 @@ function showPreset() {
   byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
   const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 801px)").matches;
+  if (first) byId("panel").open = wide;
   byId("controls").replaceChildren(
     ...preset.groups.map((group, k) => {
       const box = make("details", { "data-group": group }, make("summary", {}, group));
-      if (open.has(group) || (first && (wide ? k < 2 : false))) box.open = true;
+      if (open.has(group) || (first && k < 2)) box.open = true;
       for (const choice of preset.choices) if (choice.group === group) box.append(choiceField(choice));
       const fields = preset.controls.filter((one) => one.group === group);
       for (const label of new Set(fields.map((one) => one.label))) {
@@ -116,7 +118,7 @@ function showPreset() {
       return box;
     }),
   );
-  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.map(tryButton), allBack());
+  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.filter(changesSomething).map(tryButton), allBack());
   buildFigures();
   compute(true);
 }
@@ -190,6 +192,10 @@ function choiceField(choice) {
   const box = make("fieldset", {}, legend, row);
   if (choice.help) box.append(make("p", { class: "help" }, choice.help));
   return box;
+}
+
+function changesSomething({ set }) {
+  return all().some((one) => one.id in set && set[one.id] !== one.value);
 }
 
 function tryButton(one) {
@@ -290,7 +296,14 @@ function jobOf(which, exact, values = state) {
   const { model, n, L, limit, ringing, share } = preset;
   const lag = values.get("control.readings.reference_acceleration") === "late" ? values.get("control.reference_lag") / 1000 : 0;
   const steps = exact ? which.steps : which.coarse;
-  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, n, L, steps, limit, ringing, share, exact };
+  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, from: values.get("errors_from"), n, L, steps, limit, ringing, share, exact };
+}
+
+// All that a run depends on: what its plant, its law and its motion read of the inputs, and the rest of the job.
+function keyOf(job) {
+  const { plant, laws, motions } = MODELS[job.model];
+  const read = new Set([plant, laws[job.law], motions[job.motion]].flatMap(({ reads }) => reads));
+  return JSON.stringify({ ...job, pp: [...read].map((place) => job.pp[place]) });
 }
 
 const known = new Map(); // results by run, with the job they are of
@@ -312,7 +325,7 @@ async function compute(exact) {
   since = 0;
   const found = await Promise.all(
     preset.runs.map(async (which) => {
-      const job = jobOf(which, exact), key = JSON.stringify(job), held = known.get(which.name);
+      const job = jobOf(which, exact), key = keyOf(job), held = known.get(which.name);
       if (held && held.key === key) return held.found;
       const result = await pool.ask(job);
       known.set(which.name, { key, found: result });
@@ -323,6 +336,8 @@ async function compute(exact) {
     results = new Map(preset.runs.map((which, k) => [which.name, found[k]]));
     if (exact && !moved().length) baseline = results;
     show();
+    // What a chart is given it draws in the next turn.
+    await null;
     document.documentElement.dataset.milliseconds = (performance.now() - started).toFixed(1);
     document.documentElement.dataset.exact = String(exact && wanted === null);
     const steps = [...new Set(found.map((one) => one.steps))].join(" and ");
@@ -368,13 +383,20 @@ function orderWords() {
   const runs = compared();
   if (runs.length < 2) return "";
   if (runs.some(({ name }) => !Number.isFinite(results.get(name).mae[0]))) return "Not every controller finishes, so there is no order.";
-  const orders = preset.joints.map((_, i) => [...runs].sort((a, b) => results.get(a.name).mae[i] - results.get(b.name).mae[i]));
-  const words = (order) => order.map((which) => which.short).join(", then ");
-  const same = orders.every((order) => words(order) === words(orders[0]));
-  const ours = same
-    ? `Smallest mean error first: Controller ${words(orders[0])}${preset.joints.length > 1 ? ", on every joint" : ""}.`
-    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${words(order)}`).join("; ")}.`;
+  const orders = preset.joints.map((_, i) => orderOn(runs, i));
+  const ours = orders.every((order) => order === orders[0])
+    ? `Smallest mean error first: Controller ${orders[0]}${preset.joints.length > 1 ? ", on every joint" : ""}.`
+    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${order}`).join("; ")}.`;
   return preset.printed ? `${ours} The paper has 1, then 2, then 3.` : ours;
+}
+
+// Runs by mean error on a joint; those that differ by less than 0.05 % are equal.
+function orderOn(runs, i) {
+  const size = ({ name }) => results.get(name).mae[i], order = [...runs].sort((a, b) => size(a) - size(b));
+  return order.reduce((text, which, k) => {
+    if (k === 0) return which.short;
+    return `${text}${size(which) > 1.0005 * size(order[k - 1]) ? ", then" : " ="} ${which.short}`;
+  }, "");
 }
 
 // The change that matters most, against the preset.
@@ -388,20 +410,28 @@ function changeWords() {
       if (size > 0) sizes.push({ label, joint, before, after, size, weight: compared ? size : 0.1 * size });
     });
   }
-  const what = changes.slice(0, 2).map((one) => `${one.label}${one.part ? ` (${one.part})` : ""} is ${told(one)} instead of ${told(one, one.value)}`);
-  if (changes.length > 2) what.push(`${changes.length - 2} more changed`);
+  const labels = [...new Set(changes.map(({ label }) => label))], what = labels.slice(0, 2).map(movedWords);
+  if (labels.length > 2) what.push(`${labels.length - 2} more changed`);
   const most = sizes.sort((a, b) => b.weight - a.weight)[0];
   const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
   if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
   if (!most || most.size < 5e-4) return `${what.join("; ")}. No mean error changes by more than 0.05 %.`;
-  const percent = 100 * (most.after / most.before - 1);
-  const sign = percent > 0 ? "+" : "−", size = Math.abs(percent);
-  return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${sign}${size < 10 ? size.toFixed(1) : size.toFixed(0)} %).`;
+  const ratio = most.after / most.before, percent = Math.abs(100 * (ratio - 1));
+  const size = `${ratio > 1 ? "+" : "−"}${percent.toFixed(percent < 10 ? 1 : 0)} %`, effect = ratio < 3 ? size : `${ratio.toFixed(ratio < 10 ? 1 : 0)} times`;
+  return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${effect}).`;
+}
+
+// A control's values now and in the preset, of all joints.
+function movedWords(label) {
+  const fields = all().filter((one) => one.label === label), name = label.split(",")[0];
+  const joints = fields[0].part && fields.length > 1 ? ` on ${fields.map(({ part }) => part).join(" / ")}` : "";
+  return `${name}${joints} is ${fields.map((one) => told(one)).join(" / ")} instead of ${fields.map((one) => told(one, one.value)).join(" / ")}`;
 }
 
 function told(one, value = state.get(one.id)) {
   if (one.words) return `“${one.words[one.values.indexOf(value)]}”`;
-  return `${shorter(value)}${unitOf(one) && ` ${unitOf(one)}`}`;
+  const unit = unitOf(one);
+  return `${String(shorter(value)).replace("-", "−")}${unit === "°" ? "°" : unit && ` ${unit}`}`;
 }
 
 function statusWords() {
@@ -412,6 +442,7 @@ function statusWords() {
     if (status === "ringing") words.push(`${label} oscillates: most of its error's power is above ${preset.ringing} Hz.`);
     if (status === "unresolved") words.push(`${label} is not shown: ${steps} steps a sample are too few for this arm. Make tendons softer or winches heavier.`);
   }
+  if (state.get("errors_from") >= results.get(preset.runs[0].name).duration) words.push("The whole run is left out of the errors.");
   preset.joints.forEach((joint, i) => {
     const furthest = (end) => preset.joints.slice(0, i + 1).reduce((sum, _, k) => sum + end(reached(k)), preset.posture[i]);
     const [least, most] = [furthest((ends) => ends[0]), furthest((ends) => ends[1])];
@@ -434,7 +465,8 @@ function showTables() {
       for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
-      const paper = preset.printed ? make("span", {}, " in degrees, beside it the paper’s") : make("span", {}, " in degrees");
+      const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
+      const paper = preset.printed ? make("span", {}, `${without} in degrees, beside it the paper’s`) : make("span", {}, `${without} in degrees`);
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
   );
@@ -461,8 +493,8 @@ function tableRow(run, label) {
 // ---- Figures ----------------------------------------------------------------------------------------------------
 
 const QUANTITIES = {
-  q: ["Joint {} and its reference", "°", degrees],
-  e: ["Error of joint {}", "°", degrees],
+  q: ["Joint {} and its reference", "deg", degrees],
+  e: ["Error of joint {}", "deg", degrees],
   s: ["Sliding variable s, joint {}", "rad/s", (x) => x],
   H_hat: ["Estimate Ĥ, joint {}", "N m", (x) => x],
   tau: ["Torque τ, joint {}", "N m", (x) => x],
@@ -470,7 +502,7 @@ const QUANTITIES = {
 let plots = [];
 
 function buildFigures() {
-  for (const { chart } of plots) chart.destroy();
+  for (const { chart } of plots) chart?.destroy();
   plots = [];
   byId("figures").replaceChildren(
     ...preset.figures.flatMap(({ title, runs, quantities }) => {
@@ -482,7 +514,7 @@ function buildFigures() {
   byId("figures").style.visibility = results ? "" : "hidden";
 }
 
-const strokeOf = (run) => STROKES[run] || SPARE;
+const strokeOf = (run) => STROKES[run] || SPARES[preset.runs.findIndex(({ name }) => name === run) % SPARES.length];
 
 function legendOf(runs, reference) {
   const list = make("ul", { class: "legend" });
