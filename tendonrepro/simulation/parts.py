@@ -158,6 +158,7 @@ def _compiled(written: Written, start: dict[str, Array], column: dict[int, int])
 
 
 def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
+    """Stack all numbers of loops but their plants'; errors are summed up over ``block(L)`` samples."""
     phases: dict[int, streaming.Thresholds] = {}
     for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)
