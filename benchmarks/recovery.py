@@ -16,12 +16,15 @@ from joblib import Parallel, delayed
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
-from tendonrepro.evidence.fit import equally_good, ranked
-from tendonrepro.evidence.hypotheses import Log, torque_rounding, without_rounding
-from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered
+from tendonrepro.console import Talk
+from tendonrepro.evidence.fit import equally_good
+from tendonrepro.evidence.hypotheses import Log
+from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, recovered
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.arm import gravity_torque
+from tendonrepro.physics.control import estimator_weights
+from tendonrepro.results.records import PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
@@ -128,34 +131,43 @@ def log_of(trace, run) -> Log:
     )
 
 
-def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
-    """`RIGHT`, `WEIGHTS`, `WRONG`, or what `recover` says, for each joint."""
+def file_of(log: Log, record: dict[str, float]) -> TraceFile:
+    """A log as a lab would have it: time, desired angle, encoder and torque, every column rounded."""
 
     def coarse(values, step):
         return np.round(values / step) * step if step else values
 
     noise = np.random.default_rng(5).normal(scale=record.get("noise", 0.0), size=log.command.shape)
-    every, published = int(record.get("every", 1)), load_config(None, "compare").config
-    taken = {key: getattr(log, key)[::every] for key in ("q_d", "dq_d", "ddq_d")}
-    q = coarse(log.q, np.deg2rad(record.get("angle", 0.0)))[::every]
-    command = coarse(log.command + noise, record.get("torque", 0.0))[::every]
-    freed = [without_rounding(column, log.encoder_step) for column in q.T]
-    kept = replace(
-        log, L=log.L * every, q=np.column_stack([one for one, _ in freed]), command=command, **taken
-    )
+    every, angle = int(record.get("every", 1)), np.deg2rad(record.get("angle", 0.0))
+    variables = {
+        "q_d": coarse(log.q_d, angle),
+        "q_encoder": coarse(log.q, angle),
+        "tau_m": coarse(log.command + noise, record.get("torque", 0.0)),
+    }
+    joints = load_config(None, "compare").config.joints
+    time = log.L * np.arange(len(log.q))
+    kept = {name: values[::every] for name, values in variables.items()}
+    trace = Trace("run", time[::every], joints, kept, {})
+    plant = PlantRecord({"S": PlantValue(log.S, "1", "", "")}, {})
+    return TraceFile("compare", "measured", "", {"run": trace}, plant, "", "", "", "", "")
+
+
+def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, bool | None]]:
+    """For each joint `RIGHT`, `WEIGHTS`, `WRONG`, or what `recover` says; do intervals hold the truth?"""
     answers = []
-    for i, joint in enumerate(published.joints):
-        rounding = float(torque_rounding(kept)[i])
-        one = Recovered(
-            "run", joint, ranked(kept, i, (rounding, freed[i][1])), kept, rounding, freed[i][1], published, i
-        )
-        weights = "extrapolating" if "extrapolating" in name else "interpolating"
+    file, published = file_of(log, record), load_config(None, "compare")
+    weights = "extrapolating" if "extrapolating" in name else "interpolating"
+    true = estimator_weights(published.config.control.gains.alpha.si, weights)
+    for place, one in enumerate(recovered(file, published, Talk(quiet=True))):
         names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
-        found = one.answer
+        found, holds = one.answer, None
+        if one.prints_weights and name not in FOREIGN:
+            apart = np.abs(one.best.parameters[:2] - true[:, place])
+            holds = bool((apart <= one.half[:2]).all())
         if found == RECOVERED:
             is_among = name.replace(f"weights={weights}", "printed") in names
             found = WRONG if one.weights != weights or name in FOREIGN else RIGHT if is_among else WEIGHTS
-        answers.append(found)
+        answers.append((found, holds))
     return answers
 
 
@@ -165,15 +177,17 @@ def main() -> None:
         (logs(plants), (RIGHT, WEIGHTS, UNTOLD, NONE, WRONG)),
         (foreign_logs(plants), (NONE, UNTOLD, WRONG)),
     ):
-        print(f"| record | joints | {' | '.join(keys)} |\n|---|---:|{'---:|' * len(keys)}")
+        print(f"| record | joints | {' | '.join(keys)} | intervals |\n|---|---:|{'---:|' * len(keys)}---:|")
         for title, record in RECORDS.items():
             found = Parallel(2)(delayed(judged)(name, log, record) for name, log in runs)
-            counts = Counter(answer for answers in found for answer in answers)
+            counts = Counter(answer for answers in found for answer, _ in answers)
+            printed = [holds for answers in found for _, holds in answers if holds is not None]
             total = sum(counts.values())
             cells = [f"{100 * counts[key] / total:.0f} %" for key in keys]
-            print(f"| {title} | {total} | {' | '.join(cells)} |", flush=True)
+            held = f"{sum(printed)} of {len(printed)}"
+            print(f"| {title} | {total} | {' | '.join(cells)} | {held} |", flush=True)
             for (name, _), answers in zip(runs, found, strict=True):
-                if WRONG in answers:
+                if WRONG in dict(answers):
                     print(f"{title}: {name} is wrong", file=sys.stderr)
 
 

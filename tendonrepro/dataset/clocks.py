@@ -169,15 +169,15 @@ def in_order(time: Array, values: Array) -> tuple[Array, Array]:
     return places, np.bincount(index, values[known]) / np.bincount(index)
 
 
-def read_off(series: Signals, run: Run) -> tuple[Array, dict[Use, Array]]:
-    """Curves read off figures on one even grid, smoothed as far as their reading error allows.
+def read_off(series: Signals) -> tuple[Array, dict[Use, Array]]:
+    """Curves read off figures on one even grid, smoothed as cross-validation finds best.
 
     Raises
     ------
     ConfigError
         If curves have no time in common or too few points.
     """
-    from scipy.interpolate import make_splrep
+    from scipy.interpolate import make_smoothing_spline
 
     if few := [use for use, (time, _) in series.items() if len(time) < 5]:
         raise ConfigError(f"the curve of {few[0]} has fewer than five points")
@@ -185,11 +185,8 @@ def read_off(series: Signals, run: Run) -> tuple[Array, dict[Use, Array]]:
     densest = min(float(np.median(np.diff(time))) for time, _ in series.values())
     count = max(int(np.ceil((end - start) / min(0.5 * densest, _FINEST))), 1)
     grid = np.linspace(start, end, count + 1)
-    found = {}
-    for use, (time, values) in series.items():
-        error = run.reading_error(use.variable)
-        found[use] = make_splrep(time, values, k=3, s=len(time) * error**2)(grid)
-    return grid, found
+    # Smoothed to the stated error, a motion would lose its corners to a careful reader.
+    return grid, {use: make_smoothing_spline(time, values)(grid) for use, (time, values) in series.items()}
 
 
 def _shared(times: Iterable[Array]) -> tuple[float, float]:

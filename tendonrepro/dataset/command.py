@@ -17,8 +17,11 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
+from tendonrepro.dataset.motion import beginning, timing_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
+from tendonrepro.dataset.windows import Timing, spans
+from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_existing, to_json, write_atomically
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.store import environment
@@ -149,7 +152,18 @@ def run_ingest(
         if confirm:
             write_atomically(mapping, text)
     head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
-    return head | {"runs": {name: _described(trace) for name, trace in runs.items()}} | told
+    timing = _timing(file)
+    described = {name: _described(trace, timing.get(name)) for name, trace in runs.items()}
+    return head | {"runs": described} | told
+
+
+def _timing(file: TraceFile) -> dict[str, Timing]:
+    """When the motion of each run of the comparison begins, as `validate` finds it."""
+    try:
+        begun = beginning(file)
+    except DataMissingError:
+        return {}
+    return timing_of(file, begun)
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
@@ -157,7 +171,7 @@ def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "bo
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: Trace) -> dict[str, Any]:
+def _described(trace: Trace, timing: Timing | None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
@@ -169,14 +183,16 @@ def _described(trace: Trace) -> dict[str, Any]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        found |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"]).items()}
+        moving = spans(trace.time, timing)["whole"] if timing else slice(0, None)
+        found["errors_from_s"] = float(trace.time[moving][0])
+        found |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
     return found
 
 
 def ingest_text(found: Mapping[str, Any]) -> str:
     """What a terminal shows."""
     rows = [{"run": name} | run for name, run in found["runs"].items()]
-    names = ("run", "joints", "samples", "step_s", "status", "mae_deg", "rmse_deg")
+    names = ("run", "joints", "samples", "step_s", "status", "errors_from_s", "mae_deg", "rmse_deg")
     lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]
     lines += [f"  note: {note}" for note in found["notes"]]
     if found["guesses"]:

@@ -86,10 +86,37 @@ def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
     whole = {
         name: run for name, run in runs.items() if run.asked or any(one.use.joint for one in run.columns)
     }
+    whole = _with_desired(whole)
     parted = {part.name: part for run in whole.values() for part in _parts(run)}
     text = "\n".join(written(list(parted.values()), left, title)) + "\n"
     counts = {name: sum(one.use.joint > 0 for one in run.columns) for name, run in parted.items()}
     return {"suggestion": text, "runs": counts, "left": left}
+
+
+def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
+    """Give desired angles that lie apart and name no controller to the runs of controllers that lack them."""
+    named = {name: run for name, run in runs.items() if name.startswith("controller_")}
+    apart = {
+        name: run
+        for name, run in runs.items()
+        if name not in named
+        and not run.asked
+        and {one.use.variable for one in run.columns} == {"time", "q_d"}
+    }
+    lacking = [run for run in named.values() if all(one.use.variable != "q_d" for one in run.columns)]
+    if not apart or (named and not lacking) or (not named and len(apart) < 2):
+        return runs
+    if not named:
+        lacking = [RunGuess("desired", None)]
+        named = {"desired": lacking[0]}
+    for run in lacking:
+        columns = [replace(one, run=run.name) for other in apart.values() for one in other.columns]
+        signals = {one.use.signal for one in columns if one.use.joint}
+        if len(signals) < sum(one.use.joint > 0 for one in columns):
+            return runs
+        run.columns += columns
+        run.check = f"desired angles from {', '.join(apart)}"
+    return named | {name: run for name, run in runs.items() if name not in apart and name not in named}
 
 
 def _doubt_twin(run: RunGuess, same: Guess, twin: Guess) -> None:

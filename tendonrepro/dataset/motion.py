@@ -90,17 +90,23 @@ class Knots:
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
-    """A reference recovered from a run.
+class Beginning:
+    """Where the motion of a run begins.
 
-    `period`, s, is 0 if it does not repeat; `begin` and `end` are s after the first sample.
+    `period`, s, is 0 if it does not repeat; `begin` is in s after the first sample.
     """
 
     run: str
     record: Recorded
-    knots: Knots
     period: float
     begin: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reference(Beginning):
+    """A reference recovered from a run, which ends `end` s after the first sample."""
+
+    knots: Knots
     end: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -180,13 +186,25 @@ def recover(file: TraceFile) -> Reference:
     DataMissingError
         If there is none, or they do not move.
     """
+    begun = beginning(file)
+    end = float(begun.record.time[begun.record.moving()[1]])
+    return Reference(begun.run, begun.record, begun.period, begun.begin, thinned(begun.record), end)
+
+
+def beginning(file: TraceFile) -> Beginning:
+    """Find where the motion begins in the first run with both joints' desired angles.
+
+    Raises
+    ------
+    DataMissingError
+        If there is none, or they do not move.
+    """
     holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
     if not holding:
         raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
     trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
-    end = float(record.time[record.moving()[1]])
-    return Reference(trace.name, record, thinned(record), repeat_after(record), onset(record), end)
+    return Beginning(trace.name, record, repeat_after(record), onset(record))
 
 
 def _complete(trace: Trace) -> bool:
@@ -220,7 +238,7 @@ def _passes(time: Array, q: Array, level: float) -> float:
     return float(time[before] + share * (time[after] - time[before]))
 
 
-def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
+def timing_of(file: TraceFile, reference: Beginning | None) -> dict[str, Timing]:
     """Start and period of every run; a stated period goes first."""
     found = {}
     for name, trace in file.part("compare").runs.items():
@@ -231,7 +249,7 @@ def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]
     return found
 
 
-def zero_of(trace: Trace, reference: Reference) -> float:
+def zero_of(trace: Trace, reference: Beginning) -> float:
     """When in a run a rerun of the reference begins, s."""
     from scipy.optimize import minimize_scalar
 
@@ -306,14 +324,15 @@ def _misfit(x: Array, lag: int, every: int) -> float:
     return min(found, default=np.inf)
 
 
-def smoothed(record: Recorded) -> tuple[Callable[..., Array], float]:
+def smoothed(record: Recorded, least: float = 0.1 * HALF_COUNT) -> tuple[Callable[..., Array], float]:
     """Quintic least-squares spline through a motion, and the spacing of its knots, s.
 
-    That has the smallest Bayesian information criterion; residuals below rounding or noise count as these.
+    That has the smallest Bayesian information criterion; residuals below rounding or noise, or `least`, rad,
+    count as these.
     """
     from scipy.interpolate import make_lsq_spline
 
-    level = max(0.1 * HALF_COUNT, 0.3 * record.rounding, 0.9 * noise(record))
+    level = max(least, 0.3 * record.rounding, 0.9 * noise(record))
     time, q = record.time, record.q
     found = []
     for spacing in _tried(record):

@@ -65,7 +65,9 @@ class Assembly:
         time, found = self._signals(name, run)
         joints = tuple(sorted({use.joint for use in found}))
         variables: dict[str, Array] = {}
-        for use, values in found.items():
+        for use in list(found):
+            # A long log is in memory once, not twice.
+            values = found.pop(use)
             block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
             block[:, joints.index(use.joint)] = values
         if time[0] != 0.0:
@@ -115,7 +117,7 @@ class Assembly:
         if not series:
             raise ConfigError("none of its tables has a column that the mapping knows")
         if run.reading_error_deg:
-            return read_off(series, run)
+            return read_off(series)
         return self._common(name, series)
 
     def _source(self, name: str) -> Source:
@@ -140,8 +142,9 @@ class Assembly:
             raise ConfigError("its tables have no time in common", hint=hint)
         if beyond := len(first) - len(time):
             self.notes.append(f"{name}: {beyond} samples lie where another column has no times, left out")
-        if not all(np.array_equal(one, first) for one in times):
-            self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
+        if all(np.array_equal(one, first) for one in times):
+            return first, {use: values for use, (_, values) in series.items()}
+        self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
         return time, {use: np.interp(time, *one) for use, one in series.items()}
 
 

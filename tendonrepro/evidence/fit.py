@@ -171,7 +171,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
         position_gain=float(_position_gain(parameters, hypothesis)),
         position_gain_half=float(_half(_position_gain(left_out, hypothesis))),
         residual=_foretold(log, joint, hypothesis, _constrained),
-        step=float(np.sqrt(np.mean(np.diff(log.command[:, joint]) ** 2))),
+        step=float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2))),
         information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
         + count * float(np.log(samples)),
         condition=float(np.linalg.cond(scaled)),

@@ -37,6 +37,7 @@ PRINTED: Mapping[str, str] = {
     "stored_torque": "commanded",
     "torque_coordinates": "joint",
     "output_delay": "0",
+    "logged_torque": "applied",
     "estimate_filter": "none",
     "reference_acceleration": "fed_forward",
 }
@@ -47,6 +48,7 @@ FILTERS = (
     ("estimate_filter", "estimate"),
     ("reference_acceleration", "late"),
 )
+"""Places of a low-pass filter, whose cutoff is free."""
 _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (),
     (("phi_negative", "even"),),
@@ -143,19 +145,25 @@ def hypotheses(log: Log) -> Iterator[Hypothesis]:
         "torque_coordinates": ("joint", "winch"),
     }
     for values in product(*axes.values()):
-        for stored, delay in _stored(log):
+        for stored, delay, logged in _stored(log):
             found = dict(zip(axes, values, strict=True)) | {"stored_torque": stored, "output_delay": delay}
+            found["logged_torque"] = logged
             changed = tuple((axis, value) for axis, value in found.items() if value != PRINTED[axis])
             yield Hypothesis(LINEAR, changed)
             yield from (Hypothesis(NTSM, (*of_phi, *changed)) for of_phi in _PHI)
 
 
-def _stored(log: Log) -> list[tuple[str, str]]:
-    """Which torque is stored and how many samples late it acts, as far as a log can tell."""
+def _stored(log: Log) -> list[tuple[str, str, str]]:
+    """Which torque is stored, how many samples late it acts, and which is logged, as far as a log can tell.
+
+    A lone torque may be the one applied or the one commanded. Without a delay these are the same.
+    """
     if log.applied is None:
-        return [("commanded", "0"), *product(("commanded", "applied"), ("1", "2"))]
+        late = product(("commanded", "applied"), ("1", "2"), ("applied",))
+        return [("commanded", "0", "applied"), *late, *product(("applied",), ("1", "2"), ("commanded",))]
     same = np.allclose(log.applied, log.command, rtol=1e-9, atol=1e-12, equal_nan=True)
-    return [("commanded", "0")] if same else [("commanded", "0"), ("applied", "0")]
+    stored = ("commanded",) if same else ("commanded", "applied")
+    return [(one, "0", "applied") for one in stored]
 
 
 def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
@@ -238,6 +246,8 @@ def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
     if held["torque_coordinates"] == "winch":
         command, applied = command @ log.S, applied @ log.S
     delay = int(held["output_delay"])
+    if held["logged_torque"] == "commanded":
+        return command[:, i], _back(command[:, i], delay)
     commanded = np.full(len(command), np.nan)
     commanded[: len(command) - delay] = command[delay:, i]
     return commanded, commanded if held["stored_torque"] == "commanded" else applied[:, i]
@@ -305,22 +315,26 @@ def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
 
     Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
     """
+    whole = q
+    q = whole[np.isfinite(whole)]
     steps = np.abs(np.diff(q))
     steps = steps[steps > 1e-7]
     if steps.size < 20:
-        return q, resolution(q)
+        return whole, resolution(q)
     step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(q[0])
     # A step between neighbours is rough; over longer ways it is told better and better.
     for reach in (10, 100, 1000, np.inf):
         counts = np.round((q - start) / step)
         near = np.abs(counts) <= reach
         if np.ptp(counts[near]) == 0:
-            return q, resolution(q)
+            return whole, resolution(q)
         step, start = map(float, np.polyfit(counts[near], q[near], 1))
     found = start + step * np.round((q - start) / step)
     if np.abs(found - q).max() > 0.25 * step:
-        return q, resolution(q)
-    return found, 0.0 if step < 1.1 * encoder_step else step
+        return whole, resolution(q)
+    freed = np.full_like(whole, np.nan)
+    freed[np.isfinite(whole)] = found
+    return freed, 0.0 if step < 1.1 * encoder_step else step
 
 
 def resolution(values: Array) -> float:

@@ -12,11 +12,12 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
-from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
+from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
@@ -40,6 +41,17 @@ NEAR = 2.001
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
 OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
+SAME_NUMBER = 0.02
+"""How close M_bar comes to the published one times a unit of the torque."""
+WIDER = 1.25
+"""Factor on intervals of the weights: rounding of the reference is alike in all parts of a log."""
+OTHER = 0.1
+"""Difference of the error's gain from the published one from which gains count as others."""
+_WEIGHTS = {
+    "interpolating": "as published",
+    "extrapolating": "extrapolated (1 + α and −α)",
+    "swapped": "exchanged (α and 1 − α)",
+}
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
@@ -76,6 +88,17 @@ class Recovered:
         return float(both / self.best.step)
 
     @property
+    def half(self) -> Array:
+        """Half of each parameter's 90 % interval, those of the weights with what rounding may have moved."""
+        of_weights = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
+        return self.best.half * (1.0 + (WIDER - 1.0) * of_weights) + of_weights * self.best.bias
+
+    @property
+    def prints_weights(self) -> bool:
+        """Whether the numbers are given: of a log that cannot tell they need not hold the truth."""
+        return self.answer == RECOVERED
+
+    @property
     def unexplained(self) -> float:
         """RMS of the torque that the best fit does not foretell, as such a share."""
         return self.best.residual / self.best.step
@@ -87,13 +110,15 @@ class Recovered:
             return UNTOLD
         # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
         balance = abs(self.best.parameters[:2].sum() - 1.0)
-        balanced = balance <= CLOSE + self.best.half[:2].sum()
+        balanced = balance <= CLOSE + self.half[:2].sum()
         fine = self.rounding <= COARSE
         allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
         if self.best.bias > CLOSE:
             return UNTOLD
         if balanced and self.unexplained <= allowed:
-            return self.by_gains
+            # Weights that no interpretation has come from noise, unless the log is exact.
+            is_named = bool(self.nearest_weights) or self.unexplained <= FAITHFUL
+            return self.by_gains if is_named else UNTOLD
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
@@ -108,6 +133,13 @@ class Recovered:
         return scale * self.best.position_gain, scale * self.best.position_gain_half
 
     @property
+    def torque_units(self) -> Array:
+        """Factors on M_bar by units of the torque: N m at motor shafts, percent of the rated one, volts."""
+        config, rated = self.expected, published().number("hardware.rated_torque")
+        reduction = config.manipulator.winches.reduction.si
+        return np.array([reduction, 0.01 * reduction * rated, reduction * rated / 3.0])
+
+    @property
     def by_gains(self) -> str:
         """`RECOVERED` if M_bar and the error's gain are the expected ones to a factor of two, `NONE` if not.
 
@@ -117,6 +149,11 @@ class Recovered:
         expected, (gain, gain_half) = self.expected.control.gains.M_bar.si[self.place], self.position_gain
         M_bar = self.best.parameters[2] / expected
         unit = 1.0 if M_bar < np.sqrt(DEGREES_PER_RADIAN) else DEGREES_PER_RADIAN
+        # In another unit of the torque only the published number itself tells.
+        others = np.outer((1.0, DEGREES_PER_RADIAN), self.torque_units).ravel()
+        nearest = float(others[np.argmin(np.abs(np.log(np.abs(M_bar) / others)))])
+        if abs(M_bar / nearest - 1.0) <= SAME_NUMBER and not 1.0 / NEAR <= M_bar / unit <= NEAR:
+            unit = nearest
         ratios = np.array([M_bar / unit, gain])
         half = np.array([self.best.half[2] / expected / unit, gain_half])
         low, high = ratios - half, ratios + half
@@ -151,17 +188,41 @@ class Recovered:
     @property
     def weights(self) -> str:
         """Interpretation of Eq. (15) that alone has the weights of a recovered log."""
-        if self.answer != RECOVERED:
-            # Noise of the record makes light weights fit best, whatever the true ones.
-            return ""
+        # Noise of the record makes light weights fit best, whatever the true ones.
+        return self.nearest_weights if self.answer == RECOVERED else ""
+
+    @property
+    def nearest_weights(self) -> str:
+        """Interpretation of Eq. (15) that alone has the weights of the best fit."""
         alpha = self.expected.control.gains.alpha.si
         named = {"tde": np.array([1.0, 0.0])} | {
             name: estimator_weights(alpha, name)[:, self.place]
             for name in ("interpolating", "extrapolating", "swapped")
         }
-        reach = self.best.half[:2] + CLOSE
+        reach = self.half[:2] + CLOSE
         near = [name for name, w in named.items() if (np.abs(w - self.best.parameters[:2]) <= reach).all()]
         return near[0] if len(near) == 1 else ""
+
+    @property
+    def sentence(self) -> str:
+        """The answer in plain words."""
+        where = f"{self.run}, joint {self.joint}"
+        if self.answer == UNTOLD:
+            return f"{where}: cannot tell. {self.advice}"
+        if self.answer == NONE:
+            return f"{where}: none of the paper's controllers. {self.advice}".rstrip()
+        is_linear, how = self.best.hypothesis.surface == LINEAR, _WEIGHTS.get(self.weights, "of its own")
+        plain = "Controller 3" if is_linear else "Controller 2"
+        with_alpha = "Controller 3 with α" if is_linear else "Controller 1"
+        which = plain if self.weights == "tde" else f"{with_alpha}, weights {how}"
+        M_bar, (gain, _) = self.best.parameters[2], self.position_gain
+        published = float(self.expected.control.gains.M_bar.si[self.place])
+        others = abs(M_bar / published - 1.0) > CLOSE or abs(gain - 1.0) > OTHER
+        readings = self.best.hypothesis.name
+        text = f"{where}: {which}, {'other gains' if others else 'gains as published'}"
+        text += "" if readings == "printed" else f", with {readings}"
+        as_good = len(equally_good(self.found)) - 1
+        return f"{text}. {f'{as_good} other interpretations fit as well.' if as_good else ''}".rstrip()
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
         """Name, value, half of the 90 % interval and expected value.
@@ -169,7 +230,7 @@ class Recovered:
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
         gains, i = self.expected.control.gains, self.place
-        values, half = self.best.parameters, self.best.half
+        values, half = self.best.parameters, self.half
         yield "w_1", values[0], half[0], None
         yield "w_2", values[1], half[1], None
         yield "M_bar", values[2], half[2], float(gains.M_bar.si[i])
@@ -193,13 +254,12 @@ def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
 
 def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
     """Runs with torque, desired and measured angles, and these angles' rounding (n,)."""
-    for name, trace in file.runs.items():
-        torque = "tau_cmd" if "tau_cmd" in trace else "tau_m"
-        if name in DECOUPLING_RUNS or not all(one in trace for one in (torque, "q_encoder", "q_d")):
+    for name, recorded in file.runs.items():
+        torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
+        if name in DECOUPLING_RUNS or not all(one in recorded for one in (torque, "q_encoder", "q_d")):
             continue
-        L = float(np.median(np.diff(trace.time)))
-        q_d = trace["q_d"]
-        dq_d = trace["dq_d"] if "dq_d" in trace else np.gradient(q_d, L, axis=0)
+        trace, L = on_its_samples(recorded)
+        q_d, dq_d, ddq_d = desired_motion(trace, L)
         step = expected.manipulator.encoders.joint.resolution.si
         freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
         S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
@@ -210,7 +270,7 @@ def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace,
             q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
             q_d=q_d,
             dq_d=dq_d,
-            ddq_d=trace["ddq_d"] if "ddq_d" in trace else np.gradient(dq_d, L, axis=0),
+            ddq_d=ddq_d,
             command=trace[torque],
             applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
             S=S,
@@ -262,13 +322,13 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
 
 def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
-    published = load_config(None, "compare")
-    assert isinstance(published.config, CompareConfig)
+    paper = load_config(None, "compare")
+    assert isinstance(paper.config, CompareConfig)
     runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
-    if not any(read_logs(both, published.config)):
+    if not any(read_logs(both, paper.config)):
         return []
-    return [_data(one) for one in recovered(both, published, talk)]
+    return [_data(one) for one in recovered(both, paper, talk)]
 
 
 def study_recover(path: Path, talk: Talk) -> Outcome:
@@ -290,7 +350,8 @@ def study_recover(path: Path, talk: Talk) -> Outcome:
         "gains_from": "configuration" if own else "paper",
         "runs": [_data(one) for one in held],
     }
-    return Outcome(data, [*([OWN_GAINS] if own else []), *_tables(held)])
+    sentences = "\n".join(one.sentence for one in held)
+    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(held)])
 
 
 def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
@@ -304,6 +365,7 @@ def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
 
 def _data(one: Recovered) -> dict[str, Any]:
     head: dict[str, Any] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
+    head["sentence"] = one.sentence
     if not one.found:
         return head
     return head | {
@@ -312,7 +374,7 @@ def _data(one: Recovered) -> dict[str, Any]:
         "weights": one.weights,
         "parameters": {
             name: {"value": value, "half_90": half, "published": published}
-            for name, value, half, published in one.parameters()
+            for name, value, half, published in (one.parameters() if one.prints_weights else ())
         },
         "equally_good": [_named(fit) for fit in equally_good(one.found)],
         "unexplained": one.unexplained,
@@ -320,8 +382,8 @@ def _data(one: Recovered) -> dict[str, Any]:
         "torque_rounding": one.torque_rounding,
         "angle_rounding": one.angle_rounding,
         "period": one.log.L,
-        "position_gain": one.position_gain[0],
-        "position_gain_half_90": one.position_gain[1],
+        "position_gain": one.position_gain[0] if one.prints_weights else None,
+        "position_gain_half_90": one.position_gain[1] if one.prints_weights else None,
         "condition": one.best.condition,
         "bias": one.best.bias,
         "samples": one.best.samples,
@@ -339,10 +401,10 @@ def _tables(held: list[Recovered]) -> list[Table]:
             "run": one.run,
             "joint": one.joint,
             "answer": one.answer,
-            "surface": one.best.hypothesis.surface if one.found else None,
-            "readings": one.best.hypothesis.name if one.found else None,
+            "surface": one.best.hypothesis.surface if one.prints_weights else None,
+            "readings": one.best.hypothesis.name if one.prints_weights else None,
             "as_good": len(equally_good(one.found)) - 1 if one.found else None,
-            "weights": one.weights if one.found else None,
+            "weights": one.weights or None,
             "unexplained": one.unexplained if one.found else None,
             "advice": one.advice,
         }
@@ -356,6 +418,7 @@ def _tables(held: list[Recovered]) -> list[Table]:
             for key, number in ((name, value), (f"{name}_half_90", half))
         }
         for one in fitted
+        if one.prints_weights
     ]
     tried = [
         {

@@ -51,7 +51,8 @@ def draw_sweep(data: Mapping[str, Any]) -> style.Drawing:
         f"Diverged: {', '.join(data['diverged']) or 'none'}. "
         f"Configuration {data['config']}, sweep {data['config_sha256'][:12]}."
     )
-    origin = f"Open: ringing; cross: did not last. Configuration {data['config_sha256'][:8]}"
+    made = f"Simulated, configuration {data['config_sha256'][:8]}"
+    origin = f"Open: ringing; cross: did not last. {made}"
     return style.Drawing("sweep", figure, named, caption, origin=origin)
 
 

@@ -37,4 +37,4 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
         f"Errors over the printed ones under the reading {held['name']}: best plant (circle) and the range "
         f"of the {held['near_count']} seeds that miss what was fitted by at most {held['near_limit']:.3g}."
     )
-    return rows_figure("identify_numbers", [""], names, draw, caption)
+    return rows_figure("identify_numbers", [""], names, draw, caption, "Simulated, fitted to the print")

@@ -103,7 +103,7 @@ def trapezoidal(amplitude: float, velocity: float, acceleration: float, hold: fl
         q = sense * (0.5 * up**2 + ramp * np.maximum(x - ramp, 0.0) - 0.5 * down**2)
         dq = sense * (up - down)
         moving = (t >= 0.0) & (t < rise)
-        ddq = sense * moving * ((t < ramp).astype(float) - (t >= rise - ramp))
+        ddq = sense * moving * (1.0 * (t < ramp) - (t >= rise - ramp))
         return q, dq, ddq
 
     return _up_and_down(stroke, rise + hold)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.contents import AS_PUBLISHED, BOTH, CHANGED, STEPS, by_name, labelled
+from tendonrepro.reporting.contents import BOTH, GROUPS, SHOWN, STEPS, by_name, labelled
 from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -41,10 +41,10 @@ _LABELLED = 0.08
 @journal_style()
 def draw_orders(summary: Mapping[str, Any]) -> Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
-    groups = {"Equations as published": AS_PUBLISHED, "Equations changed": CHANGED}
     rows: list[tuple[str, Any]] = []
-    for title, names in groups.items():
-        rows += [(title, None), *labelled(summary, names)]
+    for title, names in GROUPS.items():
+        if held := labelled(summary, names):
+            rows += [(title, None), *held]
     labels, readings = zip(*rows, strict=True)
     figure = open_figure(PAGE_MM, 22.0 + 5.6 * len(rows))
     panel = figure.subplots()
@@ -58,7 +58,7 @@ def draw_orders(summary: Mapping[str, Any]) -> Drawing:
         axis.tick_params("y", length=0.0)
         axis.spines[side].set_visible(False)
     for tick in panel.get_yticklabels():
-        tick.set_fontweight("bold" if tick.get_text() in groups else "normal")
+        tick.set_fontweight("bold" if tick.get_text() in GROUPS else "normal")
     shares = np.array([order_shares(reading) if reading else [0.0] * 4 for reading in readings]).T
     left = np.zeros(len(rows))
     for (label, (colour, ink)), share in zip(_LOOKS.items(), shares, strict=True):
@@ -87,7 +87,7 @@ def order_shares(reading: Mapping[str, Any]) -> list[float]:
 @journal_style()
 def draw_ranges(summary: Mapping[str, Any]) -> Drawing:
     """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
-    labels, readings = zip(*labelled(summary, AS_PUBLISHED | CHANGED), strict=True)
+    labels, readings = zip(*labelled(summary, SHOWN), strict=True)
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
     panels = figure.subplots(1, 2, sharey=True)
     joint_2, joint_3 = (published().number(f"table2.controller_1.mae.joint_{joint}") for joint in COMPARED)

@@ -53,6 +53,8 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 
 def base_of_paper(config: CompareConfig) -> bool:
     """Whether the plants of an ensemble are drawn around the paper's arm, gains and payload."""
+    if config.joints != COMPARED:
+        return False
     gains = {name: held.si for name, held in config.control.gains if held}
     return is_arm_of_paper(config.manipulator) and all(
         _driven_as_paper(name, run.law, gains, run.payload.si)
@@ -119,12 +121,13 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
         ``<metric>_deg`` of `METRICS`.
     plausible : dict
         ``<metric>_low_deg`` and ``<metric>_high_deg``, ends of the central 90 % of the shipped box's plants
-        that are stable under all controllers, with the equations as printed (docs/verdicts.md).
+        that are stable under all controllers, with the equations as printed (docs/verdicts.md). They are of
+        whole runs that start on their reference.
     """
     # What the paper prints twice is found where it stands first.
     row = "table3.with_load" if trace.name == "controller_1_payload" else f"table2.{trace.name}"
     papers = of_paper(file, trace)
-    as_printed = papers and not changed_readings(trace)
+    as_printed = papers and not changed_readings(trace) and not _differs(trace)
     printed: dict[str, Array] = {}
     plausible: dict[str, Array] = {}
     for metric in METRICS:
@@ -135,6 +138,13 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
         low, high = np.where(as_printed, ends, np.nan).T
         plausible |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
     return printed, plausible
+
+
+def _differs(trace: Trace) -> bool:
+    """Whether a run starts off its reference, has other friction, or leaves out its start."""
+    held = trace.attributes
+    apart = bool(np.any(held.get("start_offset", 0.0))) or held.get("friction_scale", 1.0) != 1.0
+    return apart or held.get("errors_from", 0.0) > 0.0
 
 
 @cache

@@ -17,6 +17,7 @@ from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
+from tendonrepro.simulation.codegen.callback import on_array_code
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, Written, lane_code, remembered
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
@@ -92,13 +93,15 @@ def sample_code(numbers: LawNumbers, command: CommandFunction) -> Written:
 
 @remembered
 def slope_code(plant: Plant) -> Written:
-    """Source of ``slope``: the state's derivative at a time into row ``slope``."""
+    """Source of ``slope``: the derivative at a time and a state, an array of SciPy's, into another."""
     n = plant.preload.shape[0]
     code = Writer(experiment_rows(n))
     x = code.rows.parameters(code.tape, plant)
     t: Any = code.tape.write("time")
     code.write("slope", state_derivative(t, code.read("state", 4 * n), code.read("torque", n), x))
-    return {"slope": code.source("slope")}, code.rows
+    named = code.rows.named
+    outer = on_array_code("slope", "derivative", named["state"], named["slope"], 4 * n)
+    return {"slope": code.source("derivative") + outer}, code.rows
 
 
 def experiment_tape(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from scipy.integrate import ode
@@ -15,6 +14,7 @@ from scipy.integrate import ode
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.simulation import sampled
+from tendonrepro.simulation.codegen.callback import callable_on_array
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code
 from tendonrepro.simulation.loop import Loop, Solver, recorded_columns, trace_variables
@@ -96,17 +96,7 @@ class Arm:
         self.state = self.rows[: 4 * n, 0]
         self.torque = self.rows[named["torque"] :, 0][:n]
         self.state[:] = self.rest.state
-        slope = self.rows[named["slope"] :, 0][: 4 * n]
-        run, address = callable_code(part.code["slope"]), self.rows.ctypes.data
-        # SciPy calls this some thirty times a period; a memory view is filled in half the time of an array.
-        state: Any = memoryview(self.state.data)
-
-        def derivative(t: float, x: Array) -> Array:
-            state[:] = x
-            run(address, 0.0, t)
-            return slope
-
-        self.slope = derivative
+        self.slope = callable_on_array(part.code["slope"], self.rows, np.empty(4 * n))
 
 
 def _filled(part: CompiledPart) -> Array:

@@ -10,10 +10,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk, count_of
+from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
@@ -39,6 +42,7 @@ EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 
 _MOTION = ("run", "joints", "period_s", "begin_s", "spacing_s", "deviation_deg", "brought_to_rest")
 _RESIDUALS = ("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s")
+_READ_OFF = ("e_rms_deg", "e_rms_low_deg", "e_rms_high_deg")
 _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "advice")
 """Columns that the terminal shows."""
 
@@ -75,7 +79,10 @@ def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: 
     tables, reference = measured.tables, measured.reference
     judged = judge_measured(measured, paper)
     models, missing = reruns(measured, base, path.name, folder, talk)
-    rows = [row for name, model in models.items() for row in comparison_rows(file.runs[name], model)]
+    timing = timing_of(file, reference)
+    starts = {name: timing[name].start for name in models if name in timing}
+    pairs = [(file.runs[name], model, starts.get(name, -np.inf)) for name, model in models.items()]
+    rows = [row for pair in pairs for row in comparison_rows(*pair)]
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
     closest = closest_window(tables)
@@ -120,7 +127,10 @@ def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Ite
     motion = [data["reference"]] if data["reference"] else []
     yield from shown("motion", "The desired motion, sampled to run again.", motion, _MOTION)
     yield claims_table(data["claims"])
-    yield from shown("residuals", "Measured less simulated.", data["residuals"]["rows"], _RESIDUALS)
+    residuals = data["residuals"]["rows"]
+    is_read_off = any("reading_error_deg" in row for row in residuals)
+    columns = (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
+    yield from shown("residuals", "Measured less simulated.", residuals, columns)
     yield from shown("coupling", "Angles through the coupling.", data["residuals"]["coupling"], ())
     controllers = [{name: row.get(name) for name in _CONTROLLERS} for row in data["controllers"]]
     yield from shown("controllers", "Controllers of the runs, as recover finds.", controllers, _CONTROLLERS)

@@ -47,7 +47,7 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
                     _lay_over(sheet, spec.draw(file, [one]), one, _WIDE * _WIDER**-above)
                     drawn.append(one)
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
-        return sheet.finish(name, caption_of(name, sheet, _made(traces, drawn)), origin)
+        return sheet.finish(name, caption_of(name, measured, sheet, _made(traces, drawn)), origin)
 
 
 def _made(measured: list[Trace], simulated: list[Trace]) -> str:

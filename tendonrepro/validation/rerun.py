@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.parallel import workers
 from tendonrepro.physics.metrics import mean, start_level
-from tendonrepro.results.records import PlantRecord, Trace, TraceFile
+from tendonrepro.results.records import READ_OFF, PlantRecord, Trace, TraceFile
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.traces import write_traces
@@ -186,16 +187,18 @@ def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
     return np.array([starts.get(joint, 0.0) for joint in joints])
 
 
-def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any]]:
+def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, Any]]:
     """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
-    The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*`` are measured less simulated;
-    ``lag_s`` is positive where the measurement is late.
+    The motion begins at `start`, s. The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*``
+    are measured less simulated; ``lag_s`` is positive where the measurement is late. Of curves that were read
+    off a figure the RMS has a band, by as much as the reading error.
     """
     joints = [joint for joint in measured.joint if joint in simulated.joint]
     ours, model = measured.of_joints(joints), simulated.of_joints(joints)
     edge = 1e-9 + 1e-6 * (model.time[1] - model.time[0])
-    inside = (ours.time >= model.time[0] - edge) & (ours.time <= model.time[-1] + edge)
+    first_time = max(model.time[0] - edge, start - 0.5 * float(np.median(np.diff(ours.time))))
+    inside = (ours.time >= first_time) & (ours.time <= model.time[-1] + edge)
     time = ours.time[inside]
     both = [name for name in ("e", "q_encoder", "q_d", "q_calculated") if name in ours and name in model]
     first = {name: ours[name][inside] for name in both}
@@ -209,6 +212,7 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any
             columns |= {"measured_mae_deg": sizes[0], "simulated_mae_deg": sizes[1]}
             columns |= {"mae_ratio": sizes[0] / sizes[1], "e_samples": np.isfinite(apart["e"]).sum(axis=0)}
             columns |= _differences("e_", apart["e"])
+            columns |= _band(columns["e_rms_deg"], reading_error(ours))
             columns["e_correlation"] = _correlation(first["e"], second["e"])
         if "q_encoder" in both:
             columns["q_samples"] = np.isfinite(apart["q_encoder"]).sum(axis=0)
@@ -221,6 +225,22 @@ def comparison_rows(measured: Trace, simulated: Trace) -> Iterator[dict[str, Any
         columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae"]
     for place, joint in enumerate(joints):
         yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
+
+
+def reading_error(trace: Trace) -> float:
+    """Error of a run's tracking error that was read off a figure, rad; 0 if it was recorded."""
+    direct = float(trace.attributes.get(f"{READ_OFF}e", 0.0))
+    parts = [float(trace.attributes.get(f"{READ_OFF}{name}", 0.0)) for name in ("q_d", "q_encoder")]
+    return direct or math.hypot(*parts)
+
+
+def _band(rms: Array, error: float) -> Sizes:
+    """RMS of a residual less and plus the reading error, deg: that of the true one lies between."""
+    if not error:
+        return {}
+    degrees = np.full_like(rms, np.rad2deg(error))
+    band = {"e_rms_low_deg": np.maximum(rms - degrees, 0.0), "e_rms_high_deg": rms + degrees}
+    return {"reading_error_deg": degrees, **band}
 
 
 def at(trace: Trace, name: str, time: Array) -> Array:

@@ -19,7 +19,7 @@ from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")
-SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii")
+SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii", "typical")
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,10 @@ from matplotlib.axis import Tick
 from matplotlib.text import Text
 from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, tables_of, text_of
 
+from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
-from tendonrepro.reporting.contents import AS_PUBLISHED, BOTH, CHANGED, STEPS, numbers
+from tendonrepro.reporting.contents import BOTH, SHOWN, STEPS, numbers
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 
@@ -159,9 +161,14 @@ def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings:
     assert readings["printed"]["c2_c3"]["joint_2"]["median"] == pytest.approx(1.032, rel=0.005)
 
 
+def test_what_is_shown_is_drawn_by_default() -> None:
+    """By the very names that the next ensemble gives its readings."""
+    assert SHOWN.keys() <= {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
+
+
 def test_picture_of_the_orders(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
     """A bar for each kind of order of each reading that has a label; those of a reading fill its row."""
-    shown = [readings[name] for name in AS_PUBLISHED | CHANGED]
+    shown = [readings[name] for name in SHOWN if name in readings]
     widths = [[bar.get_width() for bar in bars] for bars in pictures["orders"].axes[0].containers]
     rows = [row for row in zip(*widths, strict=True) if sum(row)]
     assert len(rows) == len(shown)
@@ -200,7 +207,9 @@ def test_picture_of_the_ranges(readings: dict[str, Any], pictures: dict[str, Dra
     ratio, joints = pictures["ranges"].axes
     bars = [segment[:, 0] for segment in ratio.collections[0].get_segments()]
     ends = [
-        [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")] for name in AS_PUBLISHED | CHANGED
+        [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")]
+        for name in SHOWN
+        if name in readings
     ]
     assert np.array(bars) == pytest.approx(np.array(ends))
     left, right = ratio.get_xlim()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -13,13 +13,23 @@ from support.command import answer
 
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
-from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, Recovered, read_logs, recovered
+from tendonrepro.evidence.recover import (
+    NONE,
+    RECOVERED,
+    UNTOLD,
+    Recovered,
+    _data,
+    _tables,
+    read_logs,
+    recovered,
+)
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -30,16 +40,20 @@ STEP = np.deg2rad(360 / 16384)
 
 
 @cache
-def run(*readings: str, controller: int = 1) -> TraceFile:
-    """One short run under readings ``axis=value``."""
-    changed = {f"control.readings.{axis}": value for axis, value in (one.split("=") for one in readings)}
+def run(*readings: str, controller: int = 1, more: tuple[tuple[str, Any], ...] = ()) -> TraceFile:
+    """One short run under readings ``axis=value``, and with more keys set."""
+    pairs = (one.split("=") for one in readings)
+    changed = dict(more) | {f"control.readings.{axis}": value for axis, value in pairs}
     file = tr.compare(set=SHORT | changed, controllers=[controller])._file
     assert file is not None
     return replace(file, runs={f"controller_{controller}": file.runs[f"controller_{controller}"]})
 
 
 def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every: int = 1) -> TraceFile:
-    """The file as a recorder of few digits, or a slow one, would keep it, with the applied torque alone."""
+    """The file as a recorder of few digits, or a slow one, would keep it, every column rounded.
+
+    It has angles and the applied torque alone.
+    """
 
     def coarse(values: Any, step: float) -> Any:
         return np.round(values / step) * step if step else values
@@ -47,7 +61,7 @@ def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every:
     name, trace = next(iter(file.runs.items()))
     values = {
         "q_encoder": coarse(trace["q_encoder"], np.deg2rad(angle_deg)),
-        "q_d": trace["q_d"],
+        "q_d": coarse(trace["q_d"], np.deg2rad(angle_deg)),
         "tau_m": coarse(trace["tau_m"], torque),
     }
     variables = {key: value[::every] for key, value in values.items()}
@@ -133,6 +147,47 @@ def test_weights_survive_the_rounding_of_a_record(weights: str) -> None:
     older = {"interpolating": 0.2, "extrapolating": -0.2}[weights]
     assert (one.answer, one.weights) == (RECOVERED, weights)
     assert one.best.parameters[1] == pytest.approx(older, abs=max(3 * one.best.half[1], 0.002))
+
+
+READINGS = [
+    f"{axis}={value}"
+    for axis, field in Readings.model_fields.items()
+    for value in get_args(field.annotation)
+    if value != getattr(PUBLISHED.config.control.readings, axis)
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reading", READINGS)
+def test_no_reading_of_the_package_is_taken_for_another_controller(reading: str) -> None:
+    file = run(reading, more=(("reference.amplitude", 4),))
+    if file.runs["controller_1"].status == "diverged":
+        pytest.skip("this plant does not hold that loop")
+    assert joint_3(file).answer != NONE
+
+
+@pytest.mark.usefixtures("one_filter")
+def test_a_log_with_lost_samples_and_a_jittering_clock() -> None:
+    file = run()
+    name, trace = next(iter(file.runs.items()))
+    rng = np.random.default_rng(2)
+    kept = np.sort(rng.choice(len(trace.time), size=int(0.97 * len(trace.time)), replace=False))
+    time = trace.time[kept] + rng.normal(scale=2e-5, size=len(kept))
+    held = {key: trace[key][kept] for key in ("q_encoder", "q_d", "dq_d", "ddq_d", "tau_m")}
+    other = Trace(name, time, trace.joint, held, trace.attributes)
+    one = joint_3(replace(file, runs={name: other}))
+    assert (one.answer, one.weights) == (RECOVERED, "interpolating")
+
+
+@pytest.mark.usefixtures("one_filter")
+def test_numbers_of_a_log_that_cannot_tell_are_not_given() -> None:
+    one = joint_3(rounded(run(), torque=2.0))
+    assert one.answer == UNTOLD
+    (row,) = _tables([one])[0].rows
+    assert row["surface"] is None
+    assert not _tables([one])[1].rows
+    assert _data(one)["parameters"] == {}
+    assert one.advice in one.sentence
 
 
 @pytest.mark.usefixtures("one_filter")

@@ -23,7 +23,7 @@ from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.run import outcome_of
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, shown
 from tendonrepro.results.figures.panels import FigureArtists, thin
-from tendonrepro.results.figures.style import SERIES, journal_style, save_drawing
+from tendonrepro.results.figures.style import SERIES, imprint, journal_style, open_figure, save_drawing
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -440,6 +440,24 @@ def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
     assert [text.get_text() for text in errors_below.texts] == ["not recorded"]
     assert "fig15" not in available(make_compare_file(without=("s", "H_hat", "tau_m")))
     assert not {"fig13", "fig14", "fig16"} & set(available(make_compare_file(without=("q_encoder", "e"))))
+
+
+def test_what_a_caption_says_of_the_paper_stands_at_its_own_arm_alone() -> None:
+    other = replace(decouple_file().plant, attributes={"arm": "SYNTHETIC"})
+    for name in ("fig06", "fig10"):
+        told = draw(name, replace(decouple_file(), plant=other)).caption
+        assert FIGURES[name].of_paper not in told
+        assert FIGURES[name].of_paper in drawn(name).caption
+
+
+def test_what_stands_below_a_figure_wraps_wherever_it_must() -> None:
+    with journal_style():
+        figure = open_figure(85.0, 60.0)
+        imprint(figure, f"Simulated, configuration {'x' * 300} and more")
+        box = figure.texts[0].get_window_extent()
+    assert 0.0 <= box.xmin < box.xmax <= figure.bbox.width
+    said = "".join(figure.get_supxlabel().split())
+    assert said == f"Simulated,configuration{'x' * 300}andmore"
 
 
 def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() -> None:

@@ -208,13 +208,18 @@ def test_the_range_of_plausible_plants_is_that_of_the_ledger() -> None:
     of_2, of_3 = next(controller_rows(file)), next(load_rows(file))
     assert of_2["mae_low_deg"] == of_3["mae_low_deg"]
     assert not any("mae_low_deg" in row for row in controller_rows(another(file, "motion")))
-    other = {"readings": {"weights": "extrapolating"}}
-    runs = {
-        name: dataclasses.replace(trace, attributes={**trace.attributes, **other})
-        for name, trace in file.runs.items()
-    }
-    read_otherwise = controller_rows(dataclasses.replace(file, runs=runs))
-    assert all("mae_low_deg" not in row and row["mae_printed_deg"] > 0.0 for row in read_otherwise)
+    for other in (
+        {"readings": {"weights": "extrapolating"}},
+        {"errors_from": 2.0},
+        {"start_offset": [0.0, 0.01]},
+        {"friction_scale": 1.2},
+    ):
+        runs = {
+            name: dataclasses.replace(trace, attributes={**trace.attributes, **other})
+            for name, trace in file.runs.items()
+        }
+        rows = controller_rows(dataclasses.replace(file, runs=runs))
+        assert all("mae_low_deg" not in row and row["mae_printed_deg"] > 0.0 for row in rows)
 
 
 def test_motors_have_torque_tension_and_a_limit_by_their_joints() -> None:

@@ -15,6 +15,7 @@ from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
+from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs, fitted_under
 
@@ -30,7 +31,8 @@ class FigureSpec:
     """What a figure shows and needs.
 
     Of its `runs`, by default the comparison's without payload, those are drawn that hold all `joints` and all
-    variables it `needs`, or `some`. The plant record must hold `plant`.
+    variables it `needs`, or `some`. The plant record must hold `plant`. What is said `of_paper` ends
+    the caption where the arm is the paper's.
     """
 
     draw: Callable[[TraceFile, list[Trace]], Canvas]
@@ -40,6 +42,7 @@ class FigureSpec:
     some: bool = False
     plant: tuple[str, ...] = ()
     joints: tuple[int, ...] = ()
+    of_paper: str = ""
 
     def traces(self, file: TraceFile) -> list[Trace]:
         """Runs of a file that can be drawn; none when the figure cannot be."""
@@ -83,7 +86,7 @@ def draw(figure: str | int, file: TraceFile) -> FigureArtists:
         raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
     with journal_style():
         canvas = spec.draw(file, traces)
-        caption = caption_of(name, canvas, f"{file.source.capitalize()}, {runs_of(traces)}")
+        caption = caption_of(name, file, canvas, f"{file.source.capitalize()}, {runs_of(traces)}")
         return canvas.finish(name, caption, origin_of(file))
 
 
@@ -114,11 +117,13 @@ def origin_of(file: TraceFile) -> str:
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
-def caption_of(name: str, canvas: Canvas, made: str) -> str:
+def caption_of(name: str, file: TraceFile, canvas: Canvas, made: str) -> str:
     """Caption of a figure on its canvas: what it shows, how that was `made`, and the window of time."""
     windows = " and ".join(f"{start:.4g} to {end:.4g} s" for start, end in canvas.windows)
     title = [f"{title_of(name)}."] if title_of(name) != name else []
-    return " ".join([*title, FIGURES[name].caption, f"{made}, {windows}."])
+    spec = FIGURES[name]
+    beside = [spec.of_paper] if spec.of_paper and of_paper(file) else []
+    return " ".join([*title, spec.caption, *beside, f"{made}, {windows}."])
 
 
 def runs_of(traces: list[Trace]) -> str:
@@ -132,17 +137,18 @@ def runs_of(traces: list[Trace]) -> str:
 FIGURES: dict[str, FigureSpec] = {
     "fig06": FigureSpec(
         paper.draw_pull,
-        "Motor 1 turns alone, motors 2 and 3 hold: the arm with its tendons at the start and when motor 1 "
-        "has turned farthest, and the angles on the way. Joint 2 moves all the same. By the printed coupling "
-        "it turns as joint 1. Section 3.1 says the opposite way: link 2 would lie on the dashed line.",
+        "Motor 1 turns alone, the others hold: the arm with its tendons at the start and when motor 1 has "
+        "turned farthest, and the angles on the way. Joint 2 moves all the same.",
         ("q_motor_encoder", "q_encoder"),
         ("pull_tendon_1",),
         plant=("S", "length", "posture"),
         joints=(1, 2),
+        of_paper="By the printed coupling joint 2 turns as joint 1. Section 3.1 says the opposite way: link "
+        "2 would lie on the dashed line.",
     ),
     "fig09": FigureSpec(
         paper.draw_motor_angles,
-        "Angles of the three motors.",
+        "Angles of the motors.",
         ("q_motor_encoder",),
         ("decouple",),
     ),
@@ -150,10 +156,11 @@ FIGURES: dict[str, FigureSpec] = {
         f"fig{9 + joint:02d}": FigureSpec(
             partial(paper.draw_joint, joint=joint),
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference, whose "
-            "steps are those of the encoder. The paper gives no size of the difference.",
+            "steps are those of the encoder.",
             ("q_calculated", "q_encoder"),
             ("decouple",),
             joints=(joint,),
+            of_paper="The paper gives no size of the difference.",
         )
         for joint in (1, 2, 3)
     },

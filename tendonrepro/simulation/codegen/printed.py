@@ -119,7 +119,7 @@ def function_source(
         (
             dialect.head.format(name=name, arrays=parameters),
             *([dialect.constant.format(names=constants)] if constants else []),
-            *(f"{array}[{place}]={printer.value(value)};" for (array, place), value in values.items()),
+            *(f"{array}[{place}]={_bare(printer.value(value))};" for (array, place), value in values.items()),
             "}",
         )
     )
@@ -140,7 +140,7 @@ class _Printer:
         self._texts[x] = text
         if shared or len(text) > LONGEST:
             self._names[x] = _short_name(len(self._names))
-            self.definitions.append(f"{self._names[x]}={text}")
+            self.definitions.append(f"{self._names[x]}={_bare(text)}")
 
     def value(self, operand: str | float) -> str:
         """Text of an operand."""
@@ -193,6 +193,16 @@ class _Printer:
             operation, operation
         )
         return self._dialect.call.format(function=function, arguments=",".join(words))
+
+
+def _bare(text: str) -> str:
+    """An expression without the parentheses around all of it."""
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return text[1:-1] if text[0] == "(" and k == len(text) - 1 else text
+    return text
 
 
 def _short_name(number: int) -> str:
