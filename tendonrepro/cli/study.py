@@ -235,9 +235,9 @@ def report(
     Parameters
     ----------
     results
-        Folder above the results.
+        Folder above the results, or a result.
     out
-        HTML file to write [default: report.html in that folder].
+        HTML file to write [default: report.html in that folder, or NAME.html beside a result].
     force
         Overwrite a file that is no report.
     """
