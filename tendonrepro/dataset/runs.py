@@ -104,7 +104,8 @@ class Assembly:
                 kept = np.isfinite(time)
                 for column in columns:
                     use = uses[column]
-                    values = _in_si(source.columns[column][rows], use)[kept]
+                    values = _in_si(_taken(source.columns[column], rows), use)
+                    values = _taken(values, kept)
                     series[use] = (
                         in_order(time[kept], values) if run.reading_error_deg else (time[kept], values)
                     )
@@ -197,6 +198,11 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
         if column in source.columns and table in ("", source.name, source.last):
             found[column] = use
     return found
+
+
+def _taken(values: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values of rows, without a copy of a long log where these are all."""
+    return values if rows.all() else values[rows]
 
 
 def _in_si(values: NDArray[Any], use: Use) -> Array:

@@ -46,6 +46,12 @@ from tendonrepro.simulation.resolution import STEPS, TOLERANCE
 
 FOLDER = Path(__file__).parent / "page"
 
+UPLOT = {
+    "uplot.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "uplot.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+}
+"""SHA-256 of ``dist/uPlot.iife.min.js`` and ``dist/uPlot.min.css`` of npm's uPlot 1.6.32, unchanged."""
+
 DRY_FRICTION = "manipulator.friction.winch.coulomb"
 """Off in most arms; a plant without it takes two thirds of the time."""
 

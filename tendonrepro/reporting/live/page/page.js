@@ -310,7 +310,8 @@ const known = new Map(); // results by run, with the job they are of
 let busy = false, wanted = null, since = 0;
 
 function changed(exact) {
-  writeAddress();
+  // Browsers refuse an address that changes a hundred times while a slider is dragged.
+  if (exact) writeAddress();
   compute(exact);
 }
 
