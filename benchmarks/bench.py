@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import random
 import re
 import statistics
 import subprocess
@@ -44,6 +45,9 @@ WATCH_INTERVAL = 0.05
 """Seconds between two looks at a command's memory."""
 HEAVY = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
 
+TEXT_ROWS, TEXT_SECONDS_BAR, TEXT_MEMORY_BAR_MB = 750_000, 1.5, 250.0
+TEXT_SIGNALS = ("q_d", "q", "dq", "tau")
+
 RATIO_BAR, COMMAND_SECONDS_BAR, COMMAND_MEMORY_BAR_MB, HELP_SECONDS_BAR = 5.0, 15.0, 680.0, 0.3
 
 
@@ -53,6 +57,7 @@ def main():
             "help": help_case(REPEATS),
             "import_heavy": import_case(),
             "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
+            "reading": reading_case(Path(folder)),
         }
     cases["commands_in_turns"] = commands_case()
     cases["first_compilation"] = compilation_case()
@@ -146,6 +151,35 @@ def command_case(arguments, repeats):
     say(f"{arguments[0]}: {seconds:.2f} s, {cpu_seconds:.2f} s of them computing, {memory:.0f} MB")
     what = f"tendonrepro {arguments[0]}, median of {repeats}"
     return case(what, 1.0 / seconds, None, None, bars) | {"cpu_seconds": cpu_seconds}
+
+
+def reading_case(folder):
+    """A made text of eight signals read by a process of its own."""
+    rng, path = random.Random(1), folder / "SYNTHETIC.csv"
+    with path.open("w") as stream:
+        stream.write(
+            "time (s)," + ",".join(f"{name}{joint}" for joint in (2, 3) for name in TEXT_SIGNALS) + "\n"
+        )
+        rows = ["".join(f",{rng.gauss(0.0, 30.0):.4f}" for _ in range(8)) for _ in range(1000)]
+        for k in range(TEXT_ROWS):
+            stream.write(f"{0.001 * k:.4f}{rows[k % 1000]}\n")
+    script = (
+        "import resource, sys, time; from pathlib import Path; "
+        "from tendonrepro.dataset.read import read_files; start = time.perf_counter(), time.process_time(); "
+        "read_files([Path(sys.argv[1])]); "
+        "print(time.perf_counter() - start[0], time.process_time() - start[1], "
+        "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    )
+    command = [sys.executable, "-c", script, str(path)]
+    runs = [
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout.split() for _ in range(3)
+    ]
+    seconds, cpu_seconds, memory = (statistics.median(float(run[k]) for run in runs) for k in range(3))
+    size = path.stat().st_size / 1e6
+    bars = {"seconds": bar(seconds, TEXT_SECONDS_BAR), "peak_memory_mb": bar(memory, TEXT_MEMORY_BAR_MB)}
+    say(f"reading {size:.0f} MB: {seconds:.2f} s, {cpu_seconds:.2f} s of them computing, {memory:.0f} MB")
+    what = f"a text of {size:.0f} MB read, median of 3"
+    return case(what, None, None, None, bars) | {"cpu_seconds": cpu_seconds}
 
 
 def help_case(repeats):

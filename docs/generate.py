@@ -62,7 +62,8 @@ def take(reports: Path) -> None:
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "compare").exists():
-        shutil.copy(reports / "compare" / "figures" / "fig14.png", DOCS)
+        for name in ("fig14", "samples"):
+            shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
     if (reports / "identify_all").exists():
         take_closest(reports / "identify_all")
     if (reports / "closest").exists():

@@ -184,7 +184,60 @@ def pictures() -> list[bytes]:
     return [base64.b64decode("".join(data["image/png"])) for data in shown if "image/png" in data]
 
 
+def one_line() -> str:
+    """A line of physics as tape, as instructions for eight experiments, as machine code, as JavaScript."""
+    from llvmlite import binding
+
+    from tendonrepro.simulation.codegen import machine, printed
+    from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape
+
+    def surface(de: Any, beta: Any, e: Any) -> Any:
+        return de + beta * e
+
+    tape, rows = LaneTape(), LaneRows()
+    lines = surface(*rows.variables(tape, "given", 3)).tape.lines
+    (result,) = rows.take("s", 1)
+    written = [
+        f"{name} = {' '.join(map(str, (operation, *operands)))}"
+        if operation == "row"
+        else f"{name} = {operands[0]} {operation} {operands[1]}"
+        for name, (operation, operands) in lines.items()
+    ]
+    source = machine.vector_code("surface", lines, {result: [*lines][-1]})
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    # A fixed processor, so that the page is the same wherever it is made.
+    target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
+    assembly = target.create_target_machine(cpu="x86-64-v3", opt=3).emit_assembly(
+        binding.parse_assembly(source)
+    )
+    instructions = [line.strip() for line in assembly.splitlines() if line.startswith("\tv")]
+    places = printed.PlacesTape()
+    value = surface(*places.places("given", 3))
+    script = printed.function_source(
+        "surface", places.lines, {("found", 0): value}, ("given", "found"), printed.JAVASCRIPT
+    )
+    return "\n\n".join(
+        (
+            code_block("", "\n".join(written)),
+            "The same as LLVM's instructions. A row is eight numbers, one of each experiment:",
+            code_block("llvm", source.strip()),
+            "LLVM makes machine code of them. A processor with AVX2 takes four numbers at once, so there are two "
+            "halves, and each product with its sum is one instruction:",
+            code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
+            "The same tape as JavaScript, for [the page in a browser](live.md):",
+            code_block("js", script),
+        )
+    )
+
+
+def code_block(language: str, text: str) -> str:
+    """Text in a fence."""
+    return f"```{language}\n{text}\n```"
+
+
 MAKERS: Mapping[str, Callable[[], str]] = {
+    "one line": one_line,
     "the box": lambda: table(contents.BOX_HEADS, contents.box_rows()),
     "the readings": readings,
     "the keys": keys,

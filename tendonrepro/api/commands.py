@@ -12,10 +12,10 @@ from tendonrepro.api.result import Result
 from tendonrepro.configuration.load import Config, LoadedConfig, load_config
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
-from tendonrepro.errors import DataMissingError
+from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.store import make_manifest, read_manifest
 from tendonrepro.results.study import Outcome
-from tendonrepro.results.traces import export_traces, read_traces
+from tendonrepro.results.traces import TRACES, export_traces, read_traces
 
 Changes: TypeAlias = Mapping[str, Any] | None
 Formats: TypeAlias = str | Sequence[str] | None
@@ -207,6 +207,7 @@ def identify(
     population: int = 48,
     seeds: int = 3,
     unknowns: int = 10,
+    rows: str = "",
     jobs: int = -1,
     out: str | Path = "reports/identify",
     formats: Formats = None,
@@ -223,6 +224,8 @@ def identify(
         Of each search, members of a generation, and searches of a reading.
     unknowns : int
         Parameters that are searched at most, those that move the fitted numbers most.
+    rows : str
+        Names of the parameters to search instead, comma-separated.
     config, readings, jobs, out, formats, figures, force
         As of `ensemble`.
     """
@@ -328,19 +331,23 @@ def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
 
 
 def open(folder: str | Path) -> Result:
-    """Read the stored result of `compare` or `decouple`, or a trace file of them.
+    """Read the stored result of any command, or a trace file; a measured one, too.
 
     Raises
     ------
     DataMissingError
         When there is none, or it is damaged.
     """
+    path = Path(folder)
+    if path.is_dir() and not (path / TRACES).exists():
+        found = read_result(path)
+        outcome = Outcome(found.data, list(found.tables.values()))
+        return Result(found.command, outcome, dict(found.manifest), _folder=path)
     from tendonrepro.experiments.run import outcome_of
 
-    file = read_traces(Path(folder))
-    manifest = json.loads(file.manifest_json)
-    if not isinstance(manifest.get("config"), dict):
-        raise DataMissingError("was measured, and no command made it", where=str(folder))
+    file = read_traces(path)
+    # A measured file has a mapping in place of a configuration.
+    manifest = {"config": {"sha256": file.config_sha256}, **json.loads(file.manifest_json)}
     return Result(file.experiment, outcome_of(file), manifest, file)
 
 

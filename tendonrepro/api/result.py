@@ -71,7 +71,10 @@ class Result:
 
         if self._folder is not None:
             paths = sorted(self._folder.rglob("*.csv"))
-            return {path.stem: pd.read_csv(path, float_precision="round_trip") for path in paths}
+            # From 3.1 on that is the default, and to ask for it a warning.
+            older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
+            exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}
+            return {path.stem: pd.read_csv(path, **exact) for path in paths}
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property

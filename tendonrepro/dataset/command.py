@@ -122,6 +122,8 @@ def run_ingest(
     notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
     inputs = list({source.file["name"]: source.file for source in sources}.values())
     told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
+    # The runs hold what is needed; the columns of a long log take as much again.
+    del assembly, sources
     digest = hashlib.sha256(text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {

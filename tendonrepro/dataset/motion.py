@@ -93,7 +93,7 @@ class Knots:
 class Beginning:
     """Where the motion of a run begins.
 
-    `period`, s, is 0 if it does not repeat; `begin` is in s after the first sample.
+    `period`, s, is 0 if it does not repeat, or nobody looked; `begin` is in s after the first sample.
     """
 
     run: str
@@ -188,7 +188,8 @@ def recover(file: TraceFile) -> Reference:
     """
     begun = beginning(file)
     end = float(begun.record.time[begun.record.moving()[1]])
-    return Reference(begun.run, begun.record, begun.period, begun.begin, thinned(begun.record), end)
+    knots, period = thinned(begun.record), repeat_after(begun.record)
+    return Reference(begun.run, begun.record, period, begun.begin, knots, end)
 
 
 def beginning(file: TraceFile) -> Beginning:
@@ -204,7 +205,7 @@ def beginning(file: TraceFile) -> Beginning:
         raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
     trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
-    return Beginning(trace.name, record, repeat_after(record), onset(record))
+    return Beginning(trace.name, record, 0.0, onset(record))
 
 
 def _complete(trace: Trace) -> bool:

@@ -65,7 +65,9 @@ class Assembly:
         time, found = self._signals(name, run)
         joints = tuple(sorted({use.joint for use in found}))
         variables: dict[str, Array] = {}
-        for use, values in found.items():
+        for use in list(found):
+            # A long log is in memory once, not twice.
+            values = found.pop(use)
             block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
             block[:, joints.index(use.joint)] = values
         if time[0] != 0.0:
@@ -102,7 +104,8 @@ class Assembly:
                 kept = np.isfinite(time)
                 for column in columns:
                     use = uses[column]
-                    values = _in_si(source.columns[column][rows], use)[kept]
+                    values = _in_si(_taken(source.columns[column], rows), use)
+                    values = _taken(values, kept)
                     series[use] = (
                         in_order(time[kept], values) if run.reading_error_deg else (time[kept], values)
                     )
@@ -140,8 +143,9 @@ class Assembly:
             raise ConfigError("its tables have no time in common", hint=hint)
         if beyond := len(first) - len(time):
             self.notes.append(f"{name}: {beyond} samples lie where another column has no times, left out")
-        if not all(np.array_equal(one, first) for one in times):
-            self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
+        if all(np.array_equal(one, first) for one in times):
+            return first, {use: values for use, (_, values) in series.items()}
+        self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
         return time, {use: np.interp(time, *one) for use, one in series.items()}
 
 
@@ -194,6 +198,11 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
         if column in source.columns and table in ("", source.name, source.last):
             found[column] = use
     return found
+
+
+def _taken(values: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values of rows, without a copy of a long log where these are all."""
+    return values if rows.all() else values[rows]
 
 
 def _in_si(values: NDArray[Any], use: Use) -> Array:

@@ -43,6 +43,8 @@ NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", 
 OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
 SAME_NUMBER = 0.02
 """How close M_bar comes to the published one times a unit of the torque."""
+WIDER = 1.25
+"""Factor on intervals of the weights: rounding of the reference is alike in all parts of a log."""
 OTHER = 0.1
 """Difference of the error's gain from the published one from which gains count as others."""
 _WEIGHTS = {
@@ -88,7 +90,8 @@ class Recovered:
     @property
     def half(self) -> Array:
         """Half of each parameter's 90 % interval, those of the weights with what rounding may have moved."""
-        return self.best.half + np.array([1.0, 1.0, 0.0, 0.0, 0.0]) * self.best.bias
+        of_weights = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
+        return self.best.half * (1.0 + (WIDER - 1.0) * of_weights) + of_weights * self.best.bias
 
     @property
     def prints_weights(self) -> bool:
@@ -166,10 +169,10 @@ class Recovered:
     @property
     def advice(self) -> str:
         """What to record instead."""
+        if not self.sampled_as_run:
+            return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:.4g} ms."
         if not self.found:
             return "Too few samples inside the motors' limits. Record a longer run."
-        if not self.sampled_as_run:
-            return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:g} ms."
         if self.rounding > COARSE or self.best.bias > CLOSE:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:

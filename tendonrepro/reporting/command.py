@@ -21,6 +21,7 @@ from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
 from tendonrepro.results.figures.style import imprint, journal_style
+from tendonrepro.results.store import MANIFEST
 from tendonrepro.verdicts.report import MAIN, in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
@@ -37,7 +38,7 @@ _READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("ima
 
 
 def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]:
-    """Write the page of the folder above the results; return what ``--json`` prints.
+    """Write the page of the folder above the results, or of one; return what ``--json`` prints.
 
     It replaces an earlier page; any other file with `force` alone.
 
@@ -48,7 +49,9 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     DataMissingError
         If there is no such folder, or something in it is damaged.
     """
-    path = out or folder / "report.html"
+    # In the result of one command the page would be a foreign file.
+    alone = (folder / MANIFEST).exists()
+    path = out or (folder.with_name(f"{folder.name}.html") if alone else folder / "report.html")
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
@@ -56,16 +59,23 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     found = stored_under(folder)
     content = page(found).encode()
     write_atomically(path, content)
-    return {"schema_version": 1, "path": str(path), "bytes": len(content), "parts": found.origins}
+    told = {"parts": found.origins, "left_out": found.left_out}
+    return {"schema_version": 1, "path": str(path), "bytes": len(content), **told}
 
 
 def report_text(found: dict[str, Any]) -> str:
     """What the terminal says."""
     lines = [f"{found['path']}: {found['bytes'] / 1e6:.1f} MB, open it in a browser"]
-    told = {"shipped": "as shipped with the package", "missing": "not run, the page says how"}
+    told = {
+        "run": "found here",
+        "here": "found here, not judged by claims",
+        "shipped": "as shipped with the package",
+        "missing": "not run, the page says how",
+    }
     for origin, words in told.items():
         names = [name for name, whence in found["parts"].items() if whence == origin]
         lines += [f"{words}: {', '.join(names)}"] if names else []
+    lines += [f"left out: {name}, {why}" for name, why in found["left_out"].items()]
     return "\n".join(lines)
 
 
@@ -90,7 +100,7 @@ def page(found: Stored) -> str:
         in_words=in_words,
         contents=contents,
         robustness=contents.robustness(found.summary),
-        parts=[part(found, name) for name in PARTS],
+        parts=[part(name, folder) for name, folder in found.parts.items()],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
@@ -98,9 +108,10 @@ def page(found: Stored) -> str:
     )
 
 
-def part(found: Stored, name: str) -> dict[str, Any]:
-    """Figures and tables of an experiment; none if it was not run."""
-    (title, tables), folder = PARTS[name], found.folder / name
+def part(name: str, folder: Path) -> dict[str, Any]:
+    """Figures and tables of an experiment, none if it was not run; or of the result of another command."""
+    others = sorted(path.stem for path in folder.glob("tables/*.md"))
+    title, tables = PARTS.get(name, (f"The result of tendonrepro {name}", others))
     paths = [folder / "tables" / f"{table}.md" for table in tables]
     return {
         "name": name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.reporting.contents import BOTH, FINE_STEPS, STEPS, by_name
+from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.store import MANIFEST
 
 PARTS = {
@@ -37,15 +38,18 @@ _ORDERS = {
 class Stored:
     """Everything a page is made of, from the `folder` above the results.
 
-    `manifests` are of experiments that were run; `summary` is as `thinned` leaves it; `ledger` is
-    that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with the package, or ``missing``.
+    `parts` are the folders of what has a section; `manifests` are of those that were run; `summary` is as
+    `thinned` leaves it; `ledger` is that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with
+    the package, ``missing``, or ``here``: an ensemble that no claim was judged on. `left_out` says of other
+    folders why they are not shown.
     """
 
-    folder: Path
+    parts: Mapping[str, Path]
     manifests: Mapping[str, Mapping[str, Any]]
     summary: Mapping[str, Any]
     ledger: Mapping[str, Any]
     origins: Mapping[str, str]
+    left_out: Mapping[str, str]
 
 
 _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
@@ -53,7 +57,7 @@ _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
 
 
 def stored_under(folder: Path) -> Stored:
-    """Read all there is under a results folder.
+    """Read all there is under a results folder, or in the result of one command.
 
     The ensemble is the user's own where `claims` has judged one of the paper's arm, else the shipped one.
 
@@ -62,18 +66,38 @@ def stored_under(folder: Path) -> Stored:
     DataMissingError
         If something is damaged.
     """
-    ours, results = shipped("docs/results"), {name: folder / name for name in PARTS}
-    manifests = {name: _read(path / MANIFEST) for name, path in results.items() if (path / MANIFEST).exists()}
-    claims, ensemble = folder / "claims" / "claims.json", folder / "ensemble" / "summary.json"
+    alone = read_result(folder).command if (folder / MANIFEST).exists() else ""
+    places = {name: folder if alone == name else folder / name for name in (*PARTS, "claims", "ensemble")}
+    parts = {name: places[name] for name in PARTS} | ({} if alone in ("", "claims") else {alone: folder})
+    manifests = {name: _read(path / MANIFEST) for name, path in parts.items() if (path / MANIFEST).exists()}
+    claims, ensemble = places["claims"] / "claims.json", places["ensemble"] / "summary.json"
+    ours = shipped("docs/results")
     ledger = _read(claims if claims.exists() else ours / "claims.json")
     summary, own = _read(ours / "ensemble.json"), False
     if claims.exists() and ledger["ensemble"]["source"] == "local" and ensemble.exists():
         found = _read(ensemble)
         own = found["of_paper"] and by_name(found).keys() >= _SHOWN
         summary = thinned(found) if own else summary
-    origins = {name: "run" if name in manifests else "missing" for name in PARTS}
+    origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if claims.exists() else "shipped", "ensemble": "run" if own else "shipped"}
-    return Stored(folder, manifests, summary, ledger, origins)
+    if alone == "ensemble" and not own:
+        origins["ensemble"] = "here"
+    shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
+    left_out = {} if alone else dict(_left_out(folder, shown))
+    return Stored(parts, manifests, summary, ledger, origins, left_out)
+
+
+def _left_out(folder: Path, shown: set[str]) -> Iterator[tuple[str, str]]:
+    """Folders that are not shown, and why."""
+    for path in sorted(folder.iterdir()):
+        if not path.is_dir() or path.name.startswith(".") or path.name in shown:
+            continue
+        if not (path / MANIFEST).exists():
+            yield path.name, f"has no {MANIFEST}, so it is no complete result"
+        elif path.name == "ensemble":
+            yield path.name, "was not judged by claims, or is not of the paper's arm and interpretations"
+        else:
+            yield path.name, f"a result of {read_result(path).command}; tendonrepro report {path} shows it"
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -1,19 +1,38 @@
-"""What differs between two results: configuration, versions, sizes of errors, traces."""
+"""What differs between two results: command, configuration, versions, numbers, sizes of errors, traces."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tendonrepro.configuration.strict_yaml import Node, load
+from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import read_traces
+from tendonrepro.results.traces import TRACES, read_traces
+
+_OF_ONE_RUN = {"out", "manifest", "created", "experiments_per_second", "resumed_from", "seconds"}
+"""Keys of numbers that differ when the same command runs again."""
+
+_SHOWN = 20
+"""Rows of a kind in the terminal; ``--json`` has all."""
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What one of two results says; `numbers` are of a command that leaves no traces."""
+
+    command: str
+    config: Mapping[str, Any]
+    versions: Mapping[str, Any]
+    numbers: Mapping[str, Any]
+    runs: Mapping[str, Trace]
 
 
 def difference(first: Path, second: Path) -> dict[str, Any]:
@@ -22,20 +41,38 @@ def difference(first: Path, second: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``same``, and rows of ``config``, ``versions``, ``runs`` (their status), ``metrics`` in degrees, and
-        ``traces``: the largest difference, SI, and the time of the first.
+        ``same``, and rows of ``command``, ``config``, ``versions``, ``runs`` (their status), ``metrics`` in
+        degrees, ``traces``: the largest difference, SI, and the time of the first; and ``numbers`` of
+        commands that leave no traces.
     """
-    a, b = map(read_traces, (first, second))
+    a, b = map(_side, (first, second))
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
+    same_command = a.command == b.command
     found = {
-        "config": list(_unequal(_configuration(a), _configuration(b))),
-        "versions": list(_unequal(_versions(a), _versions(b))),
-        "runs": list(_unequal(_statuses(a), _statuses(b))),
+        "command": list(_unequal({"command": a.command}, {"command": b.command})),
+        "config": list(_unequal(a.config, b.config)),
+        "versions": list(_unequal(a.versions, b.versions)),
+        "runs": list(_unequal(_statuses(a.runs), _statuses(b.runs))),
         "metrics": [row for pair in shared for row in _metrics(*pair)],
         "traces": [row for pair in shared for row in _traces(*pair)],
+        "numbers": list(_unequal(a.numbers, b.numbers)) if same_command else [],
     }
     same = not any(found.values())
     return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | found
+
+
+def _side(path: Path) -> _Side:
+    if path.is_dir() and not (path / TRACES).exists():
+        found = read_result(path)
+        held = found.manifest["config"]
+        # It covers more than the tree: of an ensemble its box, of a validation the measured file.
+        config = {"sha256": held["sha256"], **_leaves(held.get("tree", {}))}
+        numbers = {key: value for key, value in found.data.items() if key != "config"}
+        version = {"tendonrepro": found.manifest.get("tendonrepro_version")}
+        versions = version | found.manifest.get("environment", {}).get("versions", {})
+        return _Side(found.command, config, versions, dict(_numbers(numbers)), {})
+    file = read_traces(path)
+    return _Side(file.experiment, _configuration(file), _versions(file), {}, file.runs)
 
 
 def _configuration(file: TraceFile) -> dict[str, Any]:
@@ -47,8 +84,22 @@ def _versions(file: TraceFile) -> dict[str, Any]:
     return {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
 
 
-def _statuses(file: TraceFile) -> dict[str, Any]:
-    return {name: trace.status for name, trace in file.runs.items()}
+def _numbers(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by dotted key; an item of a list by its name, if it has one, else by its place."""
+    if isinstance(node, dict):
+        for key, part in node.items():
+            if key not in _OF_ONE_RUN:
+                yield from _numbers(part, f"{path}.{key}")
+    elif isinstance(node, list) and any(isinstance(part, dict | list) for part in node):
+        for place, part in enumerate(node):
+            named = isinstance(part, dict) and (part.get("name") or part.get("id"))
+            yield from _numbers(part, f"{path}.{named or place}")
+    else:
+        yield path.removeprefix("."), node
+
+
+def _statuses(runs: Mapping[str, Trace]) -> dict[str, Any]:
+    return {name: trace.status for name, trace in runs.items()}
 
 
 def _leaves(node: Node, path: str = "") -> dict[str, Any]:
@@ -96,6 +147,12 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
 def difference_text(found: Mapping[str, Any]) -> str:
     """Words for a terminal."""
     if found["same"]:
-        return "The two results have the same configuration, versions, metrics and traces."
+        return "The two results have the same command, configuration, versions, numbers and traces."
     kinds = {kind: rows for kind, rows in found.items() if isinstance(rows, list) and rows}
-    return "\n\n".join(Table(kind, f"{kind}: {len(rows)}", rows).text() for kind, rows in kinds.items())
+    return "\n\n".join(_kind_text(kind, rows) for kind, rows in kinds.items())
+
+
+def _kind_text(kind: str, rows: list[dict[str, Any]]) -> str:
+    left = len(rows) - _SHOWN
+    table = Table(kind, f"{kind}: {len(rows)}", rows[:_SHOWN]).text()
+    return f"{table}\n({left} more, --json shows them all)" if left > 0 else table

@@ -27,7 +27,10 @@ from tendonrepro.simulation.parts import CompiledPart, Rest, experiment_part, pl
 from tendonrepro.simulation.resolution import TOLERANCE
 
 PACK = 1536
-"""Most experiments in a pack: the more, the fuller the lanes of rare laws."""
+"""Most experiments in a pack: the more, the fuller the lanes when some have ended.
+
+The processor's cache sets no limit, for a bundle of lanes goes through a slice of time alone.
+"""
 
 LINES_PER_RINGING = 32
 """Blocks of summed errors are this many times shorter than a period of the ringing frequency."""

@@ -123,7 +123,7 @@ def experiment_part(
     Errors are summed up over ``block(L)`` samples.
     """
     ordered = [(loop, rest[place]) for place, loop in loops.items()]
-    numbers = _numbers(ordered, block)
+    numbers = law_numbers(ordered, block)
     command = next(iter(loops.values())).controller.command or control.command
     plants = stacked([loop.plant for loop in loops.values()])
     written = experiment_code((plants, numbers), record, command)
@@ -140,7 +140,7 @@ def experiment_part(
 
 def sample_part(loop: Loop, rest: Rest) -> CompiledPart:
     """Compile a sample of one run by SciPy."""
-    numbers = _numbers([(loop, rest)], lambda _: 1)
+    numbers = law_numbers([(loop, rest)], lambda _: 1)
     written = sample_code(numbers, loop.controller.command or control.command)
     return _compiled(written, _start([(loop, rest)], numbers), {0: 0})
 
@@ -157,7 +157,8 @@ def _compiled(written: Written, start: dict[str, Array], column: dict[int, int])
     return CompiledPart(dict(zip(code, run, strict=True)), prepare, rows, start, column)
 
 
-def _numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
+def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
+    """Stack all numbers of loops but their plants'; errors are summed up over ``block(L)`` samples."""
     phases: dict[int, streaming.Thresholds] = {}
     for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)

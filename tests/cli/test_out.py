@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from shutil import copy
 
 import pytest
-from support.command import answer
+from support.command import answer, with_out
 from support.synthetic import FEW, make_compare_file
-from typer.core import TyperCommand, TyperGroup
-from typer.main import get_command
 
 import tendonrepro as tr
-from tendonrepro.cli.app import app
 from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped
 from tendonrepro.results.traces import write_traces
@@ -41,17 +37,7 @@ FILES = {
 """Commands that write one file, and a name that they accept."""
 
 
-def commands(group: TyperGroup, above: str = "") -> Iterator[tuple[str, TyperCommand]]:
-    for name, held in group.commands.items():
-        if isinstance(held, TyperGroup):
-            yield from commands(held, f"{above}{name} ")
-        elif any("--out" in option.opts for option in held.params):
-            yield above + name, held
-
-
-PROGRAM = get_command(app)
-assert isinstance(PROGRAM, TyperGroup)
-COMMANDS = dict(commands(PROGRAM))
+COMMANDS = with_out()
 
 
 @pytest.fixture(scope="module")

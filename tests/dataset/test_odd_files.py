@@ -6,6 +6,7 @@ third of that.
 
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from datetime import timedelta
 from io import BytesIO
 
@@ -20,7 +21,7 @@ from tendonrepro.console import Talk
 from tendonrepro.dataset.command import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError
-from tendonrepro.results.traces import read_traces
+from tendonrepro.results.traces import read_traces, write_traces
 
 QUIET = Talk(quiet=True)
 T = np.round(0.01 * np.arange(400), 2)
@@ -328,3 +329,39 @@ def test_a_mapping_without_runs_is_refused(tmp_path):
     )
     assert found["error"]["code"] == 2
     assert not (tmp_path / "o.h5").exists()
+
+
+def test_desired_angles_of_their_own_file_are_given_to_every_controller(tmp_path):
+    columns = {"t (s)": T, "q2_d (deg)": DESIRED[2]}
+    pd.DataFrame(columns).to_csv(tmp_path / "SYNTHETIC_desired.csv", index=False)
+    for k in (1, 2):
+        path = tmp_path / f"SYNTHETIC_controller{k}.csv"
+        pd.DataFrame({"t (s)": T, "q2 (deg)": DESIRED[2] - k * ERROR[2]}).to_csv(path, index=False)
+    mapping = tmp_path / "m.yaml"
+    run_inspect([tmp_path], mapping, force=True)
+    found = run_ingest([tmp_path], mapping, tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    assert set(found["runs"]) == {"controller_1", "controller_2"}
+    for k in (1, 2):
+        assert mae(found, f"controller_{k}") == [k * MAE[0]]
+    assert mapping.read_text().count("desired angles from") == 2
+
+
+def test_a_standstill_is_left_out_as_validate_leaves_it_out(tmp_path):
+    """Two seconds of rest before the motion would halve the error of one number beside the other."""
+    still = np.column_stack([T[:200], *np.zeros((4, 200))])
+    moving = NUMBERS.copy()
+    moving[:, 0] += 2.0
+    found, _, _ = ingested(tmp_path, ".csv", HEADS + lines(np.concatenate([still, moving])))
+    assert found["runs"]["controller_1"]["errors_from_s"] == pytest.approx(2.0, abs=0.1)
+    assert found["runs"]["controller_1"]["mae_deg"] == pytest.approx(MAE, rel=0.02)
+
+
+def test_a_measured_file_without_runs_is_refused(tmp_path):
+    path = tmp_path / "SYNTHETIC.csv"
+    path.write_text(HEADS + lines())
+    run_inspect([path], tmp_path / "m.yaml", force=True)
+    run_ingest([path], tmp_path / "m.yaml", tmp_path / "o.h5", force=True, dry_run=False, talk=QUIET)
+    file = read_traces(tmp_path / "o.h5")
+    write_traces(tmp_path / "empty.h5", replace(file, runs={}))
+    found = answer("validate", str(tmp_path / "empty.h5"), cwd=tmp_path, code=2)
+    assert found["error"]["code"] == 2

@@ -184,7 +184,9 @@ MISTAKES = ("lamb=", "-0.45")  # shown on purpose
 PLACEHOLDERS = ("KEY", "my_arm.yaml")
 
 
-def test_settings_in_commands_are_valid() -> None:
+def test_settings_in_commands_are_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "trajectory.csv").write_text(blocks(page("configs.md"), "csv")[0], encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
     program, seen = get_command(app), set()
     for name, command in COMMANDS:
         if "--set" not in command or any(word in command for word in PLACEHOLDERS):

@@ -160,9 +160,7 @@ READINGS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("reading", READINGS)
 def test_no_reading_of_the_package_is_taken_for_another_controller(reading: str) -> None:
-    more: dict[str, Any] = {"reference.amplitude": 4}
-    more |= {"control.reference_lag": "20 ms"} if reading.endswith("=late") else {}
-    file = run(reading, more=tuple(more.items()))
+    file = run(reading, more=(("reference.amplitude", 4),))
     if file.runs["controller_1"].status == "diverged":
         pytest.skip("this plant does not hold that loop")
     assert joint_3(file).answer != NONE
@@ -200,6 +198,7 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
     one = joint_3(rounded(run(), **record))
     assert one.answer == UNTOLD
     assert one.advice
+    assert ("10 ms" in one.advice) == ("every" in record)
 
 
 @pytest.mark.usefixtures("one_filter")
@@ -340,3 +339,17 @@ def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -
     values = np.random.default_rng(1).normal(size=16)
     left_out = np.array([np.delete(values, k).mean() for k in range(16)])
     assert fit._half(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("one_filter")
+def test_a_lone_commanded_torque_whose_estimator_stores_the_applied_one() -> None:
+    """One sample late, and nothing but the command in the log."""
+    late = ("manipulator.actuator.output_delay", 1), ("reference.amplitude", 4)
+    file = run("stored_torque=applied", more=late)
+    name, trace = next(iter(file.runs.items()))
+    held = {key: trace[key] for key in ("q_encoder", "q_d", "dq_d", "ddq_d")} | {"tau_m": trace["tau_cmd"]}
+    other = Trace(name, trace.time, trace.joint, held, trace.attributes)
+    one = joint_3(replace(file, runs={name: other}))
+    assert (one.answer, one.weights) == (RECOVERED, "interpolating")
+    assert "logged_torque=commanded" in one.best.hypothesis.name

@@ -6,14 +6,18 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
 from tendonrepro.cli import main
+from tendonrepro.cli.app import app
 
 SHORT = ["--set", "reference.periods=1", "--set", "reference.rise=0.4", "--set", "reference.hold=0.1"]
 SHORT_MOTION = "{kind: minimum_jerk, amplitude: {value: [5, 5, 5], unit: deg, source: 'assumed: test'}, "
@@ -43,6 +47,21 @@ def run(*words: str, cwd: Path, stdin: str = "", columns: int = 100) -> subproce
 def hear_interrupts() -> None:
     """For a child of a job in the background, whose shell lets it ignore them."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def with_out() -> dict[str, TyperCommand]:
+    """All commands that have an option --out, by the words that call them."""
+
+    def commands(group: TyperGroup, above: str = "") -> Iterator[tuple[str, TyperCommand]]:
+        for name, held in group.commands.items():
+            if isinstance(held, TyperGroup):
+                yield from commands(held, f"{above}{name} ")
+            elif isinstance(held, TyperCommand) and any("--out" in one.opts for one in held.params):
+                yield above + name, held
+
+    program = get_command(app)
+    assert isinstance(program, TyperGroup)
+    return dict(commands(program))
 
 
 def answer(*words: str, cwd: Path, code: int = 0) -> Any:

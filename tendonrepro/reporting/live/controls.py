@@ -105,9 +105,19 @@ RUN = (
 )
 """Knobs of single runs."""
 
+LEFT_OUT = Knob(
+    "errors_from",
+    "Start left out of the errors",
+    STARTS,
+    "s",
+    0.0,
+    4.0,
+    0.1,
+    "The tables leave out the start of each run. A start offset has hardly an effect after two seconds.",
+)
 START_HELP = (
-    "Joint angle less the reference at the start. It decays within two seconds, but counts in the tables: "
-    "0.2 of it is left after one second."
+    "Joint angle less the reference at the start. At the published gains a fifth of it is left after one "
+    "second, but all of it counts in the tables."
 )
 MOTIONS = {"minimum_jerk": "smooth strokes", "ramp": "straight ramps, without acceleration"}
 """Motions that share their keys, by kind."""

@@ -19,12 +19,13 @@ from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES, replaced
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.quantity import Moving, Physical, to_si
+from tendonrepro.configuration.quantity import Moving, Physical, Scalar, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
 from tendonrepro.experiments.rig import start_angles
 from tendonrepro.reporting.live.controls import (
     GROUPS,
+    LEFT_OUT,
     MOTION,
     MOTIONS,
     READING,
@@ -44,6 +45,12 @@ from tendonrepro.simulation.parts import is_noisy, plant_needs
 from tendonrepro.simulation.resolution import STEPS, TOLERANCE
 
 FOLDER = Path(__file__).parent / "page"
+
+UPLOT = {
+    "uplot.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "uplot.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+}
+"""SHA-256 of ``dist/uPlot.iife.min.js`` and ``dist/uPlot.min.css`` of npm's uPlot 1.6.32, unchanged."""
 
 DRY_FRICTION = "manipulator.friction.winch.coulomb"
 """Off in most arms; a plant without it takes two thirds of the time."""
@@ -235,10 +242,13 @@ def _shared_controls(config: CompareConfig) -> list[Control]:
 
 def _run_controls(config: CompareConfig) -> list[Control]:
     """Where each run starts, and the payload of those that carry one."""
-    found: list[Control] = []
+    # Of no single run: the script takes it from the errors of all.
+    found = [_control(config, LEFT_OUT, None, "", {"run": "", "place": 0})]
     start, load = RUN
     for name, run in config.runs.items():
-        own = start._replace(label=start.label.format(_label(name)), help="" if found else START_HELP)
+        own = start._replace(
+            label=start.label.format(_label(name)), help=START_HELP if len(found) == 1 else ""
+        )
         for k, joint in enumerate(config.joints):
             at = {"run": name, "place": 2 + k}
             found.append(_control(config, own, k, f"joint {joint}", at, name))
@@ -261,7 +271,7 @@ def _control(
     root: Any = config if run is None else config.runs[run]
     *above, last = knob.key.split(".")
     section = attrgetter(".".join(above))(root) if above else root
-    held: Any = getattr(section, last) or absent(len(config.joints), knob.unit)
+    held: Any = getattr(section, last) or absent(config, entry, knob.unit)
     factor = 1.0 if held.unit == knob.unit else to_si(1.0, held.unit) / to_si(1.0, knob.unit)
     value = held.value if entry is None else held.value[entry]
     held_field = type(section).model_fields[last]
@@ -283,9 +293,11 @@ def _control(
     return said, (value * factor, factor)
 
 
-def absent(n: int, unit: str) -> Moving:
-    """What stands for a start offset that a run lacks."""
-    return Moving(value=(0.0,) * n, unit=unit, source="assumed: on the reference")
+def absent(config: CompareConfig, entry: int | None, unit: str) -> Scalar | Moving:
+    """Zero, for a key that a configuration may lack."""
+    if entry is None:
+        return Scalar(value=0.0, unit=unit, source="assumed: none")
+    return Moving(value=(0.0,) * len(config.joints), unit=unit, source="assumed: none")
 
 
 def _rules(parts: Iterable[Any]) -> Iterator[Physical]:
@@ -438,6 +450,7 @@ def _tries(config: CompareConfig) -> list[dict[str, Any]]:
     last = [name for name in config.runs if not name.endswith(PAYLOAD)][-1]
     start = {f"runs.{last}.start_offset.{joint}": -1.0 for joint in config.joints}
     tries.append({"label": f"{_label(last)} starts 1° below", "set": start})
+    tries.append({"label": "Leave out the first 2 s", "set": {"errors_from": 2}})
     return tries
 
 

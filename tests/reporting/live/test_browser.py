@@ -174,6 +174,37 @@ def test_the_configuration_taken_along_gives_the_same(browser: Browser, page: Pa
         same(found, by_python(configured(browser), taken_steps(browser)))
 
 
+def test_presets_and_trials_follow_each_other_without_loading_anew(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    names = browser.run("return PRESETS.map((one) => one.name)")
+    seen = {}
+    for name in (*names, *names[::-1]):
+        browser.run("document.querySelector(`input[name=preset][value=${arguments[0]}]`).click()", name)
+        shown(browser)
+        assert seen.setdefault(name, errors(browser)) == errors(browser)
+    assert len({str(found) for found in seen.values()}) == len(names)
+    trials = browser.run("return preset.tries.length")
+    for k in range(trials):
+        browser.run("document.querySelectorAll('#tries button')[arguments[0]].click()", k)
+        shown(browser)
+        assert words(browser, "change") != ""
+    assert browser.console() == []
+
+
+def test_the_start_can_be_left_out_of_the_errors(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, "#apart&errors_from=2")
+    loaded = configured(browser)
+    assert isinstance(loaded.config, CompareConfig)
+    loops = all_loops(loaded)
+    batch = simulate_batch(list(loops.values()), loaded.config.status, record=True)
+    for name, trace in zip(loops, batch.traces or [], strict=True):
+        assert trace is not None
+        size = np.degrees(np.abs(trace["e"][2000:]).mean(axis=0))
+        assert found[name][0] == pytest.approx(size, abs=USUAL_DEG)
+    whole = opened(browser, page, "#apart")
+    assert whole["controller_3"][0][0] > found["controller_3"][0][0] + 0.02
+
+
 def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
     found = opened(browser, page, "#published&control.gains.M_bar.2=0.1&control.gains.M_bar.3=0.1")
     diverged = [name for name, (_, _, status) in found.items() if status == "diverged"]

@@ -9,6 +9,8 @@ import pytest
 
 import tendonrepro as tr
 from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.files import sha256_of
+from tendonrepro.reporting.live.page import FOLDER, UPLOT
 
 LARGEST = 200_000
 """Bytes that the page may have."""
@@ -57,3 +59,7 @@ def test_another_file_is_kept(tmp_path: Path) -> None:
     assert path.stat().st_size > 1000
     with pytest.raises(UsageError):
         tr.report(tmp_path, out=path)
+
+
+def test_the_plotting_library_is_the_stated_one() -> None:
+    assert {name: sha256_of(FOLDER / name) for name in UPLOT} == UPLOT

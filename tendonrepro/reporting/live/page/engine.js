@@ -7,7 +7,7 @@ const LOOKED_AT = 61; // the step is checked at every so many samples
 const EXTREMES = ["q_d", "q", "e"], MEANS = ["s", "H_hat", "tau"];
 const POINTS = 400; // stretches of samples that a curve is drawn by
 
-// A job is {model, law, motion, pp, rr, turns, lag, n, L, steps, limit, ringing, share, exact}; see page.js.
+// A job is {model, law, motion, pp, rr, turns, lag, from, n, L, steps, limit, ringing, share, exact}; see page.js.
 function run(job) {
   const first = STEPS.findIndex((m) => m >= job.steps);
   for (const m of STEPS.slice(first)) {
@@ -55,7 +55,9 @@ function runWith(job, steps) {
       resolution = apart >= 0 ? Math.max(resolution, apart) : Infinity;
     }
   }
-  const mae = errors.map((e) => mean(e, done, Math.abs)), rmse = errors.map((e) => Math.sqrt(mean(e, done, square)));
+  const first = Math.max(0, Math.ceil(job.from / L - 0.5));
+  const mae = errors.map((e) => mean(e, first, done, Math.abs));
+  const rmse = errors.map((e) => Math.sqrt(mean(e, first, done, square)));
   if (status === "ok" && errors.some((e) => fastShare(e, L, job.ringing) > job.share)) status = "ringing";
   if (status === "diverged") mae.fill(NaN), rmse.fill(NaN);
   const end = (done - 1) * L;
@@ -88,10 +90,10 @@ function advance(step, kp, ss, nn, uu, t, L, steps) {
 
 const square = (x) => x * x;
 
-function mean(values, count, of) {
+function mean(values, first, end, of) {
   let sum = 0;
-  for (let k = 0; k < count; k++) sum += of(values[k]);
-  return sum / count;
+  for (let k = first; k < end; k++) sum += of(values[k]);
+  return sum / (end - first);
 }
 
 // Share of a signal's power above a frequency, from the lines up to it; averages over blocks have them all.

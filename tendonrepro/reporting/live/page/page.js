@@ -26,7 +26,7 @@ const unitOf = ({ unit }) => UNITS[unit] ?? unit;
 // A preset's control from what all presets say of it and its own value; the file says where that comes from.
 function controlOf(tree, [knob, value, factor]) {
   const said = PAGE.knobs[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
-  const source = held?.source ?? "assumed: on the reference", origin = source.split(":")[0];
+  const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
   return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
 const PRESETS = PAGE.presets.map((one) => (one.of ? one : { ...one, controls: one.controls.map((held) => controlOf(one.tree, held)) }));
@@ -50,6 +50,7 @@ function take(which, values = {}) {
   state = new Map([...preset.controls, ...preset.choices].map((one) => [one.id, one.value]));
   for (const [id, value] of Object.entries(values)) state.set(id, value);
   baseline = results = null;
+  document.documentElement.dataset.exact = "";
   showPreset();
 }
 
@@ -117,7 +118,7 @@ function showPreset() {
       return box;
     }),
   );
-  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.map(tryButton), allBack());
+  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.filter(changesSomething).map(tryButton), allBack());
   buildFigures();
   compute(true);
 }
@@ -191,6 +192,10 @@ function choiceField(choice) {
   const box = make("fieldset", {}, legend, row);
   if (choice.help) box.append(make("p", { class: "help" }, choice.help));
   return box;
+}
+
+function changesSomething({ set }) {
+  return all().some((one) => one.id in set && set[one.id] !== one.value);
 }
 
 function tryButton(one) {
@@ -291,7 +296,7 @@ function jobOf(which, exact, values = state) {
   const { model, n, L, limit, ringing, share } = preset;
   const lag = values.get("control.readings.reference_acceleration") === "late" ? values.get("control.reference_lag") / 1000 : 0;
   const steps = exact ? which.steps : which.coarse;
-  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, n, L, steps, limit, ringing, share, exact };
+  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, from: values.get("errors_from"), n, L, steps, limit, ringing, share, exact };
 }
 
 // All that a run depends on: what its plant, its law and its motion read of the inputs, and the rest of the job.
@@ -305,7 +310,8 @@ const known = new Map(); // results by run, with the job they are of
 let busy = false, wanted = null, since = 0;
 
 function changed(exact) {
-  writeAddress();
+  // Browsers refuse an address that changes a hundred times while a slider is dragged.
+  if (exact) writeAddress();
   compute(exact);
 }
 
@@ -378,13 +384,20 @@ function orderWords() {
   const runs = compared();
   if (runs.length < 2) return "";
   if (runs.some(({ name }) => !Number.isFinite(results.get(name).mae[0]))) return "Not every controller finishes, so there is no order.";
-  const orders = preset.joints.map((_, i) => [...runs].sort((a, b) => results.get(a.name).mae[i] - results.get(b.name).mae[i]));
-  const words = (order) => order.map((which) => which.short).join(", then ");
-  const same = orders.every((order) => words(order) === words(orders[0]));
-  const ours = same
-    ? `Smallest mean error first: Controller ${words(orders[0])}${preset.joints.length > 1 ? ", on every joint" : ""}.`
-    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${words(order)}`).join("; ")}.`;
+  const orders = preset.joints.map((_, i) => orderOn(runs, i));
+  const ours = orders.every((order) => order === orders[0])
+    ? `Smallest mean error first: Controller ${orders[0]}${preset.joints.length > 1 ? ", on every joint" : ""}.`
+    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${order}`).join("; ")}.`;
   return preset.printed ? `${ours} The paper has 1, then 2, then 3.` : ours;
+}
+
+// Runs by mean error on a joint; those that differ by less than 0.05 % are equal.
+function orderOn(runs, i) {
+  const size = ({ name }) => results.get(name).mae[i], order = [...runs].sort((a, b) => size(a) - size(b));
+  return order.reduce((text, which, k) => {
+    if (k === 0) return which.short;
+    return `${text}${size(which) > 1.0005 * size(order[k - 1]) ? ", then" : " ="} ${which.short}`;
+  }, "");
 }
 
 // The change that matters most, against the preset.
@@ -404,9 +417,9 @@ function changeWords() {
   const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
   if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
   if (!most || most.size < 5e-4) return `${what.join("; ")}. No mean error changes by more than 0.05 %.`;
-  const percent = 100 * (most.after / most.before - 1);
-  const sign = percent > 0 ? "+" : "−", size = Math.abs(percent);
-  return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${sign}${size < 10 ? size.toFixed(1) : size.toFixed(0)} %).`;
+  const ratio = most.after / most.before, percent = Math.abs(100 * (ratio - 1));
+  const size = `${ratio > 1 ? "+" : "−"}${percent.toFixed(percent < 10 ? 1 : 0)} %`, effect = ratio < 3 ? size : `${ratio.toFixed(ratio < 10 ? 1 : 0)} times`;
+  return `${what.join("; ")}. Largest effect: ${most.label} on joint ${most.joint}, mean error ${shown(most.before)}° → ${shown(most.after)}° (${effect}).`;
 }
 
 // A control's values now and in the preset, of all joints.
@@ -430,6 +443,7 @@ function statusWords() {
     if (status === "ringing") words.push(`${label} oscillates: most of its error's power is above ${preset.ringing} Hz.`);
     if (status === "unresolved") words.push(`${label} is not shown: ${steps} steps a sample are too few for this arm. Make tendons softer or winches heavier.`);
   }
+  if (state.get("errors_from") >= results.get(preset.runs[0].name).duration) words.push("The whole run is left out of the errors.");
   preset.joints.forEach((joint, i) => {
     const furthest = (end) => preset.joints.slice(0, i + 1).reduce((sum, _, k) => sum + end(reached(k)), preset.posture[i]);
     const [least, most] = [furthest((ends) => ends[0]), furthest((ends) => ends[1])];
@@ -452,7 +466,8 @@ function showTables() {
       for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
-      const paper = preset.printed ? make("span", {}, " in degrees, beside it the paper’s") : make("span", {}, " in degrees");
+      const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
+      const paper = preset.printed ? make("span", {}, `${without} in degrees, beside it the paper’s`) : make("span", {}, `${without} in degrees`);
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
   );
@@ -488,7 +503,7 @@ const QUANTITIES = {
 let plots = [];
 
 function buildFigures() {
-  for (const { chart } of plots) chart.destroy();
+  for (const { chart } of plots) chart?.destroy();
   plots = [];
   byId("figures").replaceChildren(
     ...preset.figures.flatMap(({ title, runs, quantities }) => {

@@ -1,0 +1,59 @@
+"""A result that any command left in a folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.store import MANIFEST, read_manifest
+from tendonrepro.results.traces import TRACES
+
+
+@dataclass(frozen=True)
+class OnDisk:
+    """What lies in the results folder of a command.
+
+    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead. `tables`
+    are the text of each by name, captions included.
+    """
+
+    folder: Path
+    command: str
+    manifest: Mapping[str, Any]
+    data: Mapping[str, Any]
+    tables: Mapping[str, str]
+
+
+def read_result(folder: Path) -> OnDisk:
+    """Read the result of any command.
+
+    Raises
+    ------
+    DataMissingError
+        When the folder holds none, or it is damaged.
+    """
+    if not (folder / MANIFEST).is_file():
+        within = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{MANIFEST}"))]
+        message = f"holds no result: there is neither {MANIFEST} nor {TRACES}"
+        hint = f"name one of the folders in it: {', '.join(within)}" if within else "run a command first"
+        raise DataMissingError(message, where=str(folder), hint=hint)
+    manifest = read_manifest(folder)
+    command = str(manifest.get("command", ""))
+    # An ensemble calls its numbers a summary.
+    numbers = [path for path in (folder / f"{command}.json", folder / "summary.json") if path.is_file()]
+    try:
+        data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
+    except ValueError as error:
+        raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
+    paths = sorted(folder.glob("**/*.md"))
+    own = manifest.get("outputs", {}).keys()
+    tables = {
+        path.stem: path.read_text(encoding="utf-8")
+        for path in paths
+        if path.relative_to(folder).as_posix() in own
+    }
+    return OnDisk(folder, command, manifest, data, tables)

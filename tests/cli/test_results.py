@@ -1,0 +1,128 @@
+"""Whatever a command leaves is a result: `tr.open`, `diff` and `report` take it. Over the registry."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.command import SHORT, SHORT_DECOUPLE, answer, run, with_out
+
+import tendonrepro as tr
+from tendonrepro.errors import DataMissingError
+from tendonrepro.results.store import MANIFEST
+from tendonrepro.results.traces import read_traces, write_traces
+
+SMALL = {
+    "compare": ["--controllers", "1", *SHORT],
+    "decouple": SHORT_DECOUPLE,
+    "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
+    "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
+    "ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
+    "predict": ["--draws", "20", "--readings", "printed"],
+    "recover": ["measured.h5"],
+    "sweep": ["--over", "control.gains.lam=4,5", *SHORT],
+    "tune": ["--plants", "1", "--searches", "2", "--generations", "2", "--population", "4", "--jobs", "1"],
+    "validate": ["measured.h5"],
+}
+"""Words with which a command does as little as it can."""
+
+NO_RESULT = {"animate", "config init", "export", "fetch", "figures", "live", "report", "tables"}
+"""They leave a film, a page, files for other programs, a configuration, or data of others."""
+
+QUICK = {"claims", "compare", "ingest", "statics"}
+"""The others take longer, some of them minutes."""
+
+COMMANDS = [
+    pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow)
+    for name in with_out()
+    if name not in NO_RESULT
+]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run as if it had been measured, and that as a table of numbers."""
+    folder = tmp_path_factory.mktemp("results")
+    assert run("compare", *SMALL["compare"], "--out", "compare", cwd=folder).returncode == 0
+    file = read_traces(folder / "compare")
+    write_traces(folder / "measured.h5", replace(file, source="measured"))
+    trace = file.runs["controller_1"]
+    columns = {"time": trace.time}
+    for name in ("q", "q_d"):
+        columns |= {f"{name}_{joint}": np.rad2deg(trace[name][:, k]) for k, joint in enumerate(trace.joint)}
+    table, head = np.column_stack([*columns.values()]), ",".join(columns)
+    np.savetxt(folder / "controller_1.csv", table, delimiter=",", header=head, comments="")
+    answer("inspect", "controller_1.csv", "--suggest", "--mapping", "mapping.yaml", cwd=folder)
+    return folder
+
+
+def results_of(name: str, folder: Path) -> list[Path]:
+    """Carry out a command, if that was not done, and find what it left."""
+    out = folder / (f"{name}.h5" if name == "ingest" else name)
+    if not out.exists():
+        done = run(name, *SMALL.get(name, []), "--out", str(out), cwd=folder)
+        assert done.returncode in {0, 5}, done.stderr
+    return [out] if out.is_file() else sorted(path.parent for path in out.rglob(MANIFEST))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_leaves_is_opened_compared_and_reported(place: Path, name: str) -> None:
+    results = results_of(name, place)
+    assert results
+    for path in results:
+        found = tr.open(path)
+        assert found.data
+        assert found.tables
+        assert str(found)
+        assert tr.diff(path, path)["same"]
+        if path.is_dir():
+            assert found.save(place / "saved", force=True)
+            assert tr.diff(path, place / "saved")["same"]
+            told = answer("report", str(path), "--out", "page.html", "--force", cwd=place)
+            assert {"run", "here"} & {*told["parts"].values()}
+
+
+def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> None:
+    for name in ("statics", "compare"):
+        results_of(name, place)
+    (place / "no_result").mkdir(exist_ok=True)
+    told = answer("report", ".", cwd=place)
+    folders = {path.name for path in place.iterdir() if path.is_dir()}
+    shown = {name for name, origin in told["parts"].items() if origin == "run"}
+    assert {"compare"} <= shown
+    assert {"statics", "no_result"} <= told["left_out"].keys()
+    assert folders == (shown & folders) | told["left_out"].keys()
+    text = run("report", ".", cwd=place).stdout
+    page = (place / "report.html").read_text(encoding="utf-8")
+    assert all(name in text and name in page for name in folders)
+
+
+def test_a_report_of_one_result_lies_beside_it_and_not_in_it(place: Path) -> None:
+    results_of("statics", place)
+    told = answer("report", "statics", cwd=place)
+    assert Path(told["path"]) == Path("statics.html")
+    answer("statics", "--out", "statics", cwd=place)
+
+
+def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
+    (statics,) = results_of("statics", place)
+    answer("statics", "--set", "manipulator.tensioner.force=30", "--out", "tense", cwd=place)
+    found = answer("diff", "statics", "tense", cwd=place, code=1)
+    keys = {row["key"] for row in found["config"]}
+    assert {"sha256", "manipulator.tensioner.force.value"} <= keys
+    first = json.loads((statics / "statics.json").read_text())
+    second = json.loads((place / "tense" / "statics.json").read_text())
+    assert first != second
+    assert found["numbers"]
+    assert not found["command"]
+    assert answer("diff", "statics", "compare", cwd=place, code=1)["command"]
+
+
+def test_a_folder_without_a_result_names_those_in_it(place: Path, tmp_path: Path) -> None:
+    with pytest.raises(DataMissingError, match="compare"):
+        tr.open(place)
+    with pytest.raises(DataMissingError, match=MANIFEST):
+        tr.diff(tmp_path, tmp_path)
