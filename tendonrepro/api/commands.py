@@ -207,6 +207,7 @@ def identify(
     population: int = 48,
     seeds: int = 3,
     unknowns: int = 10,
+    rows: str = "",
     jobs: int = -1,
     out: str | Path = "reports/identify",
     formats: Formats = None,
@@ -223,6 +224,8 @@ def identify(
         Of each search, members of a generation, and searches of a reading.
     unknowns : int
         Parameters that are searched at most, those that move the fitted numbers most.
+    rows : str
+        Names of the parameters to search instead, comma-separated.
     config, readings, jobs, out, formats, figures, force
         As of `ensemble`.
     """

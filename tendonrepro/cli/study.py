@@ -66,6 +66,7 @@ def identify(
     population: int = 48,
     seeds: int = 3,
     unknowns: int = 10,
+    rows: str = "",
     jobs: int = -1,
 ) -> None:
     """Plants and interpretations closest to the published numbers.
@@ -88,6 +89,8 @@ def identify(
         Searches of each interpretation.
     unknowns
         Parameters that are searched at most.
+    rows
+        Names of the parameters to search instead, comma-separated.
     """
     options = options_of(locals())
     from tendonrepro.identification.command import run_identify

@@ -169,10 +169,10 @@ class Recovered:
     @property
     def advice(self) -> str:
         """What to record instead."""
+        if not self.sampled_as_run:
+            return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:.4g} ms."
         if not self.found:
             return "Too few samples inside the motors' limits. Record a longer run."
-        if not self.sampled_as_run:
-            return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:g} ms."
         if self.rounding > COARSE or self.best.bias > CLOSE:
             return "Record torque and angles with more digits: encoder steps if you can."
         if self.answer == UNTOLD:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -67,6 +68,7 @@ class Task:
     readings: tuple[Reading, ...]
     effort: Effort
     unknowns: int
+    rows: tuple[str, ...]
     seed: int
     printed: Printed
     bench: Bench
@@ -101,6 +103,7 @@ class Task:
             "evaluations": self.effort.evaluations,
             **asdict(self.effort),
             "unknowns": self.unknowns,
+            "rows": list(self.rows),
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.printed.joints),
@@ -129,6 +132,7 @@ def run_identify(
     population: int = 48,
     seeds: int = 3,
     unknowns: int = UNKNOWNS,
+    rows: str = "",
     jobs: int = -1,
 ) -> dict[str, Any]:
     """Search, and write numbers, tables, figures and the best plant's configuration.
@@ -143,11 +147,13 @@ def run_identify(
         Effort of each search; the population is of one seed.
     unknowns : int
         Rows of the ranges that are searched at most, those that move the fitted numbers most.
+    rows : str
+        Names of the rows that are searched instead, joined by commas.
 
     Raises
     ------
     UsageError
-        For an unknown reading, no effort, or a folder with other results.
+        For an unknown reading or row, no effort, or a folder with other results.
     """
     folder = request.folder("identify")
     _check_at_least_one(
@@ -163,6 +169,7 @@ def run_identify(
         readings=named,
         effort=Effort(generations, population, seeds),
         unknowns=unknowns,
+        rows=_named_rows(rows, make_box(loaded.config).names),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
         bench=Bench(base, make_box(loaded.config), window, simulate_batch),
@@ -230,7 +237,10 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
 
     draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
-    rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws, task.unknowns)
+    if task.rows:
+        rows = np.array([name in task.rows for name in box.names])
+    else:
+        rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws, task.unknowns)
     bench = task.bench.searching(rows)
     starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     found = search(
@@ -242,6 +252,16 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         task.seed,
     )
     return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
+
+
+def _named_rows(text: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Rows of a list with commas between; a UsageError for one that there is not."""
+    rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in rows:
+        if name not in names:
+            close = ", ".join(get_close_matches(name, names)) or "see configs/ensemble.yaml"
+            raise UsageError(f"no row of the ranges is called {name!r}", where="--rows", hint=close)
+    return rows
 
 
 def _reading_data(

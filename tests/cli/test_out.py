@@ -61,7 +61,7 @@ def forced(name: str) -> list[str]:
     return ["--force"] if any("--force" in option.opts for option in COMMANDS[name].params) else []
 
 
-@pytest.mark.parametrize("name", COMMANDS.keys() - FILES.keys())
+@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - FILES.keys()))
 @pytest.mark.parametrize("out", ["thesis.docx", "thesis.docx/below"])
 def test_a_file_where_the_results_should_go_is_refused(place: Path, name: str, out: str) -> None:
     before = contents(place)

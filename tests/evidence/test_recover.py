@@ -198,6 +198,7 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
     one = joint_3(rounded(run(), **record))
     assert one.answer == UNTOLD
     assert one.advice
+    assert ("10 ms" in one.advice) == ("every" in record)
 
 
 @pytest.mark.usefixtures("one_filter")

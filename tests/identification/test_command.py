@@ -56,6 +56,15 @@ def run(tmp_path_factory):
     return out, identified(out, readings=READINGS)
 
 
+def test_the_rows_that_are_named_are_searched_and_no_other(tmp_path):
+    rows = "winch_viscous, offset_controller_2_joint_3,winch_viscous"
+    data = identified(tmp_path / "out", rows=rows, **TINY)
+    searched = set(data["readings"][0]["rows_searched"])
+    assert searched == {"winch_viscous", "offset_controller_2_joint_3"}
+    with pytest.raises(UsageError):
+        identified(tmp_path / "other", rows="winch_viscosity", **TINY)
+
+
 def test_fitted_numbers_come_back(run):
     _, data = run
     first = data["readings"][0]

@@ -188,14 +188,14 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS)
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
-        for path, suffix in zip(paths, formats, strict=True):
-            # Made in memory: the writer of PDF does not survive a full disk.
-            image = BytesIO()
-            # The usual level, 6, takes twice the time for a tenth of the size.
-            options: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
-            with thinned_fonts(drawn.figure) if suffix == "pdf" else nullcontext():
+        with thinned_fonts(drawn.figure) if "pdf" in formats else nullcontext():
+            for path, suffix in zip(paths, formats, strict=True):
+                # Made in memory: the writer of PDF does not survive a full disk.
+                image = BytesIO()
+                # The usual level, 6, takes twice the time for a tenth of the size.
+                options: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
                 drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
-            write_atomically(path, image.getvalue())
+                write_atomically(path, image.getvalue())
     told = folder / f"{drawn.stem}.txt"
     write_atomically(told, "\n\n".join(about(drawn)) + "\n")
     return [*paths, told]

@@ -12,13 +12,15 @@ from matplotlib.text import Text
 
 FONTS = sorted(Path(__file__).with_name("fonts").glob("*.ttf"))
 
-LETTERS = (range(0x20, 0x530), range(0x2000, 0x2300))
-"""Characters that the thinned fonts hold, as far as the whole ones do."""
+LETTERS = (range(0x20, 0x300), range(0x370, 0x530), range(0x2000, 0x2300))
+"""Characters that the thinned fonts draw, as far as the whole ones do.
+
+They hold marks between 0x300 and 0x370 too, for hats in formulas, but cannot place them over letters."""
 
 
 @contextmanager
 def thinned_fonts(figure: Figure) -> Iterator[None]:
-    """Let matplotlib find the thinned fonts first while a block draws a figure.
+    """Let matplotlib find the thinned fonts first while a block writes a figure.
 
     Where the figure has other letters, as in the name of a user's file, the whole fonts serve.
     """
