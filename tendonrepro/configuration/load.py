@@ -156,7 +156,8 @@ class Draft:
         A name that stays as it is begins at the configuration's folder, for whoever reads it later.
         """
         runs = self.tree.get("runs")
-        for path in (("reference",), *(("runs", run, "reference") for run in runs or ())):
+        named = runs if isinstance(runs, dict) else {}
+        for path in (("reference",), *(("runs", run, "reference") for run in named)):
             node: Any = self.tree
             for part in path:
                 node = node[part] if holds(node, part) else None

@@ -163,6 +163,15 @@ def test_a_filter_needs_its_cutoff(files: Files, reading: str) -> None:
         load_config(path, "compare", overrides=changed)
 
 
+@pytest.mark.parametrize("runs", ["5", "[controller_1]"])
+def test_runs_that_are_no_mapping(files: Files, runs: str) -> None:
+    files.path("own").write_text(
+        f"schema_version: 1\nexperiment: compare\nbase: compare.yaml\nruns: {runs}\n", encoding="utf-8"
+    )
+    with pytest.raises(ConfigError, match=r"own\.yaml:4: runs"):
+        load_config(files.path("own"), "compare")
+
+
 def test_late_rates_need_their_lag(files: Files) -> None:
     text, path = TEXTS["compare"], files.path("compare")
     start = text.index("  reference_lag:")
