@@ -130,6 +130,9 @@ def _part(time: Array, run: Run, table: str) -> tuple[Array, list[str]]:
         raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
     kept = places[edges[run.part - 1] : edges[run.part]]
     found = np.full_like(time, np.nan)
+    if not kept.size:
+        # `where` takes no row, which is said of all such runs.
+        return found, []
     found[kept] = time[kept]
     return found, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
 

@@ -447,7 +447,7 @@ def _tries(config: CompareConfig) -> list[dict[str, Any]]:
         tries.append(
             {"label": "No acceleration", "set": {"control.readings.reference_acceleration": "absent"}}
         )
-    last = [name for name in config.runs if not name.endswith(PAYLOAD)][-1]
+    last = ([name for name in config.runs if not name.endswith(PAYLOAD)] or [*config.runs])[-1]
     start = {f"runs.{last}.start_offset.{joint}": -1.0 for joint in config.joints}
     tries.append({"label": f"{_label(last)} starts 1° below", "set": start})
     tries.append({"label": "Leave out the first 2 s", "set": {"errors_from": 2}})
