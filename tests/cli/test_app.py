@@ -210,7 +210,7 @@ def test_figures_and_tables_are_made_again_from_traces(compared: tuple[Path, Any
     before = (out / "figures" / "fig14.svg").read_bytes()
     (out / "figures" / "fig14.svg").unlink()
     made = answer("figures", "14", "--out", "out", cwd=folder)
-    assert len(made["files"]) == 3
+    assert {Path(name).suffix for name in made["files"]} == {".pdf", ".png", ".svg", ".txt"}
     assert (out / "figures" / "fig14.svg").read_bytes() == before
     assert answer("tables", "--out", ".", cwd=folder)["files"]
     assert run("figures", "9", "--out", "out", cwd=folder).returncode == 4
