@@ -51,7 +51,11 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     """
     # In the result of one command the page would be a foreign file.
     alone = (folder / MANIFEST).exists()
-    path = out or (folder.with_name(f"{folder.name}.html") if alone else folder / "report.html")
+    if out is None and alone:
+        # Only a resolved path names the current folder, or the one above.
+        named = folder.resolve() if folder.name in ("", "..") else folder
+        out = named.with_name(f"{named.name}.html")
+    path = out or folder / "report.html"
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]

@@ -104,6 +104,8 @@ def test_a_report_of_one_result_lies_beside_it_and_not_in_it(place: Path) -> Non
     results_of("statics", place)
     told = answer("report", "statics", cwd=place)
     assert Path(told["path"]) == Path("statics.html")
+    told = answer("report", ".", cwd=place / "statics")
+    assert Path(told["path"]) == (place / "statics.html").resolve()
     answer("statics", "--out", "statics", cwd=place)
 
 
