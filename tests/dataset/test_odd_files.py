@@ -196,6 +196,16 @@ def test_a_time_that_starts_again_begins_a_run(tmp_path):
     assert all(mae(found, run) == MAE for run in found["runs"])
 
 
+def test_a_part_of_rows_that_are_not_there_is_refused(tmp_path):
+    def edit(text):
+        return text.replace("    part: 2", "    part: 1\n    where: {marker: absent}", 1)
+
+    rows = [f"present,{line}" for line in (lines() * 2).splitlines()]
+    content = "\n".join([f"marker,{HEADS.strip()}", *rows])
+    with pytest.raises(ConfigError):
+        ingested(tmp_path, ".csv", content, edit)
+
+
 def test_rounded_times_that_repeat(tmp_path):
     rows = NUMBERS.copy()
     rows[:, 0] = np.round(rows[:, 0], 1)
