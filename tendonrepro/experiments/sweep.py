@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig, config_digest, find_source, load_config
-from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.experiment import CompareConfig, errors_from
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk, count_of
@@ -101,6 +101,9 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
     if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
         message = "all points of a sweep must move the same joints and have the same runs"
         raise UsageError(message, where=OPTION)
+    if any(errors_from(point.loaded.config) > 0.0 for point in points):
+        hint = "say --set errors_from=0, or run compare for each value"
+        raise UsageError("a sweep averages whole runs, so errors_from must be 0", where=OPTION, hint=hint)
     base = replace(
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),

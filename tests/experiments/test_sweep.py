@@ -186,6 +186,11 @@ class TestValues:
             arm.write_text(read_text(shipped_folder() / "lumidouce_ii.yaml"), encoding="utf-8")
         assert set(arms) <= {*sweep.load_sweep(Request(), [f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
 
+    @pytest.mark.parametrize("over", ["errors_from=0,1", "seed=1,2"])
+    def test_the_start_is_not_left_out_without_a_word(self, over):
+        with pytest.raises(UsageError, match="whole runs"):
+            sweep.load_sweep(Request(overrides=(ONE, "errors_from=1")), [over])
+
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         other = run.replace("{a:", "{b:")
