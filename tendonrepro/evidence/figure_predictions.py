@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from typing import Any
 
 from matplotlib.lines import Line2D
@@ -19,7 +18,7 @@ from tendonrepro.results.figures.style import (
 
 COLOURS = ["#004488", "#CC3311", "#DDAA00", "#228833", "#888888", "#55BBEE", "#8844BB", "#000000", "#AA7744"]
 STYLES = tuple(zip(COLOURS, "os^Dos^Dv", strict=True))
-"""Colour and marker of each interpretation."""
+"""Colour and marker of each interpretation; from the tenth on they come again, hollow."""
 _LOWEST, _HIGHEST = 0.25, 4.0
 
 
@@ -38,9 +37,10 @@ def draw_predictions(
             for place, reading in enumerate(readings):
                 y, row = group * step + place, ratios[reading]
                 low, median, high = (row[name] for name in ("low", "median", "high"))
-                colour, marker = STYLES[place % len(STYLES)]
+                look = _look(place)
+                colour = look["color"]
                 panel.plot([low, high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
-                panel.plot([median], [y], marker, color=colour, markersize=2.8, markeredgewidth=0.0)
+                panel.plot([median], [y], linestyle="", **look)
                 mark_cut(panel, (low, high), y, (_LOWEST, _HIGHEST), colour)
         panel.set_xscale("log")
         panel.set_xlim(_LOWEST, _HIGHEST)
@@ -55,10 +55,7 @@ def draw_predictions(
     )
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
-    handles = [
-        Line2D([], [], color=colour, marker=marker, markersize=2.8, label=reading)
-        for reading, (colour, marker) in zip(readings, cycle(STYLES), strict=False)
-    ]
+    handles = [Line2D([], [], label=reading, **_look(place)) for place, reading in enumerate(readings)]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
         "What experiments on a bench would give under several ways to understand the paper. Ratio of mean "
@@ -66,3 +63,11 @@ def draw_predictions(
         "An arrow at the edge means that the range goes on."
     )
     return Drawing("predictions", figure, list(panels), caption, origin="Simulated, tendonrepro predict")
+
+
+def _look(place: int) -> dict[str, Any]:
+    """How the interpretation at a place is drawn."""
+    turn, which = divmod(place, len(STYLES))
+    colour, marker = STYLES[which]
+    hollow = {"markerfacecolor": "white", "markeredgewidth": 0.7} if turn % 2 else {"markeredgewidth": 0.0}
+    return {"color": colour, "marker": marker, "markersize": 2.8, **hollow}

@@ -21,6 +21,7 @@ from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import (
     EXPERIMENTS,
     FIRST,
+    READINGS,
     SECOND,
     THIRD,
     Prediction,
@@ -166,6 +167,17 @@ def test_each_panel_shows_the_ratios_of_its_joint() -> None:
     for panel, held in zip(panels, numbers.values(), strict=True):
         _, span, middle = (list(line.get_xdata()) for line in panel.lines)
         assert [*span, *middle] == [held["low"], held["high"], held["median"]]
+
+
+def test_interpretations_of_the_default_look_different() -> None:
+    names = READINGS.split(",")
+    numbers = {"low": 0.6, "median": 0.8, "high": 0.9}
+    ratios = [{"reading": name, "joint": 2, **numbers} for name in names]
+    drawn = draw_predictions([{"about": "x", "ratios": ratios}], names, [2])
+    (legend,) = drawn.figure.legends
+    for lines in (legend.get_lines(), drawn.axes[0].lines[2::2]):
+        looks = {(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in lines}
+        assert len(looks) == len(names)
 
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
