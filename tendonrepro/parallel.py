@@ -89,7 +89,15 @@ def _submitted(executor: Executor, function: Callable[[Any], Any], items: Sequen
 
 
 def _can_fork() -> bool:
-    """Whether a copy of this process is sound: a lock that another thread holds would stay closed in it."""
+    """Whether a copy of this process is sound.
+
+    A lock that another thread holds would stay closed in it. And loky ends a copy whose standard error is no
+    file, because it cannot report a crash there.
+    """
+    try:
+        sys.stderr.fileno()
+    except (AttributeError, OSError, ValueError):
+        return False
     return sys.platform == "linux" and threading.active_count() == 1
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import faulthandler
+import io
 import os
 import signal
 import subprocess
@@ -61,6 +63,17 @@ def test_results_are_in_order_and_progress_adds_up(processors: int) -> None:
     assert again[0][0] == 7
     assert ({process for _, process in results + again} == {os.getpid()}) == (processors == 1)
     assert sum(told) == 3
+
+
+def test_workers_work_where_standard_error_is_no_file(
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """As where somebody has put a stream of their own there. pytest has a fault handler, other programs none."""
+    faulthandler.disable()
+    request.addfinalizer(faulthandler.enable)
+    monkeypatch.setattr(parallel, "processors", lambda: 2)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert [*run(abs, [-1, 2, -3])] == [1, 2, 3]
 
 
 def test_work_begins_before_a_result_is_asked_for(tmp_path: Path, processors: int) -> None:

@@ -197,7 +197,7 @@ def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(
     monkeypatch.setattr(command, "published", lambda: paper_with(truth, decimals=6))
     request, effort = Request(out=tmp_path / "out", overrides=OVERRIDES), (40, 24, 2)
     asked = dict(zip(("generations", "population", "seeds"), effort, strict=True))
-    found = command.run_identify(request, QUIET, readings=EXTRAPOLATING, **asked)["readings"][0]
+    found = command.run_identify(request, QUIET, readings=EXTRAPOLATING, unknowns=40, **asked)["readings"][0]
     assert found["misfit_log"] < 0.05
     fitted = [row for row in found["numbers"] if row["fitted"]]
     assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)
