@@ -68,7 +68,7 @@ def test_results_are_in_order_and_progress_adds_up(processors: int) -> None:
 def test_workers_work_where_standard_error_is_no_file(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    """As where somebody has put a stream of their own there. pytest has a fault handler, other programs none."""
+    """As where somebody has put a stream there. pytest has a fault handler, other programs have none."""
     faulthandler.disable()
     request.addfinalizer(faulthandler.enable)
     monkeypatch.setattr(parallel, "processors", lambda: 2)
