@@ -235,7 +235,8 @@ def rows_that_matter(box: Box, look: Plants, draws: Array, most: int = UNKNOWNS)
     chosen = np.zeros(rows.size, dtype=np.bool_)
     for row in np.argsort(-change, kind="stable"):
         more = with_switches(box.names, chosen | (rows == row))
-        if felt[row] and more.sum() <= most:
+        # The strongest counts whatever its switches are: a search needs something to move.
+        if felt[row] and (more.sum() <= most or not chosen.any()):
             chosen = more
     return chosen
 

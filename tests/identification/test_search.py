@@ -139,6 +139,10 @@ def test_where_none_is_felt_as_many_as_allowed_are_searched():
     assert len(chosen(lambda values: 0.0 * values["winch_viscous"])) == UNKNOWNS
 
 
+def test_something_is_searched_even_where_the_strongest_row_needs_its_switch():
+    assert len(chosen(lambda values: 0.0 * values["winch_viscous"], most=0)) >= 1
+
+
 def test_of_many_that_are_felt_the_strongest_are_searched():
     """Each counts with its switch; one whose switch does not fit any more is left for the next."""
     weights = dict(
