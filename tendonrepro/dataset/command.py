@@ -63,7 +63,9 @@ def _columns(source: Source) -> list[dict[str, Any]]:
     for name, values in source.columns.items():
         row: dict[str, Any] = {"column": name, "samples": len(values)}
         if values.dtype.kind == "f" and np.isfinite(values).any():
-            step = float(np.nanmedian(np.diff(values))) if len(values) > 1 else np.nan
+            steps = np.diff(values)
+            steps = steps[np.isfinite(steps)]
+            step = float(np.median(steps)) if steps.size else np.nan
             row |= {"from": float(np.nanmin(values)), "to": float(np.nanmax(values)), "median_step": step}
         rows.append(row)
     return rows

@@ -344,3 +344,11 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
     sources, unread, _ = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)
+
+
+def test_a_column_without_two_numbers_in_a_row_has_no_step(tmp_path):
+    (tmp_path / "SYNTHETIC gaps.csv").write_text("time,a\n0,1\n1,\n2,3\n3,\n4,5\n")
+    (table,) = inspect(tmp_path / "SYNTHETIC gaps.csv", None)["tables"]
+    steps = {column["column"]: column["median_step"] for column in table["columns"]}
+    assert steps["time"] == 1.0
+    assert np.isnan(steps["a"])
