@@ -347,7 +347,8 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
 
 
 def test_a_column_without_two_numbers_in_a_row_has_no_step(tmp_path):
-    (tmp_path / "SYNTHETIC gaps.csv").write_text("time,a\n0,1\n1,\n2,3\n3,\n4,5\n")
+    rows = [f"{k},{k if k % 2 else ''}" for k in range(40)]
+    (tmp_path / "SYNTHETIC gaps.csv").write_text("\n".join(["time,a", *rows]) + "\n")
     (table,) = inspect(tmp_path / "SYNTHETIC gaps.csv", None)["tables"]
     steps = {column["column"]: column["median_step"] for column in table["columns"]}
     assert steps["time"] == 1.0
