@@ -426,10 +426,13 @@ def main() -> None:
         place = error.filename and str(error.filename)
         code = _fail(1, f"the system refused: {error.strerror}", place, "look at permissions and free space")
     except Exception as error:
+        if _of_an_interrupt(error):
+            code = INTERRUPTED
         # Typer's errors of usage have no class that it exports.
-        if not hasattr(error, "format_message"):
+        elif hasattr(error, "format_message"):
+            code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+        else:
             raise
-        code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
     if code == INTERRUPTED:
         # What is left is to end, which another interrupt would only fill with tracebacks.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -441,6 +444,13 @@ def main() -> None:
             # A closed pipe: Python would try once more at its end, and leave with an exit code of its own.
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _of_an_interrupt(error: BaseException | None) -> bool:
+    """Say whether an interrupt is behind it: a compiled module, interrupted at its import, raises ImportError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _open_streams() -> None:

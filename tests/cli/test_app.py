@@ -19,7 +19,7 @@ from support.command import SHORT, SHORT_DECOUPLE, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
 import tendonrepro as tr
-from tendonrepro.cli.app import app
+from tendonrepro.cli.app import app, main
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.console import count_of
 
@@ -148,6 +148,25 @@ def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> Non
     assert data["table2"]["controller_1"]["mae_deg"] == [None, None]
     words = [*SHORT, "--set", "control.gains.M_bar=[1e30,1e30]", "--controllers", "1,3", "--out", "overflow"]
     assert set(answer("compare", *words, cwd=tmp_path, code=5)["status"].values()) == {"diverged"}
+
+
+def test_an_interrupt_within_the_import_of_a_compiled_module_is_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def imported(**_: Any) -> None:
+        # What an extension module raises whose initialisation was interrupted.
+        raise ImportError from KeyboardInterrupt()
+
+    kept = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr("tendonrepro.cli.app.app", imported)
+    monkeypatch.setattr(sys, "argv", ["tendonrepro", "compare"])
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main()
+    finally:
+        signal.signal(signal.SIGINT, kept)
+    assert ended.value.code == 130
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.slow
