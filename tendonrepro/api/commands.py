@@ -111,10 +111,14 @@ def reproduce(
 
 
 def statics(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
-    """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
-    loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
-    from tendonrepro.experiments.statics import study_statics
+    """Survey the tension of every tendon over the working half-plane.
 
+    Parameters are as of `compare`; the configuration may be of either experiment.
+    """
+    request, started = _request({**locals()}), time.perf_counter()
+    from tendonrepro.experiments.statics import load_arm, study_statics
+
+    loaded = load_arm(request)
     return _studied("statics", loaded, study_statics(loaded), started)
 
 
