@@ -447,7 +447,7 @@ def main() -> None:
 
 
 def _of_an_interrupt(error: BaseException | None) -> bool:
-    """Say whether an interrupt is behind it: a compiled module, interrupted at its import, raises ImportError."""
+    """Say whether an interrupt is behind it: a compiled module, interrupted at import, raises ImportError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
