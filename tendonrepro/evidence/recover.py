@@ -258,7 +258,7 @@ def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
 def read_logs(
     file: TraceFile, expected: CompareConfig
 ) -> tuple[list[tuple[Trace, Log, Array]], list[DataMissingError]]:
-    """Runs with torque, desired and measured angles, and these angles' rounding (n,); why others have no log."""
+    """Logs, with their runs and the rounding of angles (n,); and why other runs with torque have none."""
     logs, refused = [], []
     for name, recorded in file.runs.items():
         torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
