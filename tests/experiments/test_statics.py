@@ -11,7 +11,6 @@ from support.oracles import ROPE, TENDON_4
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics import RESERVE, half_plane, run_statics, survey
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
