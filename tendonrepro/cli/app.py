@@ -346,20 +346,28 @@ def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None
     terminal.show(tree, text.rstrip())
 
 
-@command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
-def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
-    """Copy a shipped configuration and what it names, to edit.
+@command(config_app, "tendonrepro config init --joints 2 --out mine/my_arm.yaml", name="init")
+def config_init(
+    terminal: Terminal, name: str | None = None, *, joints: int | None = None, out: Path = Path()
+) -> None:
+    """Begin an arm of your own, or copy a shipped configuration.
 
     Parameters
     ----------
     name
-        A shipped configuration.
+        A shipped configuration; what it names is copied too.
+    joints
+        Write an arm with so many joints, and compare.yaml.
     out
-        Folder for the copy.
+        Folder, or the file of the arm.
     """
     from tendonrepro.configuration.command import init_config
+    from tendonrepro.configuration.own_arm import init_arm
 
-    terminal.list_files(init_config(name, out))
+    if (name is None) == (joints is None):
+        message = "either the name of a shipped configuration, or --joints"
+        raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
+    terminal.list_files(init_arm(joints, out) if name is None and joints else init_config(name or "", out))
 
 
 @command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
@@ -447,7 +455,7 @@ def main() -> None:
 
 
 def _of_an_interrupt(error: BaseException | None) -> bool:
-    """Say whether an interrupt is behind it: a compiled module, interrupted at its import, raises ImportError."""
+    """Say whether an interrupt is behind it: a compiled module, interrupted at import, raises ImportError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
