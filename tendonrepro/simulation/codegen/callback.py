@@ -17,9 +17,9 @@ from tendonrepro.simulation.codegen.machine import LANES
 _HEAD = object.__basicsize__
 """Bytes of what every Python object begins with. In a NumPy array the address of its numbers comes next.
 
-That is the structure ``PyArrayObject`` of NumPy's C interface, where the macro ``PyArray_DATA`` looks, compiled
-into every extension of NumPy. Machine code has no headers of C, so it is written down here, and looked at
-before use.
+That is the structure ``PyArrayObject`` of NumPy's C interface, where the macro ``PyArray_DATA`` looks, which
+is compiled into every extension of NumPy. Machine code has no headers of C, so it is written down here, and
+looked at before use.
 """
 
 
