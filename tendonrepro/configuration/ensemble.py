@@ -119,7 +119,8 @@ def load_ensemble(
         draft.refuse(("base",), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
     return LoadedEnsemble(
         config=config,
-        base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs)),
+        # What draws and readings decide is no matter of the base.
+        base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs), unread=()),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,

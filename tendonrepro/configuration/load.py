@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
@@ -229,7 +229,7 @@ class LoadedConfig:
 
     `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
-    reference.
+    reference. `unread` has a sentence about each override that changes nothing.
     """
 
     config: Config
@@ -241,6 +241,7 @@ class LoadedConfig:
     inputs: tuple[Path, ...]
     folder: Path
     places: Mapping[str, str]
+    unread: tuple[str, ...]
 
 
 def load_config(
@@ -297,7 +298,17 @@ def load_config(
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
         places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
+        unread=tuple(_unread(config, recorded)),
     )
+
+
+def _unread(config: Config, overrides: Sequence[str]) -> Iterator[str]:
+    """What the command line sets and no reading reads; a file may keep such a key for another time."""
+    named = {text.partition("=")[0].strip().removesuffix(".value") for text in overrides}
+    if isinstance(config, CompareConfig):
+        for key, reading in config.control.unread().items():
+            if f"control.{key}" in named:
+                yield f"control.{key} changes nothing here: it is read only under {reading}"
 
 
 def with_seed(overrides: Sequence[str], seed: int | None) -> list[str]:

@@ -108,6 +108,8 @@ def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
         base,
         sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
+        # Of a key that is read at one point, the sweep shows what it does.
+        unread=tuple(set.intersection(*(set(point.loaded.unread) for point in points))),
     )
     return Sweep(base, axes, points)
 
