@@ -38,7 +38,7 @@ COUNTS = 2.0  # fast error, RMS in encoder counts, up to which a run is not ring
 
 TUNED, ALL_RUNS = 3, 4  # loops of a plant that are tuned on, and all; the last is the held-out one
 
-# Up and down by 33 deg as shipped, a fifth faster than the box allows, so that a run is short.
+# Up and down by 33 deg as the plain arm, a fifth faster than the box allows, so that a run is short.
 _STROKE = np.radians(33.0)
 # Held out is another shape: a sine between 0 and 40 deg that begins softly.
 _HALF_SINE = np.radians(20.0)
