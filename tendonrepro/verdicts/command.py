@@ -179,7 +179,7 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list
 
 
 def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
-    # The run of the nominal plant and the measurement are those that are here, or none.
+    # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
     evidence = {**entry["evidence"], **here, "ensemble": origin}
     return replace(

@@ -73,7 +73,7 @@ def test_table_1_of_a_record_of_the_moving_joints_alone() -> None:
 def another(file: TraceFile, what: str) -> TraceFile:
     """The file of another arm, of other joints, with other gains, or of another motion."""
     if what == "motion":
-        return dataclasses.replace(file, config_yaml=file.config_yaml.replace("[33, 33]", "[30, 33]"))
+        return dataclasses.replace(file, config_yaml=file.config_yaml.replace("[8, 8]", "[7, 8]", 1))
     if what == "arm":
         return dataclasses.replace(file, plant=PlantRecord(file.plant.values, {"arm": "SYNTHETIC"}))
     if what == "coupling":
