@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -24,6 +25,7 @@ from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
 from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
@@ -123,7 +125,14 @@ def _try(task: Task, law: TunedLaw) -> None:
         measure(plants, [Candidate(law, "none", False, middle)])
     except Exception as error:
         message = f"the law {law.name} cannot run on many plants together: {type(error).__name__}: {error}"
-        hint = "return tau, H_hat, s and de, and choose by tendonrepro.arrays.choose instead of if"
+        hint = "return tau, H_hat, s and de, each an array with a number per joint"
+        if isinstance(error, UnknownValueError):
+            lines = [
+                call.lineno for call in traceback.extract_tb(error.__traceback__) if call.name == law.name
+            ]
+            at = f" in its line {lines[-1]}" if lines else ""
+            message = f"the law {law.name} branches{at} on a number, which differs from plant to plant"
+            hint = "write np.where(e[i] > 0.0, then, otherwise) for each joint i in place of if"
         raise UsageError(message, where="--law", hint=hint) from error
 
 
