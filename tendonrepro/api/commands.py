@@ -270,6 +270,7 @@ def tune(
     laws: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
     spread: float | None = None,
+    only: str = "",
     config: str | Path | None = None,
     set: Changes = None,
     seed: int | None = None,
@@ -292,6 +293,8 @@ def tune(
     spread : float, optional
         How far plants lie around your own arm, 0.2 is 20 %, where `config` is a comparison; by default as far
         as the shipped ranges, relative to its values.
+    only : str
+        Comma-separated names of the package's laws to tune; all if empty.
     config, set, seed, jobs, out, formats, figures, force
         As of `ensemble`; the seed is that of the searches.
     """

@@ -126,6 +126,7 @@ def tune(
     law: list[str] | None = None,
     any_plant: bool = False,
     spread: float | None = None,
+    only: str = "",
     jobs: int = -1,
 ) -> None:
     """Controllers at their best: each one tuned, then compared.
@@ -148,6 +149,8 @@ def tune(
         Also plants where the published gains are unstable.
     spread
         Around your own arm, 0.2 is 20 % [default: as shipped].
+    only : ntsm,alpha_free
+        Tune only these controllers [default: all].
     """
     options = options_of(locals(), "law")
     from tendonrepro.tuning.command import run_tune

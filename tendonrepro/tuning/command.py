@@ -19,7 +19,7 @@ from tendonrepro.configuration.load import find_source
 from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import laws_of, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
@@ -47,6 +47,7 @@ def run_tune(
     given: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
     spread: float | None = None,
+    only: str = "",
     jobs: int = -1,
 ) -> dict[str, Any]:
     """Tune every law on the same plants, and write the results.
@@ -63,6 +64,8 @@ def run_tune(
         Also draws on which the published gains are unstable.
     spread : float, optional
         How far plants lie around the arm of a comparison; see `Around`.
+    only : str
+        Names of the package's laws to tune, comma-separated; all if empty.
     jobs : int
         Processes; -1 is one for each processor.
 
@@ -83,12 +86,12 @@ def run_tune(
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0)
+    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, effort, request.seed or 0)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    inputs = loaded.sha256, base.sha256, effort, task.seed, plants, any_plant
+    inputs = loaded.sha256, base.sha256, effort, task.seed, plants, any_plant, sorted(task.laws)
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"
 
@@ -102,6 +105,16 @@ def run_tune(
     return run_study(
         "tune", replace(base, sha256=identity, origin=loaded.origin), request, study, talk, keep=states
     )
+
+
+def _chosen(only: str) -> dict[str, TunedLaw]:
+    """Laws of the package by the names that were asked for."""
+    names = [name.strip() for name in only.split(",") if name.strip()] or list(LAWS)
+    for name in names:
+        if name not in LAWS:
+            message = f"there is no controller {name!r}{did_you_mean(name, LAWS)}"
+            raise UsageError(message, where="--only", hint=f"There are: {', '.join(LAWS)}")
+    return {name: law for name, law in LAWS.items() if name in names}
 
 
 def _plants_asked_for(request: Request, spread: float | None) -> LoadedEnsemble:
