@@ -111,10 +111,14 @@ def reproduce(
 
 
 def statics(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
-    """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
-    loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
-    from tendonrepro.experiments.statics import study_statics
+    """Survey the tension of every tendon over the working half-plane.
 
+    Parameters are as of `compare`; the configuration may be of either experiment.
+    """
+    request, started = _request({**locals()}), time.perf_counter()
+    from tendonrepro.experiments.statics import load_arm, study_statics
+
+    loaded = load_arm(request)
     return _studied("statics", loaded, study_statics(loaded), started)
 
 
@@ -265,6 +269,7 @@ def tune(
     population: int = 6,
     laws: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
+    spread: float | None = None,
     config: str | Path | None = None,
     set: Changes = None,
     seed: int | None = None,
@@ -284,6 +289,9 @@ def tune(
         Name -> function of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
         Also plants on which the published gains are unstable.
+    spread : float, optional
+        How far plants lie around your own arm, 0.2 is 20 %, where `config` is a comparison; by default as far
+        as the shipped ranges, relative to its values.
     config, set, seed, jobs, out, formats, figures, force
         As of `ensemble`; the seed is that of the searches.
     """

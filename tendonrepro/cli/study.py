@@ -125,11 +125,12 @@ def tune(
     population: int = 6,
     law: list[str] | None = None,
     any_plant: bool = False,
+    spread: float | None = None,
     jobs: int = -1,
 ) -> None:
     """Controllers at their best: each one tuned, then compared.
 
-    An interrupted tuning goes on.
+    An interrupted tuning goes on. With a comparison as configuration, plants are drawn around its arm.
 
     Parameters
     ----------
@@ -145,6 +146,8 @@ def tune(
         Tune your own controller too; repeatable. FILE is executed.
     any_plant
         Also plants where the published gains are unstable.
+    spread
+        Around your own arm, 0.2 is 20 % [default: as shipped].
     """
     options = options_of(locals(), "law")
     from tendonrepro.tuning.command import run_tune

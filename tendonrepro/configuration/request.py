@@ -61,8 +61,8 @@ class Request:
         """Results folder of the command `name`."""
         return self.out or Path("reports") / name
 
-    def load(self, experiment: ExperimentName) -> LoadedConfig:
-        """Read the configuration of an experiment."""
+    def load(self, experiment: ExperimentName | None) -> LoadedConfig:
+        """Read the configuration of an experiment, of either if None."""
         from tendonrepro.configuration.load import load_config
 
         return load_config(

@@ -156,9 +156,10 @@ def draw_margin(data: Mapping[str, Any], courses: Mapping[str, Any], origin: str
     line = Line2D([], [], color=_FRICTION, linewidth=0.9, label=f"{reserve:g} N, with pulley friction")
     push = Patch(color=_PUSH, label="a tendon would have to push")
     figure.legend(handles=[line, push], loc="outside upper center", ncols=2)
+    tendon, force, source = data["tensioning_tendon"], data["tensioner_force_N"], data["sources"]["force"]
     caption = (
-        f"Smallest tension of any tendon at rest, by course of tendon 4, which a motor pulls with "
-        f"{data['tensioner_force_N']:g} N ({data['sources']['force']}); spring: as hard at the start, "
+        f"Smallest tension of any tendon at rest, by course of tendon {tendon}, which a motor pulls with "
+        f"{force:g} N ({source}); spring: as hard at the start, "
         f"there stretched by {data['spring_stretch_mm']:g} mm. Orange: between the lines friction of the "
         f"guide pulleys, {100 * data['pulley_loss']:g} % each, decides on {reserve:g} N. {origin}."
     )

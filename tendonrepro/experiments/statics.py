@@ -1,8 +1,9 @@
-"""Tensions at rest over the working half-plane, for every course of tendon 4."""
+"""Tensions at rest over the working half-plane, for every course of the tensioning tendon, the paper's 4."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,7 +16,6 @@ from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
@@ -107,8 +107,13 @@ class Survey(NamedTuple):
 
 def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
     """Survey the tensions, and write the results."""
-    loaded = request.load("decouple")
+    loaded = load_arm(request)
     return run_study("statics", loaded, request, lambda _: study_statics(loaded), talk)
+
+
+def load_arm(request: Request) -> LoadedConfig:
+    """Either experiment; the arm and its posture alone matter. Without any it is the decoupling."""
+    return replace(request, config=request.config or "decouple").load(None)
 
 
 def study_statics(loaded: LoadedConfig) -> Outcome:
@@ -116,30 +121,33 @@ def study_statics(loaded: LoadedConfig) -> Outcome:
     from tendonrepro.experiments.figures import draw_margin
 
     found = survey(loaded)
-    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
+    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)} if found.maps else {}
     return Outcome(found.data, _parts(found), figures, {"solver": None})
 
 
 def survey(loaded: LoadedConfig) -> Survey:
-    """Work out tensions over the half-plane; a ConfigError if fewer than two joints move."""
+    """Work out tensions over the half-plane, and maps where two joints or more move."""
     config = loaded.config
     n, joints = len(config.joints), list(config.joints)
-    if n < 2:
-        message = f"maps are over the angles of two links, but {n} joint moves"
-        raise ConfigError(message, where="joints")
     force, force_source = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
     loss, loss_source = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
-    payload = published().number("hardware.payload")
+    payload, payload_source = _payload(config)
     arm, motor = build_arm(config, 0.0), statics.Spring(force, 0.0)
     cases: dict[str, Case] = {
         "motor": (arm, motor),
         "payload": (build_arm(config, payload), motor),
         "spring": (arm, statics.Spring(force, force / STRETCH)),
     }
-    grid, everywhere = map_postures(config), half_plane(n)
+    everywhere = half_plane(n)
     routes = {course: mechanism(config, course) for course in COURSES}
-    maps = {course: _maps(grid, cases, route, loss) for course, route in routes.items()}
-    courses = {course: _course(everywhere, cases, routes[course], maps[course], joints) for course in COURSES}
+    maps = {}
+    if n > 1:
+        grid = map_postures(config)
+        maps = {course: _maps(grid, cases, route, loss) for course, route in routes.items()}
+    courses = {
+        course: _course(everywhere, cases, route, maps.get(course), joints)
+        for course, route in routes.items()
+    }
     # Without its pull the course of tendon 4 does not matter.
     weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
     data = {
@@ -149,17 +157,20 @@ def survey(loaded: LoadedConfig) -> Survey:
         "joints": joints,
         "held_joints": [k for k in range(1, config.manipulator.joints + 1) if k not in joints],
         "start_link_angles_deg": np.rad2deg(np.cumsum(config.posture.si)).tolist(),
+        "tensioning_tendon": config.manipulator.joints + 1,
         "map": {
             "across": f"link {joints[-2]}",
             "upright": f"link {joints[-1]}",
             "held_link_angles_deg": np.rad2deg(start_angles(config)[:-2]).tolist(),
-        },
+        }
+        if maps
+        else None,
         "postures": everywhere.shape[1],
         "nearest_edge_deg": float(np.rad2deg(everywhere.min())),
         "tensioner_force_N": force,
         "pulley_loss": loss,
         "payload_kg": payload,
-        "sources": {"force": force_source, "loss": loss_source, "payload": "printed: section 5.4"},
+        "sources": {"force": force_source, "loss": loss_source, "payload": payload_source},
         "reserve_N": RESERVE,
         "spring_stretch_mm": 1e3 * STRETCH,
         "least_tension_of_weight_alone_N": weight_alone.min(axis=1).tolist(),
@@ -175,6 +186,14 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     held = dict(load_ensemble(None).config.box)[row]
     assert isinstance(held, BoxRange)
     return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
+
+
+def _payload(config: Config) -> tuple[float, str]:
+    """The heaviest of the runs, kg, or the paper's where none has any; and its source."""
+    heaviest = max((run.payload for run in config.runs.values()), key=lambda payload: payload.si)
+    if heaviest.si > 0.0:
+        return heaviest.si, heaviest.source
+    return published().number("hardware.payload"), "printed: section 5.4"
 
 
 def mechanism(config: Config, course: str) -> Mechanism:
@@ -236,15 +255,22 @@ def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Ar
 
 
 def _course(
-    everywhere: Array, cases: Mapping[str, Case], route: Mechanism, maps: Maps, joints: list[int]
+    everywhere: Array, cases: Mapping[str, Case], route: Mechanism, maps: Maps | None, joints: list[int]
 ) -> dict[str, Any]:
+    on_maps = (
+        {}
+        if maps is None
+        else {
+            "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
+            "map_least_tension_with_friction_N": float(maps.band[0].min()),
+            "map_force_for_reserve_N": float(maps.needed.max()),
+            "map_share_where_a_force_leaves_reserve": float((maps.room >= 0.0).mean()),
+        }
+    )
     return {
         "tension_per_newton": route.per_newton().tolist(),
         "change_of_length_mm": 1e3 * route.travel(),
-        "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
-        "map_least_tension_with_friction_N": float(maps.band[0].min()),
-        "map_force_for_reserve_N": float(maps.needed.max()),
-        "map_share_where_a_force_leaves_reserve": float((maps.room >= 0.0).mean()),
+        **on_maps,
         "half_plane": {name: _over_all(everywhere, case, route, joints) for name, case in cases.items()},
     }
 
@@ -268,6 +294,7 @@ def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> di
 
 def _parts(found: Survey) -> list[str | Table]:
     data = found.data
+    last = data["tensioning_tendon"]
     alone = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
     tendons = ", ".join(map(str, data["joints"]))
     named = [{"course": name} | course for name, course in data["courses"].items()]
@@ -279,12 +306,14 @@ def _parts(found: Survey) -> list[str | Table]:
     ]
     everywhere = (
         f"Tensions at rest over the working half-plane, {data['postures']} postures ({found.origin}). "
-        f"Tendon 4 pulls with {data['tensioner_force_N']:g} N ({data['sources']['force']})."
+        f"Tendon {last} pulls with {data['tensioner_force_N']:g} N ({data['sources']['force']})."
     )
-    on_maps = (
-        f"The courses of tendon 4. On the maps: the force that leaves {data['reserve_N']:g} N, and friction "
-        f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
-    )
+    on_maps = f"The courses of tendon {last}."
+    if data["map"]:
+        on_maps += (
+            f" On the maps: the force that leaves {data['reserve_N']:g} N, and friction "
+            f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
+        )
     return [
         f"The weight alone leaves tendons {tendons} at least {alone} N at rest.",
         Table("statics", everywhere, tensions, suffixes=("csv", "md")),

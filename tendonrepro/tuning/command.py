@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble, load_around, load_ensemble
+from tendonrepro.configuration.load import find_source
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import laws_of, with_user_laws
@@ -42,6 +44,7 @@ def run_tune(
     laws: Sequence[str] = (),
     given: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
+    spread: float | None = None,
     jobs: int = -1,
 ) -> dict[str, Any]:
     """Tune every law on the same plants, and write the results.
@@ -49,13 +52,15 @@ def run_tune(
     Parameters
     ----------
     request : Request
-        Its configuration is that of an ensemble.
+        Its configuration is that of an ensemble, or a comparison: then plants are drawn around its arm.
     searches, generations, population : int
         Of each law under each condition; of each search; of each generation.
     laws : sequence of str
         A user's, ``FILE:NAME``; more by name in `given`.
     any_plant : bool
         Also draws on which the published gains are unstable.
+    spread : float, optional
+        How far plants lie around the arm of a comparison; see `Around`.
     jobs : int
         Processes; -1 is one for each processor.
 
@@ -70,7 +75,7 @@ def run_tune(
     for name, value in {"plants": plants, **effort}.items():
         if value < least[name]:
             raise UsageError(f"must be at least {least[name]}, found {value}", where=f"--{name}")
-    loaded = load_ensemble(request.config, overrides=request.overrides)
+    loaded = _plants_asked_for(request, spread)
     users = laws_of(laws, given)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
@@ -97,6 +102,18 @@ def run_tune(
     )
 
 
+def _plants_asked_for(request: Request, spread: float | None) -> LoadedEnsemble:
+    """An ensemble as it is, or plants around the arm of a comparison."""
+    found = find_source(request.config, "ensemble")
+    kind = load(found.text, found.origin).tree
+    if isinstance(kind, dict) and kind.get("experiment") == "compare":
+        return load_around(found, spread, overrides=request.overrides)
+    if spread is not None:
+        message = "is for plants around an arm of your own"
+        raise UsageError(message, where="--spread", hint="name its comparison, --config compare.yaml")
+    return load_ensemble(found, overrides=request.overrides)
+
+
 def _try(task: Task, law: TunedLaw) -> None:
     """Refuse a user's law that cannot run on lanes, before hours of work."""
     plants = task.draw(0)
@@ -116,7 +133,9 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
         message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
-        raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
+        narrower = ", or a smaller --spread" if task.loaded.around else ""
+        hint = f"ask for fewer, or say --any-plant{narrower}"
+        raise UsageError(message, where="--plants", hint=hint)
     return found
 
 

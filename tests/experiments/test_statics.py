@@ -12,7 +12,6 @@ from support.overrides import on_plain_arm
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.statics import RESERVE, half_plane, run_statics, survey
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
@@ -53,10 +52,16 @@ def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
     assert found.data["courses"][course]["change_of_length_mm"] == pytest.approx(travel)
 
 
-def test_one_moving_joint_is_refused():
-    loaded = load_config(None, "compare")
-    with pytest.raises(ConfigError):
-        survey(replace(loaded, config=loaded.config.model_copy(update={"joints": (3,)})))
+def test_one_moving_joint_has_tensions_but_no_map():
+    loaded = load_config("plain", "compare")
+    config = loaded.config.model_copy(update={"joints": (3,)})
+    found = survey(replace(loaded, config=config))
+    assert found.maps == {}
+    # At level, its weight has the lever of its centre of mass, and its tendon that of the pulley.
+    alone = found.data["least_tension_of_weight_alone_N"]
+    # The smallest tension is nearest to hanging or upright, half a cell of 5 deg away.
+    assert alone == pytest.approx([9.81 * 0.22 * 0.096 * np.sin(np.radians(2.5)) / 0.0185])
+    assert set(found.data["courses"]["negative"]["half_plane"]) == {"motor", "payload", "spring"}
 
 
 @pytest.mark.parametrize("course", TENDON_4)

@@ -38,7 +38,7 @@ from tendonrepro.reporting.live.controls import (
     knobs_of,
 )
 from tendonrepro.reporting.live.model import Code, law_code, motion_code, plant_code
-from tendonrepro.results.paper import METRICS, base_of_paper
+from tendonrepro.results.paper import METRICS, compares_as_paper
 from tendonrepro.results.summary import LOADS, PAYLOAD
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.parts import is_noisy, plant_needs
@@ -190,7 +190,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
     config = comparison(loaded)
     loops = all_loops(loaded)
     model, turns = model_source(loaded, library)
-    papers = base_of_paper(config)
+    papers = compares_as_paper(config)
     controls = [*_shared_controls(config), *_run_controls(config)]
     groups = {one["group"] for one, _ in controls}
     return {
