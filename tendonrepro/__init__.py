@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tendonrepro.api.commands import *
-    from tendonrepro.api.result import Result
+    from tendonrepro.commands import *
+    from tendonrepro.studies.result import Result
 
 __version__ = "0.1.0"
 
@@ -51,7 +51,11 @@ def __getattr__(name: str) -> Any:
     """Load the interface when it is used: it imports much."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from tendonrepro.api import commands
+    if name == "Result":
+        from tendonrepro.studies.result import Result
+
+        return Result
+    from tendonrepro import commands
 
     return getattr(commands, name)
 

@@ -15,8 +15,8 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import View
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table, TableColumns
+from tendonrepro.studies.outcome import Outcome, run_study
 
 SCHEMA_VERSION = 1
 

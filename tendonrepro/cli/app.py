@@ -18,8 +18,10 @@ from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
+from tendonrepro.cli.adapter import add_command
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import data_app, study_app
+from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
@@ -67,6 +69,8 @@ app = typer.Typer(
 )
 config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
 app.add_typer(config_app, name="config", rich_help_panel=study_app.rich_help_panel)
+for entry in COMMANDS.values():
+    add_command(app, entry)
 app.add_typer(study_app)
 app.add_typer(data_app)
 

@@ -15,7 +15,7 @@ from typer import Argument, Option
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk, count_of
 
-_TERMINAL = {
+TERMINAL = {
     "as_json": Annotated[bool, Option("--json", help="Print one JSON object.")],
     "quiet": Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")],
     "verbose": Annotated[bool, Option("--verbose", "-v", help="Say more on standard error.")],
@@ -101,14 +101,14 @@ def command(
         asked = {key: kind for key, kind in _REQUEST.items() if "request" in own and key not in without}
 
         def run(**given: Any) -> Any:
-            terminal = Terminal(**{key: given.pop(key) for key in _TERMINAL})
+            terminal = Terminal(**{key: given.pop(key) for key in TERMINAL})
             if "request" in own:
                 given["request"] = _request({key: given.pop(key) for key in asked})
             return function(terminal=terminal, **given)
 
         keyword = inspect.Parameter.KEYWORD_ONLY
         shared = {}
-        for key, kind in (asked | _TERMINAL).items():
+        for key, kind in (asked | TERMINAL).items():
             default = False if get_args(kind)[0] is bool else None
             shared[key] = inspect.Parameter(key, keyword, default=default, annotation=kind)
         kept = {}

@@ -14,20 +14,6 @@ study_app = typer.Typer(rich_help_panel="Explore", rich_markup_mode=None)
 data_app = typer.Typer(rich_help_panel="Your data, or the paper's", rich_markup_mode=None)
 
 
-@command(study_app, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"', without=())
-def sweep(request: Request, terminal: Terminal, *, over: list[str]) -> int:
-    """The comparison over values of one or two keys.
-
-    Parameters
-    ----------
-    over : KEY=A,B,C
-        A key and its values; once or twice.
-    """
-    from tendonrepro.experiments.sweep import run_sweep
-
-    return terminal.show(run_sweep(request, over, terminal.talk))
-
-
 @command(study_app, "tendonrepro ensemble --draws 1024 --jobs 4")
 def ensemble(
     request: Request,
@@ -158,14 +144,6 @@ def explain(request: Request, terminal: Terminal) -> None:
     from tendonrepro.analysis.command import run_explain
 
     terminal.show(run_explain(request, terminal.talk))
-
-
-@command(study_app, "tendonrepro statics --set manipulator.tensioner.force=30")
-def statics(request: Request, terminal: Terminal) -> None:
-    """Tension of every tendon over the working half-plane."""
-    from tendonrepro.experiments.statics import run_statics
-
-    terminal.show(run_statics(request, terminal.talk))
 
 
 @command(

@@ -11,6 +11,7 @@ from tendonrepro.errors import UsageError
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import ExperimentName, LoadedConfig
+    from tendonrepro.configuration.overrides import Overrides
 
 
 FORMATS = ("pdf", "svg", "png")
@@ -50,9 +51,9 @@ class Request:
 
     config: str | None = None
     out: Path | None = None
-    overrides: Sequence[str] = ()
+    overrides: Overrides = ()
     seed: int | None = None
-    controllers: Sequence[int] | None = None
+    controllers: str | Sequence[int] | None = None
     dry_run: bool = False
     force: bool = False
     formats: tuple[str, ...] = FORMATS

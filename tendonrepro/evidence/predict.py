@@ -26,10 +26,10 @@ from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sob
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.studies.outcome import Outcome, run_study
 
 SCHEMA_VERSION = 1
 FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"

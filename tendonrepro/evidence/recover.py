@@ -23,9 +23,9 @@ from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, withou
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import read_traces
+from tendonrepro.studies.outcome import Outcome, run_study
 
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
 FAITHFUL = 1e-3

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, shipped_folder
+from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
@@ -23,11 +24,11 @@ from tendonrepro.parallel import Start, interrupts_blocked, workers
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, read_manifest, replaced
-from tendonrepro.results.study import figure_formats, planned
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces, write_traces
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
+from tendonrepro.studies.outcome import figure_formats, planned
 
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
@@ -177,7 +178,7 @@ def _plan(order: Order, experiment: Prepared, talk: Talk) -> dict[str, Any]:
     return plan | {"experiment": order.experiment, "config": loaded.origin, "samples": samples}
 
 
-def check(config: str, overrides: Sequence[str], talk: Talk) -> dict[str, Any]:
+def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, Any]:
     """Kind, digest and runs of a configuration, checked as running it would."""
     held = checked(config, overrides)
     found = {"schema_version": 1, "config": config}

@@ -12,6 +12,7 @@ from typing import Any
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
+from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
@@ -25,9 +26,9 @@ from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, populatio
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
-from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.outcome import Outcome, figure_formats
 
 
 def run_ensemble(
@@ -98,7 +99,7 @@ def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, A
     }
 
 
-def load_study(source: str | None, overrides: Sequence[str], seed: int | None, readings: str) -> Study:
+def load_study(source: str | None, overrides: Overrides, seed: int | None, readings: str) -> Study:
     """Read an ensemble's configuration; `readings` as for :func:`run_ensemble`."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
     config, box = loaded.config, make_box(loaded.config)

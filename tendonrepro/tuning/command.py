@@ -21,8 +21,8 @@ from tendonrepro.experiments.user_law import laws_of, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.outcome import Outcome, run_study
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome

@@ -21,9 +21,9 @@ from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.files import digest_of, sha256_of
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
+from tendonrepro.studies.outcome import Outcome, run_study
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of, read_measured

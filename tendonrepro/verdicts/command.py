@@ -17,9 +17,9 @@ from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
-from tendonrepro.results.study import figure_formats
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.results.traces import TRACES, read_traces
+from tendonrepro.studies.outcome import figure_formats
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims

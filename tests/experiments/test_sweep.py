@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.overrides import SMOOTH, one_stroke, quantity
+from tendonrepro.experiments.figures import draw_sweep
 
 from tendonrepro.configuration.load import load_config, shipped_folder
 from tendonrepro.configuration.request import Request
@@ -14,7 +15,6 @@ from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import sweep
-from tendonrepro.experiments.figures import draw_sweep
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import read_manifest

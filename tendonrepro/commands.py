@@ -1,4 +1,4 @@
-"""The commands as functions: those that run something, then those around files; see docs/python.md."""
+"""Every command as a function of Python; a new one is imported here."""
 
 from __future__ import annotations
 
@@ -6,28 +6,49 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from tendonrepro.api.result import Result
-from tendonrepro.configuration.load import Config, LoadedConfig, load_config
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
-from tendonrepro.results.on_disk import read_result
-from tendonrepro.results.store import make_manifest, read_manifest
-from tendonrepro.results.study import Outcome
-from tendonrepro.results.traces import TRACES, export_traces, read_traces
+from tendonrepro.experiments.commands import statics, sweep
+from tendonrepro.studies.command import COMMANDS
+
+if TYPE_CHECKING:
+    from tendonrepro.configuration.load import Config, LoadedConfig
+    from tendonrepro.studies.outcome import Outcome
+    from tendonrepro.studies.result import Result
+
+__all__ = [
+    "COMMANDS",
+    "animate",
+    "claims",
+    "compare",
+    "config",
+    "decouple",
+    "diff",
+    "ensemble",
+    "explain",
+    "export",
+    "fetch",
+    "figures",
+    "identify",
+    "ingest",
+    "inspect",
+    "live",
+    "open",
+    "predict",
+    "recover",
+    "report",
+    "reproduce",
+    "statics",
+    "sweep",
+    "tables",
+    "tune",
+    "validate",
+]
 
 Changes: TypeAlias = Mapping[str, Any] | None
 Formats: TypeAlias = str | Sequence[str] | None
-
-
-def _yaml(value: Any) -> str:
-    """A value as `--set` takes it; arrays are lists, and paths are text."""
-    return json.dumps(value, default=lambda held: str(held) if isinstance(held, Path) else held.tolist())
-
-
-def _overrides(changes: Changes) -> list[str]:
-    return [f"{key}={_yaml(value)}" for key, value in (changes or {}).items()]
 
 
 def _path(given: str | Path | None) -> Path | None:
@@ -40,7 +61,7 @@ def _request(given: dict[str, Any]) -> Request:
     return Request(
         None if source is None else str(source),
         _path(given.pop("out", None)),
-        _overrides(given.pop("set", None)),
+        given.pop("set", None) or {},
         given.pop("seed", None),
         given.pop("controllers", None),
         force=given.pop("force", False),
@@ -50,6 +71,10 @@ def _request(given: dict[str, Any]) -> Request:
 
 def _written(command: str, run: Callable[..., dict[str, Any]], given: dict[str, Any]) -> Result:
     """Result of a command that writes its own folder."""
+    from tendonrepro.results.store import read_manifest
+    from tendonrepro.studies.outcome import Outcome
+    from tendonrepro.studies.result import Result
+
     found = run(request=_request(given), talk=Talk(), **given)
     text = found.pop("text")
     folder = Path(found["out"])
@@ -110,40 +135,12 @@ def reproduce(
     return {name: open(one["out"]) for name, one in found.items()}
 
 
-def statics(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
-    """Survey the tension of every tendon over the working half-plane. Parameters are as of `compare`."""
-    loaded, started = _request({**locals()}).load("decouple"), time.perf_counter()
-    from tendonrepro.experiments.statics import study_statics
-
-    return _studied("statics", loaded, study_statics(loaded), started)
-
-
 def explain(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
     """Give stability margins and error ratios of the sampled loop. Parameters are as of `compare`."""
     loaded, started = _request({**locals()}).load("compare"), time.perf_counter()
     from tendonrepro.analysis.command import study_explain
 
     return _studied("explain", loaded, study_explain(loaded), started)
-
-
-def sweep(
-    over: Mapping[str, Sequence[Any]],
-    config: str | Path | None = None,
-    *,
-    set: Changes = None,
-    seed: int | None = None,
-    controllers: Sequence[int] | None = None,
-) -> Result:
-    """Run the comparison over values of one or two keys.
-
-    `over` has them by dotted key: ``{"sampling_period": [0.5, 1, 2]}``. The others are as of `compare`.
-    """
-    request, started = _request({**locals()}), time.perf_counter()
-    from tendonrepro.experiments.sweep import load_sweep, study_sweep
-
-    keys = [f"{key}={','.join(map(_yaml, values))}" for key, values in over.items()]
-    ready = load_sweep(request, keys)
-    return _studied("sweep", ready.base, study_sweep(ready, keys, Talk()), started)
 
 
 def recover(log: str | Path) -> Result:
@@ -154,6 +151,7 @@ def recover(log: str | Path) -> Result:
     UsageError
         When no run of it has torque, desired and measured angles.
     """
+    from tendonrepro.configuration.load import load_config
     from tendonrepro.evidence.recover import study_recover
 
     started = time.perf_counter()
@@ -315,6 +313,8 @@ def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None =
 
     Without an ensemble there the stored one stands in. Nothing is written.
     """
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.studies.outcome import Outcome
     from tendonrepro.verdicts.command import judged
     from tendonrepro.verdicts.report import as_data, details_text, table_text
 
@@ -327,7 +327,9 @@ def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None =
 
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
     """Return a checked, frozen configuration; `source` is a file or a shipped name."""
-    return load_config(source or "compare", None, overrides=_overrides(set)).config
+    from tendonrepro.configuration.load import load_config
+
+    return load_config(source or "compare", None, overrides=set).config
 
 
 def open(folder: str | Path) -> Result:
@@ -338,6 +340,11 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
+    from tendonrepro.results.on_disk import read_result
+    from tendonrepro.results.traces import TRACES, read_traces
+    from tendonrepro.studies.outcome import Outcome
+    from tendonrepro.studies.result import Result
+
     path = Path(folder)
     if path.is_dir() and not (path / TRACES).exists():
         found = read_result(path)
@@ -401,6 +408,8 @@ def export(
     file: str | Path, form: str = "csv", out: str | Path | None = None, *, force: bool = False
 ) -> Path:
     """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
+    from tendonrepro.results.traces import export_traces
+
     return export_traces(Path(file), form, _path(out), force=force)
 
 
@@ -451,6 +460,8 @@ def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | N
     from tendonrepro.experiments.loops import growing
     from tendonrepro.experiments.run import outcome_of, prepared, simulate_all, trace_file
     from tendonrepro.experiments.user_law import laws_of
+    from tendonrepro.results.store import make_manifest
+    from tendonrepro.studies.result import Result
 
     started = time.perf_counter()
     experiment = prepared(loaded, laws_of((), laws))
@@ -463,5 +474,8 @@ def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | N
 
 
 def _studied(command: str, loaded: LoadedConfig, outcome: Outcome, started: float) -> Result:
+    from tendonrepro.results.store import make_manifest
+    from tendonrepro.studies.result import Result
+
     manifest = make_manifest(loaded, time.perf_counter() - started, command) | dict(outcome.manifest)
     return Result(command, outcome, manifest)

@@ -14,8 +14,8 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
-from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.results.traces import TRACES, dataset_of, write_traces
+from tendonrepro.studies.outcome import Outcome, figure_formats
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,0 +1,227 @@
+"""A public function becomes a command: of the shell and of Python, with one signature and one docstring.
+
+Nothing heavy is imported here, nor by files that hold such functions: ``tendonrepro --help`` reads them all.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Generic,
+    NamedTuple,
+    ParamSpec,
+    TypeAlias,
+    TypedDict,
+    TypeVar,
+    get_type_hints,
+)
+
+from tendonrepro.console import Talk
+
+if TYPE_CHECKING:
+    from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.studies.outcome import Outcome
+    from tendonrepro.studies.result import Result
+
+P = ParamSpec("P")
+V = TypeVar("V")
+
+REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
+"""Panels of the list of commands."""
+
+
+class Word(NamedTuple):
+    """How a parameter stands on the command line, where its name and the docstring do not say it all.
+
+    `help` is of what many commands share. A `positional` parameter has no option.
+    """
+
+    option: str = ""
+    metavar: str = ""
+    help: str = ""
+    positional: bool = False
+
+
+ARGUMENT = Word(positional=True)
+
+# Of a union the command line gives the first type that it can write.
+Source: TypeAlias = Annotated[
+    str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")
+]
+Changes: TypeAlias = Annotated[
+    Sequence[str] | Mapping[str, Any] | None,
+    Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+]
+Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all noise.")]
+Controllers: TypeAlias = Annotated[
+    str | Sequence[int] | None, Word(metavar="1,3", help="Run only these controllers.")
+]
+Formats: TypeAlias = Annotated[
+    str | Sequence[str] | None,
+    Word(metavar="png,pdf,svg", help="Formats of figures [default: all three]."),
+]
+
+
+class Folder(TypedDict, total=False):
+    """Where the results of a study go, and what becomes of what is there."""
+
+    out: Annotated[Path | str | None, Word(help="Results folder [default: its own below reports].")]
+    formats: Formats
+    figures: Annotated[bool, Word(help="Draw no figures.")]
+    force: Annotated[bool, Word(help="Overwrite other results, and files changed since.")]
+
+
+FOLDER: Folder = {"out": None, "formats": None, "figures": True, "force": False}
+"""What holds where nothing is said."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study whose configuration and arguments are checked; the lifecycle runs it.
+
+    Attributes
+    ----------
+    loaded : LoadedConfig
+        What the manifest tells of; its digest is that of all that decides the results.
+    run : callable
+        Finds the outcome. Gets whom to tell of progress, and a folder for files of its own.
+    keep : str
+        Folder inside that one for finished parts, with which an interrupted study goes on.
+    stored : bool
+        Whether results are written from Python, too, though no folder is named: they took long.
+    """
+
+    loaded: LoadedConfig
+    run: Callable[[Talk, Path], Outcome]
+    folder: Folder = field(default_factory=Folder)
+    keep: str = ""
+    stored: bool = False
+
+
+@dataclass(frozen=True)
+class Answer(Generic[V]):
+    """What a command tells: `data` as JSON, `text` in words, and its `value` to Python."""
+
+    data: Mapping[str, Any]
+    text: str
+    value: V
+    exit_code: int = 0
+
+
+@dataclass(frozen=True)
+class Command:
+    """An entry of the registry; `function` gives a `Study` if `is_study`, else an `Answer`."""
+
+    name: str
+    panel: str
+    example: str
+    function: Callable[..., Any]
+    is_study: bool
+
+    @property
+    def signature(self) -> inspect.Signature:
+        """Every parameter with its evaluated annotation, the shared ones spelled out."""
+        return signature_of(self.function)
+
+    @property
+    def about(self) -> str:
+        """What it does: the docstring up to its parameters."""
+        return (inspect.getdoc(self.function) or "").partition("\n\nParameters\n")[0]
+
+    @property
+    def help(self) -> dict[str, str]:
+        """What each parameter means, as the docstring or a shared annotation says."""
+        annotations = {name: parameter.annotation for name, parameter in self.signature.parameters.items()}
+        return {name: word_of(annotation).help for name, annotation in annotations.items()} | dict(
+            _described(inspect.getdoc(self.function) or "")
+        )
+
+
+COMMANDS: dict[str, Command] = {}
+"""Commands by name, in the order in which their files are imported."""
+
+
+def study(panel: str, example: str) -> Callable[[Callable[P, Study]], Callable[P, Result]]:
+    """Make a function that checks and prepares a study a command; for Python it gives a result."""
+
+    def register(function: Callable[P, Study]) -> Callable[P, Result]:
+        name = function.__name__
+        COMMANDS[name] = Command(name, panel, example, function, is_study=True)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> Result:
+            from tendonrepro.studies.lifecycle import result_of
+
+            return result_of(name, function(*args, **kwargs))
+
+        return _public(call, COMMANDS[name])
+
+    return register
+
+
+def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
+    """Make a function that answers a command; `name` is the words that call it, such as ``config list``."""
+
+    def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
+        called = name or function.__name__
+        COMMANDS[called] = Command(called, panel, example, function, is_study=False)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> V:
+            return function(*args, **kwargs).value
+
+        return _public(call, COMMANDS[called])
+
+    return register
+
+
+def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
+    """Show to Python all parameters, and what each means."""
+    signature, told = entry.signature, entry.help
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    lines = [f"{name}\n    {text}" for name, text in told.items() if text]
+    section = "\n".join(["Parameters", "----------", *lines])
+    call.__doc__ = f"{entry.about}\n\n{section}" if lines else entry.about
+    return call
+
+
+def signature_of(function: Callable[..., Any]) -> inspect.Signature:
+    """Signature with evaluated annotations; keywords of a `Folder` are parameters of their own."""
+    hints = get_type_hints(function, include_extras=True)
+    parameters = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            kind = inspect.Parameter.KEYWORD_ONLY
+            shared = get_type_hints(Folder, include_extras=True)
+            parameters += [
+                inspect.Parameter(key, kind, default=default, annotation=shared[key])
+                for key, default in FOLDER.items()
+            ]
+        else:
+            parameters.append(parameter.replace(annotation=hints[name]))
+    return inspect.Signature(parameters)
+
+
+def word_of(annotation: Any) -> Word:
+    """How an annotation says that a parameter stands on the command line."""
+    return next((part for part in getattr(annotation, "__metadata__", ()) if isinstance(part, Word)), Word())
+
+
+def _described(docstring: str) -> Iterator[tuple[str, str]]:
+    """Parameters that a numpydoc docstring describes, and what it says of each."""
+    section = docstring.partition("\n\nParameters\n----------\n")[2].partition("\n\n")[0]
+    name, words = "", []
+    for line in [*section.splitlines(), "end"]:
+        if line.startswith(" "):
+            words.append(line.strip())
+            continue
+        for one in filter(None, name.split(", ")):
+            yield one, " ".join(words)
+        name, words = line.partition(" : ")[0], []
