@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
-from tendonrepro.experiments.commands import statics, sweep
+from tendonrepro.experiments.commands import animate, diff, export, figures, statics, sweep, tables
 from tendonrepro.studies.command import COMMANDS
 
 if TYPE_CHECKING:
@@ -386,53 +386,6 @@ def ingest(
 
     talk, files = Talk(), [*map(Path, paths)]
     return run_ingest(files, Path(mapping), Path(out), force=force, dry_run=False, talk=talk, confirm=confirm)
-
-
-def figures(
-    out: str | Path = "reports", names: Sequence[str] = (), *, formats: Formats = None, force: bool = False
-) -> list[Path]:
-    """Draw figures again from stored traces, all or those named; `formats` are as of `ensemble`."""
-    from tendonrepro.experiments.command import redraw
-
-    return redraw(Path(out), list(names) or None, force=force, formats=formats_of(formats))
-
-
-def tables(out: str | Path = "reports", *, force: bool = False) -> list[Path]:
-    """Write tables again from stored traces."""
-    from tendonrepro.experiments.command import rewrite_tables
-
-    return rewrite_tables(Path(out), force=force)
-
-
-def export(
-    file: str | Path, form: str = "csv", out: str | Path | None = None, *, force: bool = False
-) -> Path:
-    """Write stored traces as ``csv``, ``parquet`` or ``mat``."""
-    from tendonrepro.results.traces import export_traces
-
-    return export_traces(Path(file), form, _path(out), force=force)
-
-
-def animate(
-    file: str | Path,
-    out: str | Path | None = None,
-    *,
-    run: str | None = None,
-    speed: float = 1.0,
-    force: bool = False,
-) -> list[str]:
-    """Film the arm, its tendons coloured by tension, and return the files."""
-    from tendonrepro.results.figures.animation import animate as make
-
-    found = make(Path(file), Talk(), run=run, speed=speed, out=_path(out), force=force)
-    return list(found["files"])
-
-
-def diff(first: str | Path, second: str | Path) -> dict[str, Any]:
-    """Tell what differs between two results; ``same`` is True where nothing does."""
-    from tendonrepro.results.difference import difference
-
-    return difference(Path(first), Path(second))
 
 
 def report(results: str | Path = "reports", out: str | Path | None = None, *, force: bool = False) -> Path:

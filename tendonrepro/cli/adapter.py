@@ -12,7 +12,9 @@ import typer
 
 from tendonrepro.cli.options import TERMINAL, Terminal
 from tendonrepro.console import Talk
-from tendonrepro.studies.command import Answer, Command, word_of
+from tendonrepro.studies.command import Command, word_of
+from tendonrepro.studies.parameters import Telling
+from tendonrepro.studies.study import Answer
 
 _DRY_RUN = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
 
@@ -58,7 +60,7 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:
-    return parameter.annotation is Talk
+    return parameter.annotation == Telling
 
 
 def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:

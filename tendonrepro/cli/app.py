@@ -22,7 +22,7 @@ from tendonrepro.cli.adapter import add_command
 from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import data_app, study_app
 from tendonrepro.commands import COMMANDS
-from tendonrepro.configuration.request import Request, formats_of
+from tendonrepro.configuration.request import Request
 from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
 
@@ -176,112 +176,6 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal, *, live: bool = Fals
         data, texts = data | {"live": page["path"]}, [*texts, live_text(page)]
     terminal.show(data, "\n\n".join(filter(None, texts)))
     return 5 if any(map(diverged, found.values())) else 0
-
-
-@command(app, "tendonrepro figures 14 15")
-def figures(
-    terminal: Terminal,
-    names: list[str] | None = None,
-    *,
-    out: Path = Path("reports"),
-    formats: str | None = None,
-    force: bool = False,
-) -> None:
-    """Draw figures again from stored traces.
-
-    Parameters
-    ----------
-    names
-        The paper's numbers, or names [default: all].
-    out
-        Results folder, or the one above several.
-    force
-        Overwrite files changed since, or your own.
-    """
-    from tendonrepro.experiments.command import redraw
-
-    terminal.list_files(redraw(out, names, force=force, formats=formats_of(formats)))
-
-
-@command(app, "tendonrepro tables --out reports/compare")
-def tables(terminal: Terminal, *, out: Path = Path("reports"), force: bool = False) -> None:
-    """Write tables again from stored traces.
-
-    Parameters
-    ----------
-    out
-        Results folder, or the one above several.
-    force
-        Overwrite files changed since, or your own.
-    """
-    from tendonrepro.experiments.command import rewrite_tables
-
-    terminal.list_files(rewrite_tables(out, force=force))
-
-
-@command(app, "tendonrepro animate reports/decouple --speed 2")
-def animate(
-    terminal: Terminal,
-    file: Path,
-    *,
-    run: str | None = None,
-    speed: float = 1.0,
-    out: Path | None = None,
-    force: bool = False,
-) -> None:
-    """The arm in motion, its tendons coloured by tension.
-
-    Parameters
-    ----------
-    run
-        Run to show [default: the first].
-    speed
-        Seconds of the run in a second of film.
-    out
-        File to write [default: beside the traces].
-    """
-    from tendonrepro.results.figures.animation import animate as make
-
-    found = make(file, terminal.talk, run=run, speed=speed, out=out, force=force)
-    terminal.show(found, "\n".join(found["files"]))
-
-
-@command(app, "tendonrepro export reports/compare --format mat")
-def export(
-    terminal: Terminal, file: Path, *, format: str = "csv", out: Path | None = None, force: bool = False
-) -> None:
-    """Write stored traces for other programs.
-
-    Parameters
-    ----------
-    format
-        csv, parquet or mat.
-    out
-        File to write [default: beside it].
-    """
-    from tendonrepro.results.traces import export_traces
-
-    terminal.list_files([export_traces(file, format, out, force=force)])
-
-
-@command(app, "tendonrepro diff reports/compare reports/extrapolating")
-def diff(terminal: Terminal, first: Path, second: Path) -> int:
-    """What differs between two results.
-
-    Ends with exit code 1 if anything does.
-
-    Parameters
-    ----------
-    first
-        Results folder or trace file.
-    second
-        Another one.
-    """
-    from tendonrepro.results.difference import difference, difference_text
-
-    found = difference(first, second)
-    terminal.show(found, difference_text(found))
-    return 0 if found["same"] else 1
 
 
 @command(app, "tendonrepro doctor --json")

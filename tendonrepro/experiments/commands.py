@@ -3,19 +3,135 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, TypeAlias, Unpack
 
-from tendonrepro.studies.command import (
-    EXPLORE,
+from tendonrepro.studies.command import EXPLORE, REPRODUCE, command, study
+from tendonrepro.studies.parameters import (
+    ARGUMENT,
+    TALK,
     Changes,
     Controllers,
     Folder,
+    Formats,
     Seed,
     Source,
-    Study,
+    Telling,
     Word,
-    study,
 )
+from tendonrepro.studies.study import Answer, Study, written
+
+Traces: TypeAlias = Annotated[
+    Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
+]
+Overwrite: TypeAlias = Annotated[bool, Word(help="Overwrite a file that is there.")]
+Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
+Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
+
+
+@command(REPRODUCE, "tendonrepro figures 14 15")
+def figures(
+    out: Above = Path("reports"),
+    names: Annotated[Sequence[str], ARGUMENT] = (),
+    *,
+    formats: Formats = None,
+    force: Again = False,
+    talk: Telling = TALK,
+) -> Answer[list[Path]]:
+    """Draw figures again from stored traces.
+
+    Parameters
+    ----------
+    names
+        The paper's numbers, or names [default: all].
+    """
+    from tendonrepro.configuration.request import formats_of
+    from tendonrepro.experiments.command import redraw
+
+    paths = redraw(Path(out), names, force=force, formats=formats_of(formats))
+    return written(paths, paths, talk)
+
+
+@command(REPRODUCE, "tendonrepro tables --out reports/compare")
+def tables(out: Above = Path("reports"), *, force: Again = False, talk: Telling = TALK) -> Answer[list[Path]]:
+    """Write tables again from stored traces."""
+    from tendonrepro.experiments.command import rewrite_tables
+
+    paths = rewrite_tables(Path(out), force=force)
+    return written(paths, paths, talk)
+
+
+@command(REPRODUCE, "tendonrepro animate reports/decouple --speed 2")
+def animate(
+    file: Traces,
+    out: Path | str | None = None,
+    *,
+    run: str | None = None,
+    speed: float = 1.0,
+    force: Overwrite = False,
+    talk: Telling = TALK,
+) -> Answer[list[str]]:
+    """The arm in motion, its tendons coloured by tension.
+
+    Parameters
+    ----------
+    out
+        File to write [default: beside the traces].
+    run
+        Run to show [default: the first].
+    speed
+        Seconds of the run in a second of film.
+    """
+    from tendonrepro.results.figures.animation import animate as film
+
+    made = film(Path(file), talk, run=run, speed=speed, out=None if out is None else Path(out), force=force)
+    return Answer(made, "\n".join(made["files"]), list(made["files"]))
+
+
+@command(REPRODUCE, "tendonrepro export reports/compare --format mat")
+def export(
+    file: Traces,
+    form: Annotated[str, Word(option="--format")] = "csv",
+    out: Path | str | None = None,
+    *,
+    force: Overwrite = False,
+    talk: Telling = TALK,
+) -> Answer[Path]:
+    """Write stored traces for other programs.
+
+    Parameters
+    ----------
+    form
+        csv, parquet or mat.
+    out
+        File to write [default: beside it].
+    """
+    from tendonrepro.results.traces import export_traces
+
+    path = export_traces(Path(file), form, None if out is None else Path(out), force=force)
+    return written([path], path, talk)
+
+
+@command(REPRODUCE, "tendonrepro diff reports/compare reports/extrapolating")
+def diff(
+    first: Annotated[Path | str, ARGUMENT], second: Annotated[Path | str, ARGUMENT]
+) -> Answer[dict[str, Any]]:
+    """What differs between two results.
+
+    Ends with exit code 1 if anything does.
+
+    Parameters
+    ----------
+    first
+        Results folder or trace file.
+    second
+        Another one.
+    """
+    from tendonrepro.results.difference import difference, difference_text
+
+    rows = difference(Path(first), Path(second))
+    return Answer(rows, difference_text(rows), rows, exit_code=0 if rows["same"] else 1)
+
 
 Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[Any]], Word(metavar="KEY=A,B,C")]
 

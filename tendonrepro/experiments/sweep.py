@@ -10,6 +10,7 @@ from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import LoadedConfig, Source, config_digest, find_source, load_config
@@ -24,6 +25,8 @@ from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
+
+Statuses: TypeAlias = NDArray[np.str_]
 
 OPTION = "--over"
 
@@ -115,9 +118,9 @@ class Sweep:
     """
 
     grid: Grid
-    status: np.ndarray[Any, np.dtype[np.str_]]
+    status: Statuses
     status_time: Array
-    steps: np.ndarray[Any, np.dtype[np.int64]]
+    steps: NDArray[np.int64]
     sizes: Mapping[str, Array]
     ratios: Mapping[str, Ratio]
 
@@ -276,7 +279,10 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
         steps=np.array([batch.steps for batch in batches]),
         sizes=sizes | {name: stacked(name) for name in IN_SI},
         ratios={
-            pair: _ratio(grid, [grid.runs.index(run) for run in both], sizes["mae_deg"], status)
+            pair: Ratio(
+                ratio_of(sizes["mae_deg"], status, [grid.runs.index(run) for run in both]),
+                np.array([_predicted(point, both) for point in grid.points]),
+            )
             for pair, both in PAIRS.items()
             if set(both) <= set(grid.runs)
         },
@@ -287,20 +293,18 @@ def _simulate_point(point: Point, progress: Callable[[int], None]) -> Batch:
     return simulate_batch([*point.loops.values()], point.loaded.config.status, progress=progress)
 
 
-def _ratio(grid: Grid, pair: Sequence[int], mae: Array, status: np.ndarray[Any, Any]) -> Ratio:
-    """Ratio of MAE, (P, R, n), of two runs where both lasted, and under a slow load."""
+def ratio_of(mae: Array, status: Statuses, pair: Sequence[int]) -> Array:
+    """Ratio (P, n) of MAE (P, R, n) of two of the runs, NaN where one of them did not last."""
     first, second = (mae[:, run] for run in pair)
     lasted = np.isin(status[:, pair], ("ok", "ringing")).all(axis=1, keepdims=True)
     unknown = np.full_like(first, np.nan)
-    simulated = np.divide(first, second, out=unknown, where=(second > 0.0) & lasted)
-    return Ratio(simulated, np.array([_predicted(point, pair) for point in grid.points]))
+    return np.divide(first, second, out=unknown, where=(second > 0.0) & lasted)
 
 
-def _predicted(point: Point, pair: Sequence[int]) -> Array:
+def _predicted(point: Point, pair: Sequence[str]) -> Array:
     """Ratio of two runs' errors under a slow load, (n,)."""
     config = point.loaded.config
     assert isinstance(config, CompareConfig)
-    names = [*point.loops]
-    one, other = (build_law(config, config.runs[names[run]].law) for run in pair)
+    one, other = (build_law(config, config.runs[run].law) for run in pair)
     delay = int(config.manipulator.actuator.output_delay.si)
     return error_ratio(one, other, float(np.deg2rad(TYPICAL_ERROR_DEG)), delay)

@@ -6,28 +6,15 @@ Nothing heavy is imported here, nor by files that hold such functions: ``tendonr
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import wraps
-from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Generic,
-    NamedTuple,
-    ParamSpec,
-    TypeAlias,
-    TypedDict,
-    TypeVar,
-    get_type_hints,
-)
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
 
-from tendonrepro.console import Talk
+from tendonrepro.studies.parameters import FOLDER, Word
+from tendonrepro.studies.study import Answer, Study
 
 if TYPE_CHECKING:
-    from tendonrepro.configuration.load import LoadedConfig
-    from tendonrepro.studies.outcome import Outcome
     from tendonrepro.studies.result import Result
 
 P = ParamSpec("P")
@@ -35,84 +22,6 @@ V = TypeVar("V")
 
 REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
 """Panels of the list of commands."""
-
-
-class Word(NamedTuple):
-    """How a parameter stands on the command line, where its name and the docstring do not say it all.
-
-    `help` is of what many commands share. A `positional` parameter has no option.
-    """
-
-    option: str = ""
-    metavar: str = ""
-    help: str = ""
-    positional: bool = False
-
-
-ARGUMENT = Word(positional=True)
-
-# Of a union the command line gives the first type that it can write.
-Source: TypeAlias = Annotated[
-    str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")
-]
-Changes: TypeAlias = Annotated[
-    Sequence[str] | Mapping[str, Any] | None,
-    Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
-]
-Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all noise.")]
-Controllers: TypeAlias = Annotated[
-    str | Sequence[int] | None, Word(metavar="1,3", help="Run only these controllers.")
-]
-Formats: TypeAlias = Annotated[
-    str | Sequence[str] | None,
-    Word(metavar="png,pdf,svg", help="Formats of figures [default: all three]."),
-]
-
-
-class Folder(TypedDict, total=False):
-    """Where the results of a study go, and what becomes of what is there."""
-
-    out: Annotated[Path | str | None, Word(help="Results folder [default: its own below reports].")]
-    formats: Formats
-    figures: Annotated[bool, Word(help="Draw no figures.")]
-    force: Annotated[bool, Word(help="Overwrite other results, and files changed since.")]
-
-
-FOLDER: Folder = {"out": None, "formats": None, "figures": True, "force": False}
-"""What holds where nothing is said."""
-
-
-@dataclass(frozen=True)
-class Study:
-    """A study whose configuration and arguments are checked; the lifecycle runs it.
-
-    Attributes
-    ----------
-    loaded : LoadedConfig
-        What the manifest tells of; its digest is that of all that decides the results.
-    run : callable
-        Finds the outcome. Gets whom to tell of progress, and a folder for files of its own.
-    keep : str
-        Folder inside that one for finished parts, with which an interrupted study goes on.
-    stored : bool
-        Whether results are written from Python, too, though no folder is named: they took long.
-    """
-
-    loaded: LoadedConfig
-    run: Callable[[Talk, Path], Outcome]
-    folder: Folder = field(default_factory=Folder)
-    keep: str = ""
-    stored: bool = False
-
-
-@dataclass(frozen=True)
-class Answer(Generic[V]):
-    """What a command tells: `data` as JSON, `text` in words, and its `value` to Python."""
-
-    data: Mapping[str, Any]
-    text: str
-    value: V
-    exit_code: int = 0
 
 
 @dataclass(frozen=True)
@@ -193,16 +102,18 @@ def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
 
 
 def signature_of(function: Callable[..., Any]) -> inspect.Signature:
-    """Signature with evaluated annotations; keywords of a `Folder` are parameters of their own."""
+    """Signature with evaluated annotations; keywords of a `Folder` or `Place` are parameters of their own."""
     hints = get_type_hints(function, include_extras=True)
     parameters = []
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is parameter.VAR_KEYWORD:
             kind = inspect.Parameter.KEYWORD_ONLY
-            shared = get_type_hints(Folder, include_extras=True)
+            (options,) = get_args(hints[name])
+            shared = get_type_hints(options, include_extras=True)
             parameters += [
                 inspect.Parameter(key, kind, default=default, annotation=shared[key])
                 for key, default in FOLDER.items()
+                if key in shared
             ]
         else:
             parameters.append(parameter.replace(annotation=hints[name]))

@@ -16,9 +16,10 @@ from tendonrepro.configuration.request import formats_of
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.results.store import MANIFEST, make_manifest, read_manifest, refuse_others, replaced
-from tendonrepro.studies.command import FOLDER, Answer, Study
 from tendonrepro.studies.outcome import Outcome, figure_formats
+from tendonrepro.studies.parameters import FOLDER
 from tendonrepro.studies.result import Result
+from tendonrepro.studies.study import Answer, Study
 
 DIVERGED = 5
 """Exit code where a run diverged; its results are written."""
