@@ -1,3 +1,4 @@
+# ruff: noqa: I001 (the order is that of --help)
 """Every command as a function of Python; a new one is imported here."""
 
 from __future__ import annotations
@@ -11,6 +12,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
 from tendonrepro.experiments.commands import animate, diff, export, figures, statics, sweep, tables
+from tendonrepro.evidence.commands import predict, recover
+from tendonrepro.tuning.commands import tune
+from tendonrepro.analysis.commands import explain
+from tendonrepro.reporting.commands import live, report
+from tendonrepro.dataset.commands import fetch, ingest, inspect
+from tendonrepro.validation.commands import validate
 from tendonrepro.studies.command import COMMANDS
 
 if TYPE_CHECKING:
@@ -135,29 +142,6 @@ def reproduce(
     return {name: open(one["out"]) for name, one in found.items()}
 
 
-def explain(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
-    """Give stability margins and error ratios of the sampled loop. Parameters are as of `compare`."""
-    loaded, started = _request({**locals()}).load("compare"), time.perf_counter()
-    from tendonrepro.analysis.command import study_explain
-
-    return _studied("explain", loaded, study_explain(loaded), started)
-
-
-def recover(log: str | Path) -> Result:
-    """Tell which controller made a log: a trace file, or results folder.
-
-    Raises
-    ------
-    UsageError
-        When no run of it has torque, desired and measured angles.
-    """
-    from tendonrepro.configuration.load import load_config
-    from tendonrepro.evidence.recover import study_recover
-
-    started = time.perf_counter()
-    return _studied("recover", load_config(None, "compare"), study_recover(Path(log), Talk()), started)
-
-
 def ensemble(
     draws: int = 1024,
     *,
@@ -233,81 +217,6 @@ def identify(
     return _written("identify", run_identify, given)
 
 
-def predict(
-    draws: int = 256,
-    *,
-    config: str | Path | None = None,
-    set: Changes = None,
-    seed: int | None = None,
-    readings: str | None = None,
-    out: str | Path = "reports/predict",
-    formats: Formats = None,
-    figures: bool = True,
-    force: bool = False,
-) -> Result:
-    """Predict what experiments on a bench would give under each reading.
-
-    Parameters are as of `ensemble`; the default is fourteen main readings.
-    """
-    given = {**locals()}
-    from tendonrepro.evidence.predict import READINGS, run_predict
-
-    return _written("predict", run_predict, given | {"readings": readings or READINGS})
-
-
-def tune(
-    plants: int = 16,
-    *,
-    searches: int = 4,
-    generations: int = 4,
-    population: int = 6,
-    laws: Mapping[str, Callable[..., Any]] | None = None,
-    any_plant: bool = False,
-    config: str | Path | None = None,
-    set: Changes = None,
-    seed: int | None = None,
-    jobs: int = -1,
-    out: str | Path = "reports/tune",
-    formats: Formats = None,
-    figures: bool = True,
-    force: bool = False,
-) -> Result:
-    """Tune every law on the same plants, and compare them; an interrupted call goes on.
-
-    Parameters
-    ----------
-    searches, generations, population : int
-        Searches of each law and plant, generations of each, members of these.
-    laws : mapping, optional
-        Name -> function of your own with an attribute ``bounds``; see docs/python.md.
-    any_plant : bool
-        Also plants on which the published gains are unstable.
-    config, set, seed, jobs, out, formats, figures, force
-        As of `ensemble`; the seed is that of the searches.
-    """
-    given = {**locals()}
-    from tendonrepro.tuning.command import run_tune
-
-    return _written("tune", run_tune, given | {"laws": (), "given": laws})
-
-
-def validate(
-    measured: str | Path = "data/measured.h5",
-    config: str | Path | None = None,
-    *,
-    set: Changes = None,
-    out: str | Path = "reports/validate",
-    formats: Formats = None,
-    figures: bool = True,
-    force: bool = False,
-) -> Result:
-    """Compare measured data with paper and model; results are written to `out`."""
-    given = {**locals()}
-    from tendonrepro.validation.command import run_validate
-
-    return _written("validate", run_validate, given | {"measured": Path(measured)})
-
-
 def claims(*ids: str, out: str | Path = "reports", measured: str | Path | None = None) -> Result:
     """Judge the published claims, or those named, from results under `out`.
 
@@ -358,56 +267,6 @@ def open(folder: str | Path) -> Result:
     return Result(file.experiment, outcome_of(file), manifest, file)
 
 
-def fetch(
-    record: str = "19467931", out: str | Path = "data/zenodo", *, force: bool = False
-) -> dict[str, Any]:
-    """Download a record, by default the paper's, and verify it; a second call needs no network."""
-    from tendonrepro.dataset.fetch import run_fetch
-
-    return run_fetch(record, Path(out), None, force, False, Talk())
-
-
-def inspect(*paths: str | Path, mapping: str | Path | None = None, force: bool = False) -> dict[str, Any]:
-    """Tell what is in files; with `mapping`, write a mapping file to edit."""
-    from tendonrepro.dataset.command import run_inspect
-
-    return run_inspect([*map(Path, paths)], _path(mapping), force=force)
-
-
-def ingest(
-    *paths: str | Path,
-    mapping: str | Path = "data/mapping.yaml",
-    out: str | Path = "data/measured.h5",
-    confirm: bool = False,
-    force: bool = False,
-) -> dict[str, Any]:
-    """Convert measured data to a trace file; `confirm` says that the mapping is right."""
-    from tendonrepro.dataset.command import run_ingest
-
-    talk, files = Talk(), [*map(Path, paths)]
-    return run_ingest(files, Path(mapping), Path(out), force=force, dry_run=False, talk=talk, confirm=confirm)
-
-
-def report(results: str | Path = "reports", out: str | Path | None = None, *, force: bool = False) -> Path:
-    """Write one HTML file of all that was run."""
-    from tendonrepro.reporting.command import run_report
-
-    return Path(run_report(Path(results), _path(out), force=force)["path"])
-
-
-def live(
-    config: str | Path | None = None,
-    out: str | Path = "live.html",
-    *,
-    set: Changes = None,
-    force: bool = False,
-) -> Path:
-    """Write one HTML file that runs the experiment in a browser; `config` becomes one of its presets."""
-    from tendonrepro.reporting.live.command import run_live
-
-    return Path(run_live(_request({**locals()}))["path"])
-
-
 def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
     """Simulate in this process, which needs no main guard; a notebook has none."""
     from tendonrepro.experiments.loops import growing
@@ -417,7 +276,7 @@ def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | N
     from tendonrepro.studies.result import Result
 
     started = time.perf_counter()
-    experiment = prepared(loaded, laws_of((), laws))
+    experiment = prepared(loaded, laws_of(laws))
     loaded = experiment.loaded
     (traces,) = simulate_all([experiment], Talk())
     seconds = time.perf_counter() - started

@@ -7,7 +7,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
@@ -18,13 +18,14 @@ from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
+from tendonrepro.cli import configurations, doctor  # noqa: F401 (registers it)
 from tendonrepro.cli.adapter import add_command
 from tendonrepro.cli.options import Terminal, command
-from tendonrepro.cli.study import data_app, study_app
+from tendonrepro.cli.study import study_app
 from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.request import Request
-from tendonrepro.console import columns
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.studies.command import EXPLORE
 
 if TYPE_CHECKING:
     from tendonrepro.experiments.command import Order
@@ -67,12 +68,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
-app.add_typer(config_app, name="config", rich_help_panel=study_app.rich_help_panel)
+config_app = typer.Typer(help=configurations.ABOUT, invoke_without_command=True)
+app.add_typer(config_app, name="config", rich_help_panel=EXPLORE)
 for entry in COMMANDS.values():
-    add_command(app, entry)
+    add_command(config_app if entry.name.startswith("config ") else app, entry)
 app.add_typer(study_app)
-app.add_typer(data_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -176,113 +176,6 @@ def _carry_out(orders: Sequence[Order], terminal: Terminal, *, live: bool = Fals
         data, texts = data | {"live": page["path"]}, [*texts, live_text(page)]
     terminal.show(data, "\n\n".join(filter(None, texts)))
     return 5 if any(map(diverged, found.values())) else 0
-
-
-@command(app, "tendonrepro doctor --json")
-def doctor(terminal: Terminal) -> int:
-    """Environment, versions, and whether all that is needed is there."""
-    found = _examined()
-    terminal.show(found, _examined_text(found))
-    return 0 if found["well"] else 1
-
-
-def _examined() -> dict[str, Any]:
-    """Environment, and of each check ``ok``, a remark, or what is wrong."""
-    from tendonrepro.configuration.load import load_config
-    from tendonrepro.configuration.published import published
-    from tendonrepro.results.store import environment
-    from tendonrepro.simulation.codegen.machine import assembled, vector_code
-
-    loads: dict[str, Callable[[], Any]] = {
-        "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
-        "published numbers": published,
-        "compiler": lambda: assembled(vector_code("nothing", {}, {}), "nothing"),
-    }
-    checks = dict.fromkeys(loads, "ok")
-    for name, load in loads.items():
-        try:
-            load()
-        except Exception as error:
-            checks[name] = f"wrong: {type(error).__name__}: {error}"
-    well = {*checks.values()} == {"ok"}
-    head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
-    return head | {"checks": checks, "well": well}
-
-
-def _examined_text(found: Mapping[str, Any]) -> str:
-    here = found["environment"]
-    git = here["git"]
-    commit = "not a checkout" if git is None else git["commit"][:12] + (" (changed)" if git["dirty"] else "")
-    rows = {
-        "tendonrepro": found["tendonrepro_version"],
-        "git": commit,
-        "python": here["python"],
-        "platform": here["platform"],
-        "cpu": f"{here['cpu']} x {here['cpu_count']}",
-        **here["versions"],
-        **found["checks"],
-    }
-    return columns(rows.items())
-
-
-@command(config_app, "tendonrepro config list", name="list")
-def config_list(terminal: Terminal) -> None:
-    """Names of the shipped configurations."""
-    from tendonrepro.configuration.load import shipped_folder, shipped_names
-
-    names = shipped_names()
-    terminal.talk.detail(f"in {shipped_folder()}")
-    terminal.show({"schema_version": 1, "configs": names}, "\n".join(names))
-
-
-@command(config_app, "tendonrepro config show compare", name="show")
-def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.configuration.command import shown
-
-    tree, text = shown(config, set or ())
-    terminal.show(tree, text.rstrip())
-
-
-@command(config_app, "tendonrepro config init compare --out my_experiment", name="init")
-def config_init(terminal: Terminal, name: str, *, out: Path = Path()) -> None:
-    """Copy a shipped configuration and what it names, to edit.
-
-    Parameters
-    ----------
-    name
-        A shipped configuration.
-    out
-        Folder for the copy.
-    """
-    from tendonrepro.configuration.command import init_config
-
-    terminal.list_files(init_config(name, out))
-
-
-@command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
-def config_check(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """Check a configuration, and list all its mistakes."""
-    from tendonrepro.experiments.command import check
-
-    found = check(config, set or (), terminal.talk)
-    terminal.show(found, f"{found['config']}: valid {found['kind']}")
-
-
-@command(config_app, "tendonrepro config schema > schema.json", name="schema")
-def config_schema(terminal: Terminal, kind: str | None = None) -> None:
-    """JSON schema of configuration files, for editors.
-
-    Parameters
-    ----------
-    kind
-        compare, decouple, ensemble or manipulator [default: any].
-    """
-    from tendonrepro.configuration.command import json_schema
-    from tendonrepro.files import to_json
-
-    schema = json_schema(kind)
-    terminal.show(schema, to_json(schema).rstrip())
 
 
 def _keep_settings_of_matplotlib() -> None:

@@ -14,17 +14,15 @@ from tendonrepro.studies.parameters import (
     Controllers,
     Folder,
     Formats,
+    Overwrite,
     Seed,
     Source,
     Telling,
+    Traces,
     Word,
 )
 from tendonrepro.studies.study import Answer, Study, written
 
-Traces: TypeAlias = Annotated[
-    Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
-]
-Overwrite: TypeAlias = Annotated[bool, Word(help="Overwrite a file that is there.")]
 Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
 

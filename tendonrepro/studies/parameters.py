@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypedDict
 
@@ -41,6 +41,14 @@ Formats: TypeAlias = Annotated[
 ]
 
 
+Laws: TypeAlias = Annotated[
+    Sequence[str] | Mapping[str, Callable[..., Any]] | None, Word(option="--law", metavar="FILE:NAME")
+]
+Jobs: TypeAlias = Annotated[int, Word(help="Processes; -1 is one for each processor.")]
+Traces: TypeAlias = Annotated[
+    Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
+]
+Overwrite: TypeAlias = Annotated[bool, Word(help="Overwrite a file that is there.")]
 Telling: TypeAlias = Annotated[Talk, Word(help="Whom to tell of progress.")]
 TALK = Talk()
 

@@ -1,0 +1,79 @@
+"""The commands around configurations: list, show, copy, check, schema."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from tendonrepro.studies.command import EXPLORE, command
+from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Telling, Word
+from tendonrepro.studies.study import Answer, written
+
+ABOUT = "Configurations: list, show, copy, check, schema."
+
+Named = Annotated[
+    str, Word(positional=True, help="Configuration file, - for standard input, or a shipped name.")
+]
+
+
+@command(EXPLORE, "tendonrepro config list", "config list")
+def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
+    """Names of the shipped configurations."""
+    from tendonrepro.configuration.load import shipped_folder, shipped_names
+
+    names = shipped_names()
+    talk.detail(f"in {shipped_folder()}")
+    return Answer({"schema_version": 1, "configs": names}, "\n".join(names), names)
+
+
+@command(EXPLORE, "tendonrepro config show compare", "config show")
+def config_show(config: Named, *, set: Changes = None) -> Answer[dict[str, Any]]:
+    """A configuration as it is used: complete, changes applied."""
+    from tendonrepro.configuration.command import shown
+
+    tree, text = shown(config, set or ())
+    return Answer(tree, text.rstrip(), tree)
+
+
+@command(EXPLORE, "tendonrepro config init compare --out my_experiment", "config init")
+def config_init(
+    name: Annotated[str, ARGUMENT], *, out: Path = Path(), talk: Telling = TALK
+) -> Answer[list[Path]]:
+    """Copy a shipped configuration and what it names, to edit.
+
+    Parameters
+    ----------
+    name
+        A shipped configuration.
+    out
+        Folder for the copy.
+    """
+    from tendonrepro.configuration.command import init_config
+
+    paths = init_config(name, out)
+    return written(paths, paths, talk)
+
+
+@command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
+def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[dict[str, Any]]:
+    """Check a configuration, and list all its mistakes."""
+    from tendonrepro.experiments.command import check
+
+    known = check(config, set or (), talk)
+    return Answer(known, f"{known['config']}: valid {known['kind']}", known)
+
+
+@command(EXPLORE, "tendonrepro config schema > schema.json", "config schema")
+def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[dict[str, Any]]:
+    """JSON schema of configuration files, for editors.
+
+    Parameters
+    ----------
+    kind
+        compare, decouple, ensemble or manipulator [default: any].
+    """
+    from tendonrepro.configuration.command import json_schema
+    from tendonrepro.files import to_json
+
+    schema = json_schema(kind)
+    return Answer(schema, to_json(schema).rstrip(), schema)
