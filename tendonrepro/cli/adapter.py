@@ -60,7 +60,7 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:
-    return parameter.annotation == Telling
+    return bool(parameter.annotation == Telling)
 
 
 def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:

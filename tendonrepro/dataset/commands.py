@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
+from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
@@ -64,6 +65,7 @@ def inspect(
     """
     from tendonrepro.dataset.command import inspect_text, run_inspect
 
+    _refuse_none(paths)
     written = Path(mapping or MAPPING) if suggest or mapping is not None else None
     contents = run_inspect([*map(Path, paths)], written, force=force)
     return Answer(contents, inspect_text(contents), contents)
@@ -92,8 +94,14 @@ def ingest(
     """
     from tendonrepro.dataset.command import ingest_text, run_ingest
 
+    _refuse_none(paths)
     files = [*map(Path, paths)]
     runs = run_ingest(
         files, Path(mapping), Path(out), force=force, dry_run=dry_run, talk=talk, confirm=confirm
     )
     return Answer(runs, ingest_text(runs), runs)
+
+
+def _refuse_none(paths: tuple[Path | str, ...]) -> None:
+    if not paths:
+        raise UsageError("names nothing to read", where="PATHS", hint="name files, folders or archives")

@@ -17,7 +17,6 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.results.store import MANIFEST, make_manifest, read_manifest, refuse_others, replaced
 from tendonrepro.studies.outcome import Outcome, figure_formats
-from tendonrepro.studies.parameters import FOLDER
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Answer, Study
 
@@ -38,7 +37,7 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
     target = folder_of(name, study)
     if dry_run:
         return _planned(name, study, target, talk)
-    options = FOLDER | study.folder
+    options = study.options
     formats = formats_of(options["formats"], figures=options["figures"])
     digest, keep = study.loaded.sha256, study.keep
     with replaced(target, digest, command=name, force=options["force"], keep=keep, talk=talk) as result:
@@ -56,7 +55,7 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
 def result_of(name: str, study: Study, talk: Talk | None = None) -> Result:
     """Result of a study for Python: in memory, unless a folder is named or the study took long."""
     talk = talk or Talk()
-    if study.stored or (FOLDER | study.folder)["out"] is not None:
+    if study.stored or study.options["out"] is not None:
         result = carry_out(name, study, talk).value
         assert result is not None
         return result
@@ -68,7 +67,7 @@ def result_of(name: str, study: Study, talk: Talk | None = None) -> Result:
 
 def folder_of(name: str, study: Study) -> Path:
     """Results folder of a study, by default its own below reports."""
-    out = (FOLDER | study.folder)["out"]
+    out = study.options["out"]
     return Path("reports") / name if out is None else Path(out)
 
 
@@ -79,7 +78,7 @@ def manifest_of(name: str, loaded: LoadedConfig, outcome: Outcome, seconds: floa
 
 def _planned(name: str, study: Study, target: Path, talk: Talk) -> Answer[Result | None]:
     """Tell what a run would do, and what would be refused."""
-    loaded, force = study.loaded, (FOLDER | study.folder)["force"]
+    loaded, force = study.loaded, study.options["force"]
     try:
         refuse_others(target, loaded.sha256, command=name, force=force)
     except TendonreproError as error:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
-from tendonrepro.studies.parameters import Folder, Place
+from tendonrepro.studies.parameters import FOLDER, Folder, Place
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import LoadedConfig
@@ -35,9 +35,14 @@ class Study:
 
     loaded: LoadedConfig
     run: Callable[[Talk, Path], Outcome]
-    folder: Folder | Place = field(default_factory=Folder)
+    folder: Place = field(default_factory=Place)
     keep: str = ""
     stored: bool = False
+
+    @property
+    def options(self) -> Folder:
+        """All of a `Folder`, with what holds where nothing was said."""
+        return cast("Folder", FOLDER | self.folder)
 
 
 @dataclass(frozen=True)

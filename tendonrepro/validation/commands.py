@@ -30,14 +30,14 @@ def validate(
     measured
         Trace file written by ingest.
     """
-    from tendonrepro.configuration.load import load_config
+    from tendonrepro.configuration.load import ExperimentName, load_config
     from tendonrepro.files import digest_of, sha256_of
     from tendonrepro.validation.report import validation_outcome
     from tendonrepro.verdicts.measured import read_measured
 
     path = Path(measured)
     file = read_measured(path)
-    experiment = "compare" if file.part("compare").runs else "decouple"
+    experiment: ExperimentName = "compare" if file.part("compare").runs else "decouple"
     base = load_config(config, experiment, overrides=set, seed=seed)
     digest = digest_of({"config": base.sha256, "measured": sha256_of(path)})
     base = replace(base, sha256=digest, inputs=(*base.inputs, path))
