@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import EXPLORE, command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Telling, Word
 from tendonrepro.studies.study import Answer, written
@@ -35,22 +36,32 @@ def config_show(config: Named, *, set: Changes = None) -> Answer[dict[str, Any]]
     return Answer(tree, text.rstrip(), tree)
 
 
-@command(EXPLORE, "tendonrepro config init compare --out my_experiment", "config init")
+@command(EXPLORE, "tendonrepro config init --joints 2 --out mine/my_arm.yaml", "config init")
 def config_init(
-    name: Annotated[str, ARGUMENT], *, out: Path = Path(), talk: Telling = TALK
+    name: Annotated[str | None, ARGUMENT] = None,
+    *,
+    joints: int | None = None,
+    out: Path = Path(),
+    talk: Telling = TALK,
 ) -> Answer[list[Path]]:
-    """Copy a shipped configuration and what it names, to edit.
+    """Begin an arm of your own, or copy a shipped configuration.
 
     Parameters
     ----------
     name
-        A shipped configuration.
+        A shipped configuration; what it names is copied too.
+    joints
+        Write an arm with so many joints, and compare.yaml.
     out
-        Folder for the copy.
+        Folder, or the file of the arm.
     """
     from tendonrepro.configuration.command import init_config
+    from tendonrepro.configuration.own_arm import init_arm
 
-    paths = init_config(name, out)
+    if (name is None) == (joints is None):
+        message = "either the name of a shipped configuration, or --joints"
+        raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
+    paths = init_arm(joints, out) if name is None and joints else init_config(name or "", out)
     return written(paths, paths, talk)
 
 

@@ -23,6 +23,13 @@ from tendonrepro.configuration.strict_yaml import dump, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
+_COMPLETED = {
+    *("Routing", "Links", "Winches", "Tendons", "LinkFriction", "DryFriction", "FrictionConfig", "Tensioner"),
+    *("TransmissionError", "EncoderConfig", "Encoders", "ActuatorConfig"),
+    *("Control", "Gains", "Readings", "SolverConfig", "StatusLimits", "PositionLoop"),
+}
+"""Sections in which a base gives what a file leaves out; in the JSON schema nothing in them is required."""
+
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 
 
@@ -80,8 +87,11 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
     if kind is not None and kind not in models:
         raise UsageError(f"no schema {kind!r}; there are {', '.join(map(str, models))}")
     models[None] = MODELS["compare"] | MODELS["decouple"] | EnsembleConfig | Manipulator
+    schema = TypeAdapter(models[kind]).json_schema()
+    for name in _COMPLETED & schema["$defs"].keys():
+        schema["$defs"][name].pop("required", None)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **TypeAdapter(models[kind]).json_schema(),
+        **schema,
         "title": f"tendonrepro configuration: {kind}" if kind else "tendonrepro configuration",
     }

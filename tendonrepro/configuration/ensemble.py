@@ -118,8 +118,12 @@ def load_ensemble(
         draft.refuse(("base",), f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}")
     return LoadedEnsemble(
         config=config,
+        # What draws and readings decide is no matter of the base.
         base=replace(
-            base, overrides=tuple(change.text for change in changes), inputs=(*draft.files, *base.inputs)
+            base,
+            overrides=tuple(change.text for change in changes),
+            inputs=(*draft.files, *base.inputs),
+            unread=(),
         ),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),

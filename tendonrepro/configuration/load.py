@@ -1,14 +1,14 @@
 """Configurations: YAML files become validated, immutable models with a hash.
 
-An experiment may name its manipulator, and a base that gives the top keys it lacks. Nothing else is merged,
-and no physical value has a default.
+An experiment may name its manipulator. It and its manipulator may each name a base that gives what they lack.
+Nothing else is merged, and no physical value has a default.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
@@ -17,7 +17,9 @@ from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
+from tendonrepro.configuration.from_base import complete_arm, complete_experiment
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
+from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model, describe, explain
@@ -97,24 +99,60 @@ class Draft:
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
             raise ConfigError(message, where=self.where(()))
         self.tree: dict[str, Any] = tree
-        self.kind: Any = tree.get("experiment", MANIPULATOR if "routing" in tree else None)
+        self.kind: Any = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
         allowed = [wanted] if wanted else KINDS
         if self.kind not in allowed:
             hint = did_you_mean(self.kind, allowed)
             self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(self.kind)}{hint}")
+        base = None
         if self.kind in MODELS and "base" in tree:
-            self._take_from_base(tree.pop("base"))
+            base = self._take_from_base(tree.pop("base"))
         naming = [change for change in overrides if change.path == (MANIPULATOR,)]
         apply_overrides(self._document, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
             held = self._named_document(name, MANIPULATOR)
+            self._complete_arm(held, self.files[-1])
             tree[MANIPULATOR] = held.tree
             self._document.places |= {(MANIPULATOR, *key): place for key, place in held.places.items()}
+        elif self.kind == MANIPULATOR:
+            self._complete_arm(self._document, path)
+        elif isinstance(inside := tree.get(MANIPULATOR), dict):
+            self._complete_arm(Document(inside, self._document.places_below((MANIPULATOR,))), path)
+        if base:
+            complete_experiment(self._document, *base)
         apply_overrides(self._document, [change for change in overrides if change not in naming])
         self._take_motions_here()
 
-    def _take_from_base(self, name: Node) -> None:
-        """Fill in the keys that the file leaves to another."""
+    def _complete_arm(self, arm: Document, path: Path | None, below: tuple[Path, ...] = ()) -> None:
+        """Fill in what an arm in a file leaves to its base, which may have one in turn."""
+        if not isinstance(arm.tree, dict) or "base" not in arm.tree or "experiment" in arm.tree:
+            return
+        where, name = str(arm.place(("base",))), arm.tree.pop("base")
+        if not isinstance(name, str):
+            message = f"base: must be the file of an arm or a shipped one, found {describe(name)}"
+            raise ConfigError(message, where=where)
+        found = self._file_beside(name, path)
+        if found is None or found in (*below, path):
+            message = f"base: {'is itself' if found else f'no file {name!r}'}"
+            raise ConfigError(message, where=where, hint="The shipped arm is lumidouce_ii.")
+        self.files.append(found)
+        base = load(read_text(found), str(found))
+        self._complete_arm(base, found, (*below, *([path] if path else [])))
+        try:
+            Manipulator.model_validate(base.tree)
+        except ValidationError:
+            raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
+        stem = path.stem if path else "arm"
+        complete_arm(arm, base.tree, found.stem, stem)
+
+    def _file_beside(self, name: str, path: Path | None) -> Path | None:
+        """A file that another names: beside it, else a shipped one, with or without its ending."""
+        folder = path.parent if path else self.folder
+        places = [folder / name, *(shipped_folder() / held for held in (name, f"{name}.yaml"))]
+        return next((place for place in places if place.is_file()), None)
+
+    def _take_from_base(self, name: Node) -> tuple[dict[str, Any], str, set[str]]:
+        """Fill in the keys that the file leaves to another; its values, its name, and these keys."""
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
             self.refuse(("base",), f"must be a file beside this one or a shipped one, found {describe(name)}")
@@ -126,6 +164,7 @@ class Draft:
             key: place for key, place in base.places.items() if key[:1] and key[0] in left
         }
         self.tree |= left
+        return base.tree, Path(name).stem, set(left)
 
     def _named_document(self, name: str, key: str) -> Document:
         path = self.named_file(name, key)
@@ -140,7 +179,9 @@ class Draft:
         folders = [*([Path.cwd()] if self._is_option(key) else []), self.folder]
         folders += [shipped_folder()] if shipped else []
         places = list(dict.fromkeys(folder / name for folder in folders))
-        path = next((place for place in places if place.is_file()), None)
+        # A shipped one also without its ending.
+        ways = [*places, *([shipped_folder() / f"{name}.yaml"] if shipped else [])]
+        path = next((place for place in ways if place.is_file() and place not in self.files[:1]), None)
         if path is None:
             self.refuse(key, f"no file {name!r}", f"Looked for {' and '.join(map(str, places))}.")
         return path
@@ -187,7 +228,8 @@ class LoadedConfig:
 
     `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
-    reference. `changes` are the overrides; `overrides` are the words of all that was asked for.
+    reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
+    a sentence about each override that changes nothing.
     """
 
     config: Config
@@ -200,6 +242,7 @@ class LoadedConfig:
     inputs: tuple[Path, ...]
     folder: Path
     places: Mapping[str, str]
+    unread: tuple[str, ...]
 
 
 def load_config(
@@ -260,7 +303,17 @@ def load_config(
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
         places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
+        unread=tuple(_unread(config, changes)),
     )
+
+
+def _unread(config: Config, changes: Sequence[Override]) -> Iterator[str]:
+    """What the command line sets and no reading reads; a file may keep such a key for another time."""
+    named = {".".join(map(str, change.path)).removesuffix(".value") for change in changes}
+    if isinstance(config, CompareConfig):
+        for key, reading in config.control.unread().items():
+            if f"control.{key}" in named:
+                yield f"control.{key} changes nothing here: it is read only under {reading}"
 
 
 def numbers_of(controllers: str | Sequence[int]) -> list[int]:

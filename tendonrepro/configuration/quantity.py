@@ -218,14 +218,15 @@ class Physical:
             value = {"type": "array", "items": value, "minItems": 1}
         size = f"; {PER_ENTRY[kind.size]}" if kind.size in PER_ENTRY else ""
         return {
-            "type": "object",
+            # With a base a value may stand alone.
+            "type": ["object", "number", "array"],
             "description": f"{self.about}{size}; unit {' or '.join(self.units)}",
             "properties": {
                 "value": value,
                 "unit": {"enum": self.units},
                 "source": {"type": "string", "pattern": SOURCE_PATTERN},
             },
-            "required": ["value", "unit", "source"],
+            "required": ["value"],
             "additionalProperties": False,
         }
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NoReturn, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.strict_yaml import Document, Key, holds
+from tendonrepro.configuration.strict_yaml import Document, Key, Place, holds
 from tendonrepro.console import count_of
 from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
@@ -21,12 +21,14 @@ Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of this file format")]
 Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
-SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified): \S"
+SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified|user): \S"
 Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
-"""``origin: words`` with origin printed, derived, datasheet, assumed or identified."""
+"""``origin: words`` with origin printed, derived, datasheet, assumed, identified or user."""
 
 _MAPPING = "must be a mapping of keys"
-_ORIGINS = "must begin with printed:, derived:, datasheet:, assumed: or identified: and then say where from"
+_ORIGINS = (
+    "must begin with printed:, derived:, datasheet:, assumed:, identified: or user: and then say where from"
+)
 _NAME = "a name must be lower-case letters, digits and _, beginning with a letter"
 # What replaces words of pydantic that speak of Python, by the type of the mistake.
 _WORDS = {
@@ -96,9 +98,13 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
         name = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
         words = _words(detail, path, meant.get(path))
         found.append((document.place(path), f"{name}: {words}" if name else words))
-    found.sort(key=lambda mistake: mistake[0])
-    lines = (f"{place}: {message}" for place, message in found)
-    return ConfigError("\n".join([f"{count_of(len(found), 'mistake')} in the configuration", *lines]))
+    return listed(found)
+
+
+def listed(found: Iterable[tuple[Place, str]]) -> ConfigError:
+    """One message of all mistakes, in reading order."""
+    lines = [f"{place}: {message}" for place, message in sorted(found, key=lambda mistake: mistake[0])]
+    return ConfigError("\n".join([f"{count_of(len(lines), 'mistake')} in the configuration", *lines]))
 
 
 def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:

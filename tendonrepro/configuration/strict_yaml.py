@@ -49,6 +49,11 @@ class Document:
             path = path[:-1]
         return self.places[path]
 
+    def places_below(self, path: Key) -> dict[Key, Place]:
+        """Places of an entry and of what it holds, by the rest of their paths."""
+        below = {at[len(path) :]: place for at, place in self.places.items() if at[: len(path)] == path}
+        return {(): self.place(path)} | below
+
 
 def read_text(path: Path | None, hint: str | None = None) -> str:
     """Read a file as UTF-8 text, None is standard input."""

@@ -97,6 +97,23 @@ def _use(text: Any) -> Use:
 
 Uses: TypeAlias = dict[str, Annotated[Use, BeforeValidator(_use)]]
 Number: TypeAlias = Annotated[float, Field(strict=True)]
+Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+"""A number that has no sign."""
+Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+
+
+def _reading_error(given: Any) -> Any:
+    for name, degrees in given.items() if isinstance(given, dict) else [("", given)]:
+        if name and (name not in VARIABLES or kind_of(name) != "angle"):
+            angles = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
+            refuse(f"there is no angle {name!r}, only {', '.join(angles)}")
+        is_number = isinstance(degrees, int | float) and not isinstance(degrees, bool)
+        if not is_number or not 0.0 <= degrees < math.inf:
+            refuse(f"must be a number of degrees, 0 or more, found {degrees!r}")
+    return given
+
+
+ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
 
 
 class Run(Model):
@@ -111,13 +128,13 @@ class Run(Model):
     sources: Annotated[list[str], Field(min_length=1)]
     columns: Uses | None = None
     where: dict[str, Any] = Field(default_factory=dict)
-    payload_mass_kg: Number | None = None
-    period_s: Number | None = None
+    payload_mass_kg: Size | None = None
+    period_s: Size | None = None
     from_s: Number = -float("inf")
     to_s: Number = float("inf")
-    step_s: Number | None = None
+    step_s: Step | None = None
     part: Annotated[int, Field(ge=1)] | None = None
-    reading_error_deg: Number | dict[str, Number] | None = None
+    reading_error_deg: ReadingError | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -12,13 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES
+from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import Recorded, rounding_step, smoothed
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace
 
 _BEYOND = 0.75
 """Steps of rounding by which a record may be off its spline."""
 _NEAR = 2.0
 """Spacings of knots around such a place that are left out."""
+LEAST = 16
+"""Samples below which a run has none with all that a controller remembers."""
 
 
 def desired_motion(trace: Trace, L: float) -> tuple[Array, Array, Array]:
@@ -63,10 +68,23 @@ def on_its_samples(trace: Trace) -> tuple[Trace, float]:
     """The run on the controller's even samples, NaN where one was lost, and their period, s.
 
     A recorder's clock may jitter; the controller's is taken as even.
+
+    Raises
+    ------
+    DataMissingError
+        If the run has fewer than `LEAST` samples, or a pause in which more are lost than a run can have.
     """
+    if len(trace.time) < LEAST:
+        message = f"run {trace.name!r} is too short to tell: {count_of(len(trace.time), 'sample')}"
+        raise DataMissingError(message, hint="record a longer run")
     steps = np.diff(trace.time)
     L = float(np.median(steps))
     place = np.concatenate([[0], np.cumsum(np.maximum(np.round(steps / L), 1.0))]).astype(np.int64)
+    if place[-1] + 1 - len(trace.time) > MOST_SAMPLES:
+        longest = int(np.argmax(steps))
+        pause = f"a pause of {steps[longest]:.0f} s after {trace.time[longest]:.3f} s"
+        hint = "take one side of it: from_s or to_s of the run in the mapping, then ingest again"
+        raise DataMissingError(f"run {trace.name!r} has {pause}, too long to fill", hint=hint)
     # Of many samples the mean tells the period better than one step does.
     L = float((trace.time[-1] - trace.time[0]) / place[-1])
     if place[-1] + 1 == len(trace.time):

@@ -13,8 +13,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.strict_yaml import load
-from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.console import Talk, count_of
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
@@ -219,7 +219,10 @@ class Recovered:
         text = f"{where}: {which}, {'other gains' if others else 'gains as published'}"
         text += "" if readings == "printed" else f", with {readings}"
         as_good = len(equally_good(self.found)) - 1
-        return f"{text}. {f'{as_good} other interpretations fit as well.' if as_good else ''}".rstrip()
+        others_fit = (
+            f"{count_of(as_good, 'other interpretation')} {'fits' if as_good == 1 else 'fit'} as well."
+        )
+        return f"{text}. {others_fit if as_good else ''}".rstrip()
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
         """Name, value, half of the 90 % interval and expected value.
@@ -249,33 +252,45 @@ def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
     return CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
 
 
-def read_logs(file: TraceFile, expected: CompareConfig) -> Iterator[tuple[Trace, Log, Array]]:
-    """Runs with torque, desired and measured angles, and these angles' rounding (n,)."""
+def read_logs(
+    file: TraceFile, expected: CompareConfig
+) -> tuple[list[tuple[Trace, Log, Array]], list[DataMissingError]]:
+    """Logs, with their runs and the rounding of angles (n,); and why other runs with torque have none."""
+    logs, refused = [], []
     for name, recorded in file.runs.items():
         torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
         if name in DECOUPLING_RUNS or not all(one in recorded for one in (torque, "q_encoder", "q_d")):
             continue
-        trace, L = on_its_samples(recorded)
-        q_d, dq_d, ddq_d = desired_motion(trace, L)
-        step = expected.manipulator.encoders.joint.resolution.si
-        freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
-        S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
-        gains = expected.control.gains
-        log = Log(
-            L=L,
-            q=np.column_stack([q for q, _ in freed]),
-            q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
-            q_d=q_d,
-            dq_d=dq_d,
-            ddq_d=ddq_d,
-            command=trace[torque],
-            applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
-            S=S,
-            b=_of_joints(gains.b.si, expected, trace.joint),
-            Delta=_of_joints(gains.Delta.si, expected, trace.joint),
-            encoder_step=step,
-        )
-        yield trace, log, np.array([rounding for _, rounding in freed])
+        try:
+            logs.append(_log_of(*on_its_samples(recorded), torque, file, expected))
+        except DataMissingError as error:
+            refused.append(error)
+    return logs, refused
+
+
+def _log_of(
+    trace: Trace, L: float, torque: str, file: TraceFile, expected: CompareConfig
+) -> tuple[Trace, Log, Array]:
+    q_d, dq_d, ddq_d = desired_motion(trace, L)
+    step = expected.manipulator.encoders.joint.resolution.si
+    freed = [without_rounding(column, step) for column in trace["q_encoder"].T]
+    S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
+    gains = expected.control.gains
+    log = Log(
+        L=L,
+        q=np.column_stack([q for q, _ in freed]),
+        q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
+        q_d=q_d,
+        dq_d=dq_d,
+        ddq_d=ddq_d,
+        command=trace[torque],
+        applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
+        S=S,
+        b=_of_joints(gains.b.si, expected, trace.joint),
+        Delta=_of_joints(gains.Delta.si, expected, trace.joint),
+        encoder_step=step,
+    )
+    return trace, log, np.array([rounding for _, rounding in freed])
 
 
 def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> Array:
@@ -291,10 +306,16 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     ------
     UsageError
         If no run has what it takes, or none of its joints has expected gains.
+    DataMissingError
+        If every run that has it is too short, or has too long a pause.
     """
     assert isinstance(loaded.config, CompareConfig)
     expected = expected_of(file, loaded.config)
-    logs = [*read_logs(file, expected)]
+    logs, refused = read_logs(file, expected)
+    if refused and not logs:
+        raise refused[0]
+    for error in refused:
+        talk.note(f"left out: {error.message}; {error.hint}")
     if not logs:
         message = "no run has desired angles, encoder angles and torques"
         raise UsageError(message, hint="name the columns of torque in the mapping, then ingest again")
@@ -323,7 +344,7 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     assert isinstance(paper.config, CompareConfig)
     runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
-    if not any(read_logs(both, paper.config)):
+    if not read_logs(both, paper.config)[0]:
         return []
     return [_data(one) for one in recovered(both, paper, talk)]
 

@@ -186,13 +186,15 @@ def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, Any]:
         return found | {"kind": "ensemble", "config_sha256": held.sha256}
     if not isinstance(held, LoadedConfig):
         return found | {"kind": "manipulator"}
-    _name_shipped(held, talk)
+    _remark(held, talk)
     runs = list(all_loops(held))
     return found | {"kind": held.config.experiment, "config_sha256": held.sha256, "runs": runs}
 
 
-def _name_shipped(loaded: LoadedConfig, talk: Talk) -> None:
-    """Name the shipped file that completed a user's configuration."""
+def _remark(loaded: LoadedConfig, talk: Talk) -> None:
+    """Name the shipped file that completed a user's configuration, and keys that change nothing."""
+    for sentence in loaded.unread:
+        talk.note(sentence)
     for path in loaded.inputs:
         if path.parent == shipped_folder() != loaded.folder:
             talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
@@ -279,7 +281,7 @@ def _load(order: Order, talk: Talk) -> Prepared:
         message = "only the paper's own control laws run on lanes"
         raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = order.request.load(order.experiment)
-    _name_shipped(loaded, talk)
+    _remark(loaded, talk)
     if order.solver == "compiled":
         digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
         loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))

@@ -31,11 +31,12 @@ from tendonrepro.identification.search import (
     Effort,
     Found,
     Plants,
-    nominal_unit,
-    rows_that_matter,
+    held_unit,
     search,
 )
+from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.held import held_at
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
@@ -54,9 +55,6 @@ SCHEMA_VERSION = 3
 
 NEAR = 0.02
 """Misfit in log ratio, about 2 %, up to which a plant fits; near is up to twice the best misfit."""
-
-SCREENED = 256
-"""Draws from which rows that matter are found."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +102,7 @@ class Task:
             **asdict(self.effort),
             "unknowns": self.unknowns,
             "rows": list(self.rows),
+            "overrides": list(self.loaded.base.overrides),
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.printed.joints),
@@ -146,7 +145,7 @@ def run_identify(
     generations, population, seeds : int
         Effort of each search; the population is of one seed.
     unknowns : int
-        Rows of the ranges that are searched at most, those that move the fitted numbers most.
+        Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the rows that are searched instead, joined by commas.
 
@@ -172,7 +171,7 @@ def run_identify(
         rows=_named_rows(rows, make_box(loaded.config).names),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
-        bench=Bench(base, make_box(loaded.config), window, simulate_batch),
+        bench=Bench(base, held_at(make_box(loaded.config), loaded.compare), window, simulate_batch),
     )
     identity = task.identity()
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
@@ -236,15 +235,14 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         told = progress or (lambda _: None)
         return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
 
-    draws = scrambled_sobol(box, task.seed, 0, 0, SCREENED)
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
-        rows = rows_that_matter(box, plants(task.bench, sys.maxsize, "rows"), draws, task.unknowns)
+        rows = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
     bench = task.bench.searching(rows)
     starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     found = search(
-        np.where(rows, np.stack(starts), nominal_unit(box)),
+        np.where(rows, np.stack(starts), held_unit(box)),
         rows,
         rows & [choices.size == 0 for choices in box.choices],
         partial(plants, bench, effort.plants),

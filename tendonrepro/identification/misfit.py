@@ -82,7 +82,7 @@ class Bench:
     simulate: Simulate
 
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
-        """With some rows (P,) free and the others nominal."""
+        """With some rows (P,) free and the others held."""
         return replace(self, box=replace(self.box, free=rows))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:

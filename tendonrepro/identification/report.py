@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -28,6 +30,7 @@ AT_BOUND = 0.01
 """Share of a row's range within which the best plant counts as at its bound."""
 
 _DRAWN = "assumed: draw from the box, "
+_HELD = "assumed: of the arm that the search began with, "
 _CAPTIONS = {
     "numbers": "Printed numbers, the best plant's, and the range of the seeds' plants that come near.",
     "best_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
@@ -85,7 +88,14 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any]) -> 
     best = best_of(data)
     numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2 of Table 2"
     source = f"identified: {numbers}, misfit {best['misfit_log']:.2g}, "
-    text = config.model_dump_json(exclude_none=True).replace(_DRAWN, source)
+    searched = best["rows_searched"]
+
+    def told(drawn: re.Match[str]) -> str:
+        """Where a number comes from: a row that was searched, or one that kept what the arm has."""
+        is_searched = any(row.removesuffix("_2").removesuffix("_3") in drawn[1] for row in searched)
+        return (source if is_searched else _HELD) + drawn[1]
+
+    text = re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True))
     tree = json.loads(text, parse_float=_whole)
     tree["title"] = f"{config.title}, plant fitted to {numbers}"
     write_atomically(path, _head(numbers, data, best) + dump(tree))
@@ -101,14 +111,24 @@ def _head(numbers: str, data: Mapping[str, Any], held: Mapping[str, Any]) -> str
     bounds = [f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"]]
     return f"""\
 # Fitted to {numbers} of the paper under the reading {held["name"]},
-# by tendonrepro identify --fit {data["fit"]} --window {data["window"]} --readings {held["name"]}
-# --generations {data["generations"]} --population {data["population"]} --seeds {data["seeds"]}.
+# by {_command(data, held)}.
 # Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/printed), by the compiled stepper.
 # It proves nothing: what was fitted to the print cannot be evidence for it.
-# Searched, the other rows of the box kept their nominal value: {", ".join(held["rows_searched"])}.
+# Searched, the other rows of the box kept what the arm has: {", ".join(held["rows_searched"])}.
 # At a bound of the box: {", ".join(bounds) or "none of them"}.
 
 """
+
+
+def _command(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+    """What makes the search again, on lines of a heading."""
+    asked = [f"--fit {data['fit']}", f"--window {data['window']}", f"--readings {held['name']}"]
+    names = ("generations", "population", "seeds", "unknowns")
+    effort = [f"--{name} {data[name]}" for name in names]
+    rows = [f"--rows {','.join(data['rows'])}"] if data["rows"] else []
+    changes = [f"--set {shlex.quote(change)}" for change in data["overrides"]]
+    lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
+    return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])
 
 
 def number_rows(plants: Simulated, printed: Printed, fitted: tuple[str, ...]) -> list[dict[str, Any]]:

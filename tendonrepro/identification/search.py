@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,16 +32,8 @@ Rows: TypeAlias = NDArray[np.bool_]
 AGREED = 1.05
 """Largest ratio of the seeds' best misfits that counts as the same."""
 
-FELT = 0.1
-"""Root mean square change in log of the numbers from which on a row is searched.
-
-What moves them by less the others make good.
-"""
-
 UNKNOWNS = 10
 """Rows that are searched at most: more than sixteen numbers could settle are no explanation."""
-
-_LOOKED_AT = 8
 
 _WIDTH = 0.25
 """First standard deviation of CMA-ES, so that all of the cube is within reach."""
@@ -219,42 +211,13 @@ def _descend(start: Array, smooth: Rows, look: Plants) -> None:
         least_squares(residuals, start[smooth], slopes, bounds=(0.0, 1.0), ftol=_SETTLED, xtol=_SETTLED)
 
 
-def rows_that_matter(box: Box, look: Plants, draws: Array, most: int = UNKNOWNS) -> Rows:
-    """Rows that the fitted numbers feel most at the best of some draws (N, P), with their switches.
-
-    At most `most` rows. Where none is felt, those that move the numbers most are searched all the same.
-    """
-    first = look(draws)
-    best = np.argsort(first.misfits, kind="stable")[:_LOOKED_AT]
-    rows = np.arange(len(box.names))
-    moved = np.repeat(draws[best, np.newaxis], rows.size, axis=1)
-    moved[:, rows, rows] = nominal_unit(box)
-    after = look(moved.reshape(-1, rows.size)).residuals.reshape(_LOOKED_AT, rows.size, -1)
-    change = np.sqrt(np.mean((after - first.residuals[best, np.newaxis]) ** 2, axis=(0, 2)))
-    felt = change >= FELT if (change >= FELT).any() else np.ones(rows.size, dtype=np.bool_)
-    chosen = np.zeros(rows.size, dtype=np.bool_)
-    for row in np.argsort(-change, kind="stable"):
-        more = with_switches(box.names, chosen | (rows == row))
-        # The strongest counts whatever its switches are: a search needs something to move.
-        if felt[row] and (more.sum() <= most or not chosen.any()):
-            chosen = more
-    return chosen
-
-
 def switched_by(name: str) -> set[str]:
     """Rows that do nothing where a choice is off or none."""
     return _SWITCHES.get(name, {name.removesuffix("_acts")})
 
 
-def with_switches(names: Sequence[str], chosen: Rows) -> Rows:
-    """Rows together with those that switch them on."""
-    sizes = {name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen}
-    switches = [not sizes.isdisjoint(switched_by(name)) for name in names]
-    return chosen | np.array(switches, dtype=np.bool_)
-
-
-def nominal_unit(box: Box) -> Array:
-    """Unit-cube point of the nominal values, (P,)."""
+def held_unit(box: Box) -> Array:
+    """Unit-cube point (P,) nearest to the values that rows keep where they are not free."""
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(box.nominal / box.low) / np.log(box.high / box.low)
         shares = (box.nominal - box.low) / (box.high - box.low)
@@ -262,4 +225,5 @@ def nominal_unit(box: Box) -> Array:
     for row, choices in enumerate(box.choices):
         if choices.size:
             unit[row] = (int(np.argmin(np.abs(choices - box.nominal[row]))) + 0.5) / choices.size
-    return unit
+    # A user's arm may lie beyond the ranges.
+    return np.asarray(np.clip(np.nan_to_num(unit), 0.0, 1.0))

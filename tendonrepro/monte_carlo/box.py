@@ -21,7 +21,7 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.physics.trajectory import trapezoid_times
 
-_GRID = 0.01
+GRID = 0.01
 """Times of a motion are multiples of this, s, so that every sampling period divides them."""
 
 _NOISE_BAND = (0.5, 20.0)
@@ -30,7 +30,7 @@ _NOISE_BAND = (0.5, 20.0)
 _NOISE_SINES = 8
 """Number of sines that make it."""
 
-_UNEQUAL = 2.0 / 3.0
+UNEQUAL = 2.0 / 3.0
 """Amplitude of joint 2 over that of joint 3 in the motion ``unequal``."""
 
 
@@ -271,7 +271,7 @@ def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]
     """Motion of both joints, by equal angles except in ``unequal``."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
-    share = _UNEQUAL if kind == "unequal" else 1.0
+    share = UNEQUAL if kind == "unequal" else 1.0
     size = 0.5 if shape["kind"] == "sine" else 1.0  # a sine swings about the middle of the same range
     amplitude = [size * share * draw["amplitude"], size * draw["amplitude"]]
     shape["amplitude"] = _drawn(amplitude, "rad", "amplitude")
@@ -290,7 +290,7 @@ def _shape(kind: str, draw: Mapping[str, float]) -> tuple[dict[str, Any], float]
     if kind == "trapezoidal":
         limits = draw["velocity"], draw["acceleration"]
         _, rise = trapezoid_times(draw["amplitude"], *limits)
-        half = _on_grid(rise + draw["hold"] + _GRID / 2.0)  # never shorter than the stroke
+        half = _on_grid(rise + draw["hold"] + GRID / 2.0)  # never shorter than the stroke
         return {
             "kind": kind,
             "velocity": _drawn(limits[0], "rad s-1", "velocity"),
@@ -306,4 +306,4 @@ def _shape(kind: str, draw: Mapping[str, float]) -> tuple[dict[str, Any], float]
 
 
 def _on_grid(time: float) -> float:
-    return round(time / _GRID) * _GRID
+    return round(time / GRID) * GRID

@@ -56,6 +56,10 @@ _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
 """Interpretations that the answer speaks of."""
 
 
+_FILES = {"claims": "claims.json", "ensemble": "summary.json"}
+"""Numbers of a result that the page shows, beside its manifest."""
+
+
 def stored_under(folder: Path) -> Stored:
     """Read all there is under a results folder, or in the result of one command.
 
@@ -64,47 +68,80 @@ def stored_under(folder: Path) -> Stored:
     Raises
     ------
     DataMissingError
-        If something is damaged.
+        If the result is damaged, or all are.
     """
     alone = read_result(folder).command if (folder / MANIFEST).exists() else ""
-    places = {name: folder if alone == name else folder / name for name in (*PARTS, "claims", "ensemble")}
-    parts = {name: places[name] for name in PARTS} | ({} if alone in ("", "claims") else {alone: folder})
+    places = {name: folder if alone == name else folder / name for name in (*PARTS, *_FILES)}
+    damaged = dict(_damaged(places))
+    sound = {name: path for name, path in places.items() if name not in damaged}
+    if damaged and (alone or not any((path / MANIFEST).exists() for path in sound.values())):
+        raise _is_damaged(next(iter(damaged.values())))
+    parts = {name: sound[name] for name in PARTS if name in sound}
+    parts |= {} if alone in ("", "claims") else {alone: folder}
     manifests = {name: _read(path / MANIFEST) for name, path in parts.items() if (path / MANIFEST).exists()}
-    claims, ensemble = places["claims"] / "claims.json", places["ensemble"] / "summary.json"
+    claims, ensemble = (sound[name] / file if name in sound else None for name, file in _FILES.items())
     ours = shipped("docs/results")
-    ledger = _read(claims if claims.exists() else ours / "claims.json")
+    judged = claims is not None and claims.exists()
+    ledger = _read(claims if claims is not None and judged else ours / "claims.json")
     summary, own = _read(ours / "ensemble.json"), False
-    if claims.exists() and ledger["ensemble"]["source"] == "local" and ensemble.exists():
+    if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
         found = _read(ensemble)
         own = found["of_paper"] and by_name(found).keys() >= _SHOWN
         summary = thinned(found) if own else summary
     origins = {name: "run" if name in manifests else "missing" for name in parts}
-    origins |= {"claims": "run" if claims.exists() else "shipped", "ensemble": "run" if own else "shipped"}
+    origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
         origins["ensemble"] = "here"
     shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
-    left_out = {} if alone else dict(_left_out(folder, shown))
+    left_out = {} if alone else dict(_left_out(folder, shown, damaged))
     return Stored(parts, manifests, summary, ledger, origins, left_out)
 
 
-def _left_out(folder: Path, shown: set[str]) -> Iterator[tuple[str, str]]:
+def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    """Results with a file that cannot be read, and that file."""
+    for name, folder in places.items():
+        for path in (folder / MANIFEST, folder / _FILES.get(name, MANIFEST)):
+            try:
+                if path.exists():
+                    _read(path)
+            except DataMissingError:
+                yield name, path
+
+
+def _left_out(folder: Path, shown: set[str], damaged: Mapping[str, Path]) -> Iterator[tuple[str, str]]:
     """Folders that are not shown, and why."""
     for path in sorted(folder.iterdir()):
         if not path.is_dir() or path.name.startswith(".") or path.name in shown:
             continue
-        if not (path / MANIFEST).exists():
+        if path.name in damaged:
+            yield path.name, f"{damaged[path.name].name} is damaged; run its command again"
+        elif not (path / MANIFEST).exists():
             yield path.name, f"has no {MANIFEST}, so it is no complete result"
         elif path.name == "ensemble":
             yield path.name, "was not judged by claims, or is not of the paper's arm and interpretations"
         else:
-            yield path.name, f"a result of {read_result(path).command}; tendonrepro report {path} shows it"
+            yield path.name, _elsewhere(path)
+
+
+def _elsewhere(path: Path) -> str:
+    """Say of a result that has no place on the page how to see it, or that it is damaged."""
+    try:
+        return f"a result of {read_result(path).command}; tendonrepro report {path} shows it"
+    except DataMissingError as error:
+        return f"{error.message} ({error.where}); {error.hint}"
+
+
+def _is_damaged(path: Path) -> DataMissingError:
+    return DataMissingError("is damaged", where=str(path), hint="run its command again")
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise DataMissingError("is damaged", where=str(path), hint="run its command again") from error
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise _is_damaged(path) from error
+    if not isinstance(content, dict):
+        raise _is_damaged(path)
     return content
 
 

@@ -214,6 +214,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(manifest, dict):
+            raise ValueError("it is no mapping")
     except (OSError, ValueError) as error:
         message = f"cannot read the manifest: {error}"
         raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error

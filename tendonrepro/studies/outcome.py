@@ -79,6 +79,8 @@ def run_study(
         Folder in the unfinished result for what an interruption must not lose.
     """
     folder = request.folder(name)
+    for sentence in loaded.unread:
+        talk.note(sentence)
     if request.dry_run:
         return planned(name, loaded, folder, request, talk)
     with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep, talk=talk) as result:

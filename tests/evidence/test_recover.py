@@ -16,7 +16,7 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
@@ -230,7 +230,7 @@ def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: floa
 @pytest.mark.slow
 def test_intervals_hold_the_true_weights_about_as_often_as_they_say() -> None:
     """Over sixteen records that differ by white noise of the torque."""
-    (_, log, _), *_ = read_logs(run(), PUBLISHED.config)  # type: ignore[arg-type]
+    ((_, log, _), *_), _ = read_logs(run(), PUBLISHED.config)  # type: ignore[arg-type]
     inside = 0
     for seed in range(16):
         noise = np.random.default_rng(seed).normal(scale=1e-3, size=log.command.shape)
@@ -325,7 +325,7 @@ def test_loose_gains_cannot_tell(
 
 def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
     """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
-    ((_, log, _),) = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
+    ((_, log, _),), _ = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
     for joint in (0, 1):
         found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0))
         assert found.position_gain == pytest.approx(found.parameters[4] / 16.0)
@@ -353,3 +353,21 @@ def test_a_lone_commanded_torque_whose_estimator_stores_the_applied_one() -> Non
     one = joint_3(replace(file, runs={name: other}))
     assert (one.answer, one.weights) == (RECOVERED, "interpolating")
     assert "logged_torque=commanded" in one.best.hypothesis.name
+
+
+def cut(file: TraceFile, samples: int, pause: float = 0.0) -> Trace:
+    """The first samples of a run, the last of them after a pause, s."""
+    (trace,) = file.runs.values()
+    time = trace.time[:samples] + pause * (np.arange(samples) == samples - 1)
+    variables = {name: values[:samples] for name, values in trace.variables.items()}
+    return replace(trace, time=time, variables=variables)
+
+
+@pytest.mark.parametrize(("samples", "pause"), [(1, 0.0), (5, 0.0), (100, 86400.0)])
+def test_a_run_that_cannot_be_put_on_samples_is_named_and_others_are_read(samples: int, pause: float) -> None:
+    file = run()
+    bad, good = cut(file, samples, pause), cut(file, 300)
+    with pytest.raises(DataMissingError, match=bad.name):
+        recovered(replace(file, runs={"a": bad}), PUBLISHED, QUIET)
+    found = recovered(replace(file, runs={"a": bad, "b": replace(good, name="b")}), PUBLISHED, QUIET)
+    assert {one.run for one in found} == {"b"}

@@ -94,7 +94,9 @@ def test_files(run):
     assert stored["readings"][0]["misfit_log"] == data["readings"][0]["misfit_log"]
     config = (out / "identified.yaml").read_text(encoding="utf-8")
     assert "draw from the box" not in config
-    assert config.count("identified: Controller 2 of Table 2") > 30
+    # Of some seventy numbers that a plant of the box has, these depend on what was searched.
+    assert 1 <= config.count("identified: Controller 2 of Table 2") <= 5
+    assert config.count("of the arm that the search began with") > 30
 
 
 def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):

@@ -48,6 +48,18 @@ def test_damage_is_one_error_that_names_the_file(name, content, tmp_path):
     assert caught.value.where == str(path)
 
 
+def test_a_damaged_result_is_named_and_the_sound_ones_are_shown(results, tmp_path):
+    folder = tmp_path / "reports"
+    shutil.copytree(results, folder)
+    for name, file in {"compare": "manifest.json", "mine": "manifest.json", "claims": "claims.json"}.items():
+        (folder / name).mkdir(exist_ok=True)
+        (folder / name / file).write_text('{"a": ', encoding="utf-8")
+    found = run_report(folder, None, force=False)
+    assert found["left_out"].keys() >= {"compare", "mine", "claims"}
+    assert (found["parts"]["decouple"], found["parts"]["claims"]) == ("run", "shipped")
+    assert "compare" not in found["parts"]
+
+
 def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]

@@ -284,7 +284,7 @@ def _control(
         "label": knob.label,
         "group": knob.group,
         "unit": knob.unit,
-        "help": knob.help,
+        **({"help": knob.help} if knob.help else {}),
         "slider": [knob.least, knob.most],
         "step": knob.step,
         **_limits(rule, knob.unit),
@@ -309,12 +309,13 @@ def _rules(parts: Iterable[Any]) -> Iterator[Physical]:
 
 
 def _limits(rule: Physical, unit: str) -> dict[str, Any]:
-    """Numbers that the configuration allows, in a unit."""
-    found: dict[str, Any] = {"least": -1e30, "most": 1e30}
+    """Numbers that the configuration allows, in a unit; where there is no limit, none is named."""
+    found: dict[str, Any] = {}
     for name, limit in rule.limits.items():
         side = "least" if name in ("above", "at_least") else "most"
         found[side] = limit / to_si(1.0, unit)
-        found[f"open_{side}"] = name in ("above", "below")
+        if name in ("above", "below"):
+            found[f"open_{side}"] = True
     return found
 
 
@@ -456,16 +457,34 @@ def _tries(config: CompareConfig) -> list[dict[str, Any]]:
 
 def build_page(presets: Sequence[dict[str, Any]], library: Library) -> str:
     """The HTML file."""
+    first = next(one["tree"] for one in presets if "tree" in one)
+    short = [
+        one if one.get("tree", first) is first else one | {"tree": _changes(one["tree"], first)}
+        for one in presets
+    ]
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
         "STYLE": _compact("page.css"),
         "ENGINE": f"{_compact('engine.js')}\n{library.source()}",
         "UPLOT_CODE": f"/*\n{_file('uplot-LICENSE')}*/\n{_file('uplot.js')}",
-        "DATA": _script_json({"knobs": library.knobs, "presets": presets}),
+        "DATA": _script_json({"knobs": library.knobs, "presets": short}),
         "PAGE_CODE": _compact("page.js"),
         "VERSION": __version__,
     }
     return re.sub("|".join(parts), lambda found: parts[found[0]], _file("page.html"))
+
+
+def _changes(tree: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
+    """What to lay over another configuration for this one; None takes a key away."""
+    found: dict[str, Any] = {key: None for key in first if key not in tree}
+    for key, value in tree.items():
+        held = first.get(key)
+        if isinstance(value, dict) and isinstance(held, dict):
+            if inner := _changes(value, held):
+                found[key] = inner
+        elif value != held:
+            found[key] = value
+    return found
 
 
 def _script_json(data: Any) -> str:

@@ -267,3 +267,20 @@ def test_every_control_has_a_name_and_can_be_reached(browser: Browser, page: Pat
     named = "return [...document.querySelectorAll('.plot')].filter(({ ariaLabel }) => ariaLabel).length"
     assert browser.run(named) >= 4
     assert browser.run("return document.querySelectorAll('[tabindex=\"-1\"]').length") == 0
+
+
+@pytest.mark.parametrize("workers", [True, False])
+def test_a_run_that_fails_is_told_and_the_next_one_runs(browser: Browser, page: Path, workers: bool) -> None:
+    before = opened(browser, page, "#published")
+    if not workers:
+        browser.run("pool.workers = []")
+    browser.run("preset.model = 99; changed(true)")
+    end = time.monotonic() + 60.0
+    while browser.run("return busy || document.getElementById('state').className !== 'bad'"):
+        assert time.monotonic() < end, browser.console()
+        time.sleep(0.05)
+    browser.run("preset.model = 0; known.clear(); changed(true)")
+    while browser.run("return busy || document.getElementById('state').className === 'bad'"):
+        assert time.monotonic() < end, browser.console()
+        time.sleep(0.05)
+    same(errors(browser), before)

@@ -17,6 +17,15 @@ function run(job) {
   }
 }
 
+// A run as {found}, or why there is none as {failed}: an error would leave whoever asked waiting.
+function attempt(job) {
+  try {
+    return { found: run(job) };
+  } catch (error) {
+    return { failed: String(error) };
+  }
+}
+
 function runWith(job, steps) {
   const { n, L, pp, rr, turns, lag } = job, newest = -Math.expm1(-L / lag), late = new Float64Array(3 * n);
   const model = MODELS[job.model], law = model.laws[job.law], motion = model.motions[job.motion];

@@ -29,7 +29,22 @@ function controlOf(tree, [knob, value, factor]) {
   const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
   return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
-const PRESETS = PAGE.presets.map((one) => (one.of ? one : { ...one, controls: one.controls.map((held) => controlOf(one.tree, held)) }));
+// Configurations are written as what they change in the first one; null takes a key away.
+function overlaid(first, changes) {
+  const found = { ...first };
+  for (const [key, value] of Object.entries(changes)) {
+    const inner = value && typeof value === "object" && !Array.isArray(value);
+    if (value === null) delete found[key];
+    else found[key] = inner ? overlaid(first[key], value) : value;
+  }
+  return found;
+}
+const { tree: FIRST } = PAGE.presets.find((one) => one.tree);
+const PRESETS = PAGE.presets.map((one) => {
+  if (one.of) return one;
+  const tree = overlaid(FIRST, one.tree);
+  return { ...one, tree, controls: one.controls.map((held) => controlOf(tree, held)) };
+});
 
 let preset, state, baseline = null, results = null;
 
@@ -243,7 +258,7 @@ const pool = {
   workers: [],
   waiting: [],
   start() {
-    const code = `${byId("engine").textContent}\nonmessage = (asked) => postMessage(run(asked.data));`;
+    const code = `${byId("engine").textContent}\nonmessage = (asked) => postMessage(attempt(asked.data));`;
     try {
       const address = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
       const count = Math.min(4, navigator.hardwareConcurrency || 2);
@@ -254,9 +269,9 @@ const pool = {
   },
   hire(worker) {
     worker.onmessage = (answer) => {
-      const { resolve } = worker.task;
+      const { settle } = worker.task;
       worker.task = null;
-      resolve(answer.data);
+      settle(answer.data);
       this.next();
     };
     // A browser that allows no worker here computes in the page itself.
@@ -264,14 +279,15 @@ const pool = {
       const left = [...this.workers.map((one) => one.task), ...this.waiting].filter(Boolean);
       this.workers = [];
       this.waiting = [];
-      for (const { job, resolve } of left) setTimeout(() => resolve(run(job)));
+      for (const { job, settle } of left) setTimeout(() => settle(attempt(job)));
     };
     return worker;
   },
   ask(job) {
-    return new Promise((resolve) => {
-      if (this.workers.length) this.waiting.push({ job, resolve });
-      else setTimeout(() => resolve(run(job)));
+    return new Promise((resolve, reject) => {
+      const settle = ({ found, failed }) => (failed ? reject(new Error(failed)) : resolve(found));
+      if (this.workers.length) this.waiting.push({ job, settle });
+      else setTimeout(() => settle(attempt(job)));
       this.next();
     });
   },
@@ -322,6 +338,21 @@ async function compute(exact) {
     return;
   }
   busy = true;
+  try {
+    await computed(exact);
+  } catch (error) {
+    byId("state").textContent = `These values cannot be computed (${error.message}).${results ? " What is shown is from before." : ""}`;
+    byId("state").className = "bad";
+  }
+  busy = false;
+  if (wanted !== null) {
+    const next = wanted;
+    wanted = null;
+    compute(next);
+  }
+}
+
+async function computed(exact) {
   const started = since, asked = preset;
   since = 0;
   const found = await Promise.all(
@@ -354,12 +385,6 @@ async function compute(exact) {
       byId("change").textContent = changeWords();
       showTables();
     }
-  }
-  busy = false;
-  if (wanted !== null) {
-    const next = wanted;
-    wanted = null;
-    compute(next);
   }
 }
 

@@ -1,0 +1,150 @@
+"""The files with which an arm of one's own begins: ten lines for the arm, and the comparison on it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tendonrepro.configuration.from_base import MOST_JOINTS, resized
+from tendonrepro.configuration.load import shipped_file
+from tendonrepro.configuration.strict_yaml import load, read_text
+from tendonrepro.errors import UsageError
+from tendonrepro.files import refuse_file, write_atomically
+
+BASE = "lumidouce_ii"
+ARM_FILE = "my_arm.yaml"
+
+DAMPING_FACTOR = {1: 5, 2: 5, 3: 5, 4: 10, 5: 20, 6: 20}
+M_BAR = {1: 0.01, 2: 0.01, 3: 0.01, 4: 0.01, 5: 0.01, 6: 0.005}
+"""By number of joints, the second in kg m²: with both all linear loops of the arm as written decay."""
+
+LARGEST_SWING = 120.0
+"""Sum of all strokes, deg: with joint 1 at 45 deg no link comes near upright."""
+
+ARM = """\
+# An arm of your own with {n} joint{s}; joint 1 is at the base, link {n} ends at the tool.
+# What is not here comes from the base and is marked as assumed: tendonrepro config show {file}
+# A number has the unit of the base, which stands behind it here. One number stands for all joints.
+base: {base}
+name: {name}
+joints: {n}
+links:
+  length: {length}  # m
+  mass: {mass}  # kg; centres of mass and inertias follow
+routing:
+  winch_diameter: {winch}  # mm
+  pulley_diameter:  # mm; a row for each joint, a column for each tendon
+{pulley}
+  sign:  # side on which a tendon passes a joint: 1 or -1
+{sign}
+tendons:
+  axial_stiffness: {stiffness}  # N/m
+  damping_factor: {damping}  # on the axial damping; too little makes loops unstable
+"""
+
+COMPARE = """\
+# Controllers 1 to 3 on your arm: tendonrepro compare --config {compare} --out reports/mine
+schema_version: 1
+experiment: compare
+base: compare  # the shipped comparison; what is not here comes from it
+title: Controllers 1 to 3 on {name}
+manipulator: {file}
+joints: {joints}  # these move; the others are held at the posture
+posture: {posture}  # deg; the first from hanging, the others from the link before; 0 to 180 deg for each link
+reference:  # up, hold, down, hold
+  kind: minimum_jerk
+  amplitude: {amplitude}  # deg
+  rise: 2.3  # s
+  hold: 1.5  # s
+  periods: 2
+control:
+  gains: {{M_bar: {M_bar}, alpha: 0.1}}  # kg m2, 1; a list has a number for each moving joint
+"""
+
+
+def init_arm(joints: int, out: Path) -> list[Path]:
+    """Write the file of an arm with so many joints, and ``compare.yaml`` beside it; the files written.
+
+    Parameters
+    ----------
+    joints : int
+        From 1 to 6.
+    out : Path
+        The arm's file, or a folder for both.
+
+    Raises
+    ------
+    UsageError
+        For another number of joints, and where a file is there already.
+    """
+    if not 1 <= joints <= MOST_JOINTS:
+        raise UsageError(f"must be from 1 to {MOST_JOINTS}, found {joints}", where="--joints")
+    is_file = out.suffix in {".yaml", ".yml"}
+    arm, folder = (out, out.parent) if is_file else (out / ARM_FILE, out)
+    refuse_file(folder)
+    texts = {
+        arm: arm_text(joints, arm),
+        folder / "compare.yaml": compare_text(joints, arm),
+        folder / "schema.json": read_text(shipped_file(BASE).with_name("schema.json")),
+    }
+    for path in texts:
+        if path.exists() and path.name != "schema.json":
+            hint = "Give another name or folder, or move the file away."
+            raise UsageError(f"{path} exists and is not overwritten", hint=hint)
+    new = {path: text for path, text in texts.items() if not path.exists()}
+    for path, text in new.items():
+        write_atomically(path, text)
+    return list(new)
+
+
+def arm_text(joints: int, path: Path) -> str:
+    """File of an arm with the base's numbers, to edit."""
+    base = load(read_text(shipped_file(BASE)), BASE).tree
+
+    def held(*keys: str) -> Any:
+        node: Any = base
+        for key in keys:
+            node = node[key]
+        return resized(node["value"], joints)
+
+    return ARM.format(
+        n=joints,
+        s="" if joints == 1 else "s",
+        file=path.name,
+        base=BASE,
+        name=title_of(path),
+        length=_shared(held("links", "length"), sum(base["links"]["length"]["value"])),
+        mass=_shared(held("links", "mass"), sum(base["links"]["mass"]["value"])),
+        winch=held("routing", "winch_diameter")[0],
+        pulley=_rows(held("routing", "pulley_diameter")),
+        sign=_rows(held("routing", "sign")),
+        damping=DAMPING_FACTOR[joints],
+        stiffness=f"{held('tendons', 'axial_stiffness')[0]:.2g}".replace("e+0", "e"),
+    )
+
+
+def compare_text(joints: int, arm: Path) -> str:
+    """The comparison on the arm in a file, all its joints moving."""
+    return COMPARE.format(
+        compare="compare.yaml",
+        name=title_of(arm),
+        file=arm.name,
+        joints=list(range(1, joints + 1)),
+        posture=[45] + [0] * (joints - 1),
+        M_bar=M_BAR[joints],
+        amplitude=min(33, int(LARGEST_SWING / joints)),
+    )
+
+
+def title_of(path: Path) -> str:
+    """Words for an arm from the name of its file."""
+    return path.stem.replace("_", " ")
+
+
+def _shared(values: list[float], whole: float) -> list[float]:
+    """Equal parts of the base's whole where there are more joints, so that the arm grows no longer."""
+    return values if sum(values) <= whole * (1.0 + 1e-9) else [round(whole / len(values), 3)] * len(values)
+
+
+def _rows(matrix: list[list[Any]]) -> str:
+    return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)

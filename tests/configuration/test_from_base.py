@@ -1,0 +1,174 @@
+"""An arm that names a base: units, what is taken over, what follows, and every way to be wrong about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tendonrepro.configuration.command import checked, shown
+from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.own_arm import init_arm
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.experiments.loops import run_views
+from tendonrepro.physics.linear_loop import loop_matrix
+
+ARM = """\
+base: lumidouce_ii
+joints: 2
+links: {length: [0.3, 0.25], mass: [0.8, 0.4]}
+routing: {winch_diameter: 40, pulley_diameter: [[60, 30], [0, 40]], sign: 1}
+tendons: {axial_stiffness: 3.0e4}
+"""
+COMPARE = """\
+schema_version: 1
+experiment: compare
+base: compare
+manipulator: my_arm.yaml
+joints: [1, 2]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "my_arm.yaml").write_text(ARM, encoding="utf-8")
+    (tmp_path / "compare.yaml").write_text(COMPARE, encoding="utf-8")
+    return tmp_path
+
+
+def arm_of(folder: Path, text: str = ARM) -> Manipulator:
+    (folder / "my_arm.yaml").write_text(text, encoding="utf-8")
+    held = checked(str(folder / "my_arm.yaml"), ())
+    assert isinstance(held, Manipulator)
+    return held
+
+
+def refused(folder: Path, text: str) -> str:
+    with pytest.raises(ConfigError) as raised:
+        arm_of(folder, text)
+    assert raised.value.exit_code == 2
+    return str(raised.value).replace(str(folder), "")
+
+
+def test_bare_numbers_take_the_units_of_the_base(folder: Path) -> None:
+    arm = arm_of(folder)
+    assert arm.joints == 2
+    np.testing.assert_allclose(arm.links.length.si, [0.3, 0.25])
+    np.testing.assert_allclose(arm.routing.winch_diameter.si, [0.04, 0.04])
+    np.testing.assert_allclose(arm.routing.pulley_diameter.si, [[0.06, 0.03], [0.0, 0.04]])
+    np.testing.assert_array_equal(arm.routing.sign.value, [[1, 1], [0, 1]])
+    np.testing.assert_array_equal(arm.tendons.axial_stiffness.si, [3e4, 3e4])
+    assert arm.links.mass.source.startswith("user: ")
+
+
+def test_what_is_left_out_is_marked_as_taken_over(folder: Path) -> None:
+    tree, _ = shown(str(folder / "my_arm.yaml"), ())
+    assert tree["winches"]["viscous"] == {
+        "value": [1.0, 1.0], "unit": "N m s rad-1", "source": "assumed: from lumidouce_ii",
+    }  # fmt: skip
+    assert tree["actuator"]["output_delay"]["source"] == "assumed: from lumidouce_ii"
+    assert tree["name"] == "my_arm"
+
+
+def test_centres_and_inertias_follow_lengths_and_masses(folder: Path) -> None:
+    links = arm_of(folder).links
+    np.testing.assert_allclose(links.com.si, 0.48 * links.length.si)
+    np.testing.assert_allclose(links.inertia.si, 0.098 * links.mass.si * links.length.si**2)
+    own = arm_of(folder, ARM.replace("mass: [0.8, 0.4]", "mass: [0.8, 0.4], com: [0.1, 0.1]")).links
+    np.testing.assert_array_equal(own.com.si, [0.1, 0.1])
+    np.testing.assert_allclose(own.inertia.si, links.inertia.si)
+
+
+def test_more_joints_than_the_base_repeat_its_last_one(folder: Path) -> None:
+    arm = arm_of(folder, "base: lumidouce_ii\njoints: 5\n")
+    np.testing.assert_allclose(arm.links.length.si, [0.3, 0.28, 0.2, 0.2, 0.2])
+    # A tendon passes further joints as the base's last one passes those before its own.
+    np.testing.assert_allclose(arm.routing.pulley_diameter.si[:, 4], [0.035, 0.035, 0.035, 0.035, 0.037])
+    np.testing.assert_array_equal(np.tril(arm.routing.sign.si, -1), 0.0)
+
+
+def test_an_arm_based_on_ones_own(folder: Path) -> None:
+    (folder / "heavy.yaml").write_text("base: my_arm.yaml\nlinks: {mass: 2}\n", encoding="utf-8")
+    heavy = checked(str(folder / "heavy.yaml"), ())
+    assert isinstance(heavy, Manipulator)
+    np.testing.assert_array_equal(heavy.links.mass.si, [2.0, 2.0])
+    np.testing.assert_allclose(heavy.links.inertia.si, 0.098 * 2.0 * heavy.links.length.si**2)
+    np.testing.assert_array_equal(heavy.tendons.axial_stiffness.si, [3e4, 3e4])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("mass: [0.8, 0.4]", "mass: [0.8, 0.4, 0.2]", "my_arm.yaml:3: links.mass: must have 2 entries"),
+        ("[0, 40]]", "[0, 40, 1]]", "my_arm.yaml:4: routing.pulley_diameter: must have 2 entries"),
+        ("joints: 2", "joints: 9", "my_arm.yaml:2"),
+        ("joints: 2", "joints: two", "my_arm.yaml:2"),
+        ("mass: [0.8, 0.4]", "inertia: -1", "my_arm.yaml:3: links.inertia.value.0"),
+        ("sign: 1", "sign: [[1, 1], [0, 0]]", "my_arm.yaml:4: routing.sign.value.1.1"),
+        ("base: lumidouce_ii", "base: my_arm.yaml", "my_arm.yaml:1"),
+        ("base: lumidouce_ii", "base: lumidouce", "my_arm.yaml:1"),
+        ("base: lumidouce_ii", "base: [1]", "my_arm.yaml:1"),
+        ("base: lumidouce_ii", "base: compare.yaml", "my_arm.yaml:1"),
+        ("mass: [0.8", "masss: [0.8", "my_arm.yaml:3: links: unknown key 'masss'"),
+        ("mass: [0.8, 0.4]", "mass: heavy", "my_arm.yaml:3: links.mass"),
+    ],
+)
+def test_mistakes_name_key_and_line(folder: Path, old: str, new: str, place: str) -> None:
+    assert old in ARM
+    assert place in refused(folder, ARM.replace(old, new))
+
+
+def test_an_experiment_takes_its_base_for_as_many_joints(folder: Path) -> None:
+    config = load_config(folder / "compare.yaml", "compare").config
+    assert isinstance(config, CompareConfig)
+    assert config.posture.value == (45, 0)
+    assert config.control.gains.alpha.value == (0.1, 0.2)
+    text = COMPARE.replace("[1, 2]", "[2]") + (
+        "reference: {kind: minimum_jerk, amplitude: 20, rise: 2, hold: 1, periods: 1}\n"
+        "control: {gains: {alpha: 0.3}}\nruns:\n  mine: {law: controller_1, payload: 0.3}\n"
+    )
+    (folder / "compare.yaml").write_text(text, encoding="utf-8")
+    one = load_config(folder / "compare.yaml", "compare").config
+    assert isinstance(one, CompareConfig)
+    assert one.control.gains.lam.value == (8,)
+    assert one.control.gains.alpha.value == (0.3,)
+    np.testing.assert_allclose(one.reference.amplitude.si, np.radians([20.0]))  # type: ignore[union-attr]
+    assert list(one.runs) == ["mine"]
+    assert one.runs["mine"].payload.si == 0.3
+
+
+def test_lengths_of_an_experiment_are_told_before_anything_else(folder: Path) -> None:
+    (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {lam: [8, 8, 8]}}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"compare.yaml:6: control.gains.lam: must have 2 entries"):
+        load_config(folder / "compare.yaml", "compare")
+
+
+def test_joints_that_do_not_exist(folder: Path) -> None:
+    (folder / "compare.yaml").write_text(COMPARE.replace("[1, 2]", "[2, 3]"), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"compare.yaml:5: joints"):
+        load_config(folder / "compare.yaml", "compare")
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3, 4, 6])
+def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path, joints: int) -> None:
+    written = init_arm(joints, tmp_path / "my_arm.yaml")
+    assert [path.name for path in written] == ["my_arm.yaml", "compare.yaml", "schema.json"]
+    config: Any = load_config(tmp_path / "compare.yaml", "compare").config
+    assert len(config.joints) == joints
+    far = config.reference.amplitude.si
+    for view in run_views(config).values():
+        for q in (0.0 * far, far):
+            matrix = loop_matrix(q, view.plant, view.law, view.delay)
+            assert abs(np.linalg.eigvals(matrix)).max() < 0.9999
+
+
+def test_a_new_arm_overwrites_nothing(tmp_path: Path) -> None:
+    init_arm(2, tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for joints, out in ((2, tmp_path), (2, tmp_path / "other.yaml"), (7, tmp_path / "new"), (0, tmp_path)):
+        with pytest.raises(UsageError):
+            init_arm(joints, out)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
