@@ -11,11 +11,21 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
-from tendonrepro.experiments.commands import animate, diff, export, figures, statics, sweep, tables
+from tendonrepro.experiments.commands import (
+    animate,
+    compare,
+    decouple,
+    diff,
+    export,
+    figures,
+    statics,
+    sweep,
+    tables,
+)
 from tendonrepro.evidence.commands import predict, recover
 from tendonrepro.tuning.commands import tune
 from tendonrepro.analysis.commands import explain
-from tendonrepro.reporting.commands import live, report
+from tendonrepro.reporting.commands import live, report, reproduce
 from tendonrepro.dataset.commands import fetch, ingest, inspect
 from tendonrepro.validation.commands import validate
 from tendonrepro.studies.command import COMMANDS
@@ -86,60 +96,6 @@ def _written(command: str, run: Callable[..., dict[str, Any]], given: dict[str, 
     text = found.pop("text")
     folder = Path(found["out"])
     return Result(command, Outcome(found, [text]), read_manifest(folder), _folder=folder)
-
-
-def compare(
-    config: str | Path | None = None,
-    *,
-    set: Changes = None,
-    seed: int | None = None,
-    controllers: Sequence[int] | None = None,
-    laws: Mapping[str, Callable[..., Any]] | None = None,
-) -> Result:
-    """Run Controllers 1 to 3 and the payload run: Figures 13 to 16, Tables 2 and 3.
-
-    Parameters
-    ----------
-    config : str or Path, optional
-        A file, or a shipped name.
-    set : mapping, optional
-        New values by dotted key, such as ``{"control.gains.lam": 6}``.
-    seed : int, optional
-    controllers : sequence of int, optional
-        Those to run.
-    laws : mapping, optional
-        Name -> function or object of your own; see docs/python.md.
-
-    Raises
-    ------
-    TendonreproError
-        As on the command line.
-    """
-    return _experiment(_request({**locals()}).load("compare"), laws)
-
-
-def decouple(config: str | Path | None = None, *, set: Changes = None, seed: int | None = None) -> Result:
-    """Run the decoupling experiment: Figures 6 and 9 to 12, Table 1. Parameters are as of `compare`."""
-    return _experiment(_request({**locals()}).load("decouple"))
-
-
-def reproduce(
-    out: str | Path = "reports", *, formats: Formats = None, figures: bool = True, force: bool = False
-) -> dict[str, Result]:
-    """Run both experiments and the fitted plant into `out`, with `live.html`, and return results by name.
-
-    `formats` and `figures` are as of `ensemble`. `force` overwrites other results, and files changed since.
-    """
-    from tendonrepro.experiments.command import paper_orders, run_experiments
-    from tendonrepro.reporting.live.command import PAGE, check_target, page_beside
-
-    page = Path(out) / PAGE
-    check_target(page, force=force)
-    request = Request(out=Path(out), force=force, formats=formats_of(formats, figures=figures))
-    orders = paper_orders(None, request)
-    found = run_experiments(orders, Talk())
-    page_beside(page, orders, Talk())
-    return {name: open(one["out"]) for name, one in found.items()}
 
 
 def ensemble(
@@ -265,24 +221,6 @@ def open(folder: str | Path) -> Result:
     # A measured file has a mapping in place of a configuration.
     manifest = {"config": {"sha256": file.config_sha256}, **json.loads(file.manifest_json)}
     return Result(file.experiment, outcome_of(file), manifest, file)
-
-
-def _experiment(loaded: LoadedConfig, laws: Mapping[str, Callable[..., Any]] | None = None) -> Result:
-    """Simulate in this process, which needs no main guard; a notebook has none."""
-    from tendonrepro.experiments.loops import growing
-    from tendonrepro.experiments.run import outcome_of, prepared, simulate_all, trace_file
-    from tendonrepro.experiments.user_law import laws_of
-    from tendonrepro.results.store import make_manifest
-    from tendonrepro.studies.result import Result
-
-    started = time.perf_counter()
-    experiment = prepared(loaded, laws_of(laws))
-    loaded = experiment.loaded
-    (traces,) = simulate_all([experiment], Talk())
-    seconds = time.perf_counter() - started
-    manifest = make_manifest(loaded, seconds) | {"growing_hz": growing(experiment.loops)}
-    file = trace_file(loaded, traces, manifest)
-    return Result(loaded.config.experiment, outcome_of(file), manifest, file)
 
 
 def _studied(command: str, loaded: LoadedConfig, outcome: Outcome, started: float) -> Result:

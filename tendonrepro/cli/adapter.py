@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from types import GenericAlias, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -23,7 +24,7 @@ def add_command(app: typer.Typer, command: Command) -> None:
     """Give a command to the command line: parse, call its function, print the answer."""
     own, about = command.signature.parameters, command.help
     options = [_option(given, about.get(name, "")) for name, given in own.items() if not _is_talk(given)]
-    options += [_keyword("dry_run", False, _DRY_RUN)] if command.is_study else []
+    options += [_keyword("dry_run", False, _DRY_RUN)] if command.lifecycle else []
     options += [_keyword(name, False, annotation) for name, annotation in TERMINAL.items()]
 
     def run(**words: Any) -> int:
@@ -51,12 +52,12 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
         elif words[name] is not None:
             # The flag of what holds by default says that it shall not.
             keywords[name] = not words[name] if parameter.default is True else words[name]
-    if not command.is_study:
-        answer: Answer[Any] = command.function(*positional, **keywords)
-        return answer
-    from tendonrepro.studies.lifecycle import carry_out
-
-    return carry_out(command.name, command.function(**keywords), talk, dry_run=words["dry_run"])
+    prepared = command.function(*positional, **keywords)
+    answer: Answer[Any] = prepared
+    if command.lifecycle:
+        lifecycle = import_module(command.lifecycle)
+        answer = lifecycle.carry_out(command.name, prepared, talk, dry_run=words["dry_run"])
+    return answer
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:

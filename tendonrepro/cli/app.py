@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Option
@@ -20,15 +20,13 @@ from typer.core import TyperGroup
 from tendonrepro import __version__
 from tendonrepro.cli import configurations, doctor  # noqa: F401 (registers it)
 from tendonrepro.cli.adapter import add_command
-from tendonrepro.cli.options import Terminal, command
 from tendonrepro.cli.study import study_app
 from tendonrepro.commands import COMMANDS
-from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.studies.command import EXPLORE
 
 if TYPE_CHECKING:
-    from tendonrepro.experiments.command import Order
+    pass
 
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
@@ -111,71 +109,6 @@ def _root(
 def _help_if_alone(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
-
-
-@command(app, "tendonrepro reproduce --out reports", without=("config", "controllers"))
-def reproduce(request: Request, terminal: Terminal, *, config: Path | None = None) -> int:
-    """Every figure and table of section 5, and the fitted plant.
-
-    Beside them live.html runs the comparison in a browser.
-
-    Parameters
-    ----------
-    config
-        Folder with decouple.yaml and compare.yaml.
-    """
-    from tendonrepro.experiments.command import paper_orders
-
-    return _carry_out(paper_orders(config, request), terminal, live=not request.dry_run)
-
-
-@command(app, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', without=())
-def compare(
-    request: Request,
-    terminal: Terminal,
-    *,
-    law: list[str] | None = None,
-    solver: Literal["scipy", "compiled"] = "scipy",
-) -> int:
-    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
-
-    Parameters
-    ----------
-    law : FILE:NAME
-        Run your own controller too; repeatable. FILE is executed.
-    solver
-        SciPy, or the one of ensembles.
-    """
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("compare", request, law or (), solver)], terminal)
-
-
-@command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
-def decouple(request: Request, terminal: Terminal) -> int:
-    """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("decouple", request)], terminal)
-
-
-def _carry_out(orders: Sequence[Order], terminal: Terminal, *, live: bool = False) -> int:
-    """Print what orders found, and return the exit code; `live` writes the page that runs them, too."""
-    from tendonrepro.experiments.command import diverged, run_experiments, summary_of
-
-    if live:
-        from tendonrepro.reporting.live.command import PAGE, check_target, live_text, page_beside
-
-        path = orders[0].folder.parent / PAGE
-        check_target(path, force=orders[0].request.force)
-    found = run_experiments(orders, terminal.talk)
-    data: dict[str, Any] = {"schema_version": 1} | found if len(found) > 1 else next(iter(found.values()))
-    texts = [*(one["text"] for one in found.values()), summary_of(found)]
-    if live:
-        page = page_beside(path, orders, terminal.talk)
-        data, texts = data | {"live": page["path"]}, [*texts, live_text(page)]
-    terminal.show(data, "\n\n".join(filter(None, texts)))
-    return 5 if any(map(diverged, found.values())) else 0
 
 
 def _keep_settings_of_matplotlib() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Unpack
 
 from tendonrepro.studies.command import EXPLORE, REPRODUCE, command, study
 from tendonrepro.studies.parameters import (
@@ -14,6 +14,7 @@ from tendonrepro.studies.parameters import (
     Controllers,
     Folder,
     Formats,
+    Laws,
     Overwrite,
     Seed,
     Source,
@@ -23,8 +24,57 @@ from tendonrepro.studies.parameters import (
 )
 from tendonrepro.studies.study import Answer, Study, written
 
+if TYPE_CHECKING:
+    from tendonrepro.experiments.orders import Order
+
 Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
+
+
+EXPERIMENTS = "tendonrepro.experiments.lifecycle"
+"""They share workers, and draw while they write."""
+
+
+@study(
+    REPRODUCE, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', EXPERIMENTS
+)
+def compare(
+    config: Source = None,
+    *,
+    set: Changes = None,
+    seed: Seed = None,
+    controllers: Controllers = None,
+    laws: Laws = None,
+    solver: Literal["scipy", "compiled"] = "scipy",
+    **folder: Unpack[Folder],
+) -> Order:
+    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
+
+    Parameters
+    ----------
+    laws
+        Run your own controller too; repeatable. FILE is executed.
+    solver
+        SciPy, or the one of ensembles.
+    """
+    from tendonrepro.experiments.orders import Order
+    from tendonrepro.experiments.user_law import laws_of
+
+    return Order("compare", config, set, seed, controllers, laws_of(laws), solver, folder)
+
+
+@study(
+    REPRODUCE,
+    "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped",
+    EXPERIMENTS,
+)
+def decouple(
+    config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
+) -> Order:
+    """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
+    from tendonrepro.experiments.orders import Order
+
+    return Order("decouple", config, set, seed, folder=folder)
 
 
 @command(REPRODUCE, "tendonrepro figures 14 15")
@@ -44,7 +94,7 @@ def figures(
         The paper's numbers, or names [default: all].
     """
     from tendonrepro.configuration.request import formats_of
-    from tendonrepro.experiments.command import redraw
+    from tendonrepro.experiments.again import redraw
 
     paths = redraw(Path(out), names, force=force, formats=formats_of(formats))
     return written(paths, paths, talk)
@@ -53,7 +103,7 @@ def figures(
 @command(REPRODUCE, "tendonrepro tables --out reports/compare")
 def tables(out: Above = Path("reports"), *, force: Again = False, talk: Telling = TALK) -> Answer[list[Path]]:
     """Write tables again from stored traces."""
-    from tendonrepro.experiments.command import rewrite_tables
+    from tendonrepro.experiments.again import rewrite_tables
 
     paths = rewrite_tables(Path(out), force=force)
     return written(paths, paths, talk)

@@ -9,15 +9,17 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import wraps
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
-from tendonrepro.studies.study import Answer, Study
+from tendonrepro.studies.study import Answer
 
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result
 
 P = ParamSpec("P")
+S = TypeVar("S")
 V = TypeVar("V")
 
 REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
@@ -26,13 +28,16 @@ REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the 
 
 @dataclass(frozen=True)
 class Command:
-    """An entry of the registry; `function` gives a `Study` if `is_study`, else an `Answer`."""
+    """An entry of the registry.
+
+    `function` gives an `Answer`, or, where there is a `lifecycle`, what that module carries out: a `Study`.
+    """
 
     name: str
     panel: str
     example: str
     function: Callable[..., Any]
-    is_study: bool
+    lifecycle: str = ""
 
     @property
     def signature(self) -> inspect.Signature:
@@ -57,18 +62,22 @@ COMMANDS: dict[str, Command] = {}
 """Commands by name, in the order in which their files are imported."""
 
 
-def study(panel: str, example: str) -> Callable[[Callable[P, Study]], Callable[P, Result]]:
-    """Make a function that checks and prepares a study a command; for Python it gives a result."""
+def study(
+    panel: str, example: str, lifecycle: str = "tendonrepro.studies.lifecycle"
+) -> Callable[[Callable[P, S]], Callable[P, Result]]:
+    """Make a function that checks and prepares a study a command; for Python it gives a result.
 
-    def register(function: Callable[P, Study]) -> Callable[P, Result]:
+    `lifecycle` is the module whose `carry_out` and `result_of` take what the function gives.
+    """
+
+    def register(function: Callable[P, S]) -> Callable[P, Result]:
         name = function.__name__
-        COMMANDS[name] = Command(name, panel, example, function, is_study=True)
+        COMMANDS[name] = Command(name, panel, example, function, lifecycle)
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> Result:
-            from tendonrepro.studies.lifecycle import result_of
-
-            return result_of(name, function(*args, **kwargs))
+            result: Result = import_module(lifecycle).result_of(name, function(*args, **kwargs))
+            return result
 
         return _public(call, COMMANDS[name])
 
@@ -80,7 +89,7 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
 
     def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
         called = name or function.__name__
-        COMMANDS[called] = Command(called, panel, example, function, is_study=False)
+        COMMANDS[called] = Command(called, panel, example, function)
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> V:

@@ -36,7 +36,8 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
     """
     target = folder_of(name, study)
     if dry_run:
-        return _planned(name, study, target, talk)
+        plan = planned(name, study.loaded, target, talk, force=study.options["force"])
+        return Answer(plan, plan["text"], None)
     options = study.options
     formats = formats_of(options["formats"], figures=options["figures"])
     digest, keep = study.loaded.sha256, study.keep
@@ -76,13 +77,12 @@ def manifest_of(name: str, loaded: LoadedConfig, outcome: Outcome, seconds: floa
     return make_manifest(loaded, seconds, name) | dict(outcome.manifest)
 
 
-def _planned(name: str, study: Study, target: Path, talk: Talk) -> Answer[Result | None]:
-    """Tell what a run would do, and what would be refused."""
-    loaded, force = study.loaded, study.options["force"]
+def planned(name: str, loaded: LoadedConfig, target: Path, talk: Talk, *, force: bool) -> dict[str, Any]:
+    """What ``--json`` prints of a dry run; tells what would be refused."""
     try:
         refuse_others(target, loaded.sha256, command=name, force=force)
     except TendonreproError as error:
         talk.note(f"a run would be refused: {error}")
     text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {target}"
     plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(target), "text": text}
-    return Answer({"schema_version": 1, "command": name, **plan}, text, None)
+    return {"schema_version": 1, "command": name, **plan}

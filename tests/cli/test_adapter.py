@@ -59,7 +59,7 @@ def several(
 
 def called(function: Any, *words: str, code: int = 0) -> Any:
     app = typer.Typer()
-    add_command(app, Command(function.__name__, "", "", function, is_study=False))
+    add_command(app, Command(function.__name__, "", "", function))
     done = CliRunner().invoke(app, [*words, "--json"], standalone_mode=False)
     assert done.return_value == code, done.output
     return json.loads(done.stdout)
@@ -95,7 +95,7 @@ def test_many_arguments_and_the_first_type_that_can_be_written() -> None:
 
 
 def test_help_is_the_docstring() -> None:
-    command = Command("everything", "", "", everything, is_study=False)
+    command = Command("everything", "", "", everything)
     assert command.about == "What it does.\n\nAt length."
     assert command.help["file"] == command.help["draws"] == "Of both."
     assert command.help["kind"] == "Two lines of help."

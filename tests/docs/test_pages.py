@@ -25,10 +25,7 @@ from tendonrepro.configuration.command import json_schema
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config, shipped_folder
 from tendonrepro.configuration.quantity import UNITS
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
@@ -348,8 +345,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law = folder / "my_law.py"
     law.write_text(example("python.md", "def steep"), encoding="utf-8")
     out = folder / "reports" / "compare"
-    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), laws=[f"{law}:steep"])
-    found = run_experiments([order], Talk(quiet=True))[order.experiment]
+    found = tendonrepro.compare(set=SHORT, controllers=[1], laws=[f"{law}:steep"], out=out).data
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
     return out

@@ -9,7 +9,7 @@ from typing import Any
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.command import Order
+from tendonrepro.experiments.orders import Order
 from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
 
@@ -50,13 +50,14 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[
 
 def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, Any]:
     """Write the page beside results of orders; a comparison of the user's own is among its presets."""
-    (request, *_) = (order.request for order in orders if order.experiment == "compare")
-    loaded = request.load("compare") if request.config is not None or request.overrides else None
+    (compare, *_) = (order for order in orders if order.experiment == "compare")
+    loaded = compare.load() if compare.config is not None or compare.changes else None
+    force = compare.options["force"]
     try:
-        return write_page(path, loaded, force=request.force)
+        return write_page(path, loaded, force=force)
     except UsageError as error:
         talk.note(f"{path.name} has no preset of your configuration: {error.message}")
-        return write_page(path, None, force=request.force)
+        return write_page(path, None, force=force)
 
 
 def live_text(found: dict[str, Any]) -> str:
