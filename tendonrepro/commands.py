@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from tendonrepro.configuration.request import Request, formats_of
 from tendonrepro.console import Talk
+from tendonrepro.reporting.reproduction import reproduce
 from tendonrepro.experiments.commands import (
     animate,
     compare,
@@ -22,10 +23,11 @@ from tendonrepro.experiments.commands import (
     sweep,
     tables,
 )
+from tendonrepro.experiments import configurations, doctor  # noqa: F401 (of the shell alone)
 from tendonrepro.evidence.commands import predict, recover
 from tendonrepro.tuning.commands import tune
 from tendonrepro.analysis.commands import explain
-from tendonrepro.reporting.commands import live, report, reproduce
+from tendonrepro.reporting.commands import live, report
 from tendonrepro.dataset.commands import fetch, ingest, inspect
 from tendonrepro.validation.commands import validate
 from tendonrepro.studies.command import COMMANDS

@@ -1,4 +1,4 @@
-"""The command line: parse, call one function, print."""
+"""The command line: its commands, its streams, its errors and exit codes."""
 
 from __future__ import annotations
 
@@ -11,22 +11,19 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
-from tendonrepro.cli import configurations, doctor  # noqa: F401 (registers it)
 from tendonrepro.cli.adapter import add_command
 from tendonrepro.cli.study import study_app
 from tendonrepro.commands import COMMANDS
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.configurations import ABOUT
 from tendonrepro.studies.command import EXPLORE
-
-if TYPE_CHECKING:
-    pass
 
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
@@ -66,7 +63,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help=configurations.ABOUT, invoke_without_command=True)
+config_app = typer.Typer(help=ABOUT, invoke_without_command=True)
 app.add_typer(config_app, name="config", rich_help_panel=EXPLORE)
 for entry in COMMANDS.values():
     add_command(config_app if entry.name.startswith("config ") else app, entry)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import wraps
 from importlib import import_module
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
@@ -112,7 +113,9 @@ def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
 
 def signature_of(function: Callable[..., Any]) -> inspect.Signature:
     """Signature with evaluated annotations; keywords of a `Folder` or `Place` are parameters of their own."""
-    hints = get_type_hints(function, include_extras=True)
+    # What it returns may be a type that only a type checker sees.
+    own = {name: text for name, text in function.__annotations__.items() if name != "return"}
+    hints = get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__, include_extras=True)
     parameters = []
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is parameter.VAR_KEYWORD:
