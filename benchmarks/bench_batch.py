@@ -230,7 +230,7 @@ def mix_case(draws=MIX_DRAWS, turns=TURNS):
     block = study.blocks(study.draws_of("box", 1024))[0]
     box = study.boxes[block.population]
     rows = box.values(scrambled_sobol(box, study.seed, 0, 0, draws))
-    loops = [loop for row in rows for loop in loops_of(study, block, row)]
+    loops = [loop for drawn in loops_of(study, block, rows) for loop in drawn]
     simulate_batch(loops, study.loaded.compare.status)  # compiles what is not there yet
     seconds = statistics.median(
         seconds_of(lambda: simulate_batch(loops, study.loaded.compare.status)) for _ in range(turns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,12 +64,20 @@ def build_reference(
         message = f"lasts {followed[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
         raise ConfigError(message, where=key)
     time: Array = L * np.arange(int(np.floor(followed[0].duration / L + 1e-6)) + 1.0)
-    q_d, dq_d, ddq_d = trajectory.motion(time, followed)
+    q_d, dq_d, ddq_d = _sampled(time, followed)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
     built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
     _check_workspace(built, config, key)
     return built
+
+
+def _sampled(time: Array, followed: Sequence[Motion]) -> tuple[Array, Array, Array]:
+    """Desired angles, velocities and accelerations (T, n); what joints share is worked out once."""
+    single = list(dict.fromkeys(followed))
+    column = [single.index(joint) for joint in followed]
+    q_d, dq_d, ddq_d = (np.take(values, column, axis=1) for values in trajectory.motion(time, single))
+    return q_d, dq_d, ddq_d
 
 
 def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
@@ -79,7 +87,9 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
         return [motions(single, (joint,), folder)[0] for single, joint in parts]
-    shapes = [_shape(reference, i) for i in range(len(joints))]
+    sizes = [_size(reference, i) for i in range(len(joints))]
+    single = {size: _shape(reference, sizes.index(size)) for size in sizes}
+    shapes = [single[size] for size in sizes]
     if not isinstance(reference, InTurns):
         return [Motion((shape,), reference.duration) for shape in shapes]
     turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
@@ -87,6 +97,11 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
         Motion(tuple(shape if joint in turn else trajectory.at_rest for turn in turns), reference.cycle)
         for shape, joint in zip(shapes, joints, strict=True)
     ]
+
+
+def _size(reference: Single, i: int) -> tuple[float, float]:
+    """What distinguishes the shape of joint i, from 0, from that of others: amplitude and offset."""
+    return reference.amplitude.value[i], reference.offset.value[i] if reference.kind == "sine" else 0.0
 
 
 def _shape(reference: Single, i: int) -> Shape:
@@ -123,12 +138,17 @@ def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> l
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
     """Links work between hanging and upright; elsewhere gravity would slacken the tendons."""
-    angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
-    outside = (angles <= 0.0) | (angles >= 180.0)
-    if outside.any():
+    turned, start = np.zeros(len(reference.time)), rig.start_angles(config)
+    reached = []
+    for i, q_d in enumerate(reference.q_d.T):
+        turned = turned + q_d
+        reached.append((start[i] + turned.min(), start[i] + turned.max()))
+    if min(low for low, _ in reached) <= 0.0 or np.rad2deg(max(high for _, high in reached)) >= 180.0:
+        angles = np.rad2deg(start + np.cumsum(reference.q_d, axis=1))
+        outside = (angles <= 0.0) | (angles >= 180.0)
         k, i = np.argwhere(outside)[0]
-        reached = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
-        message = f"link {config.joints[i]} would reach {reached}"
+        words = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
+        message = f"link {config.joints[i]} would reach {words}"
         hint = "links must stay between 0 and 180 deg: change posture or the reference's amplitude"
         raise ConfigError(message, where=key, hint=hint)
 
@@ -143,9 +163,8 @@ def build_law(config: CompareConfig, name: str) -> Law:
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
-    low_pass = 1.0 if cutoff is None else 1.0 - np.exp(-2.0 * np.pi * cutoff.si * L)
+    low_pass = 1.0 if cutoff is None else newest_weight(cutoff.si, L)
     to_joint = torque_map(config)
-    resolved = np.maximum(config.manipulator.encoders.joint.resolution.si, RESOLVED_ANGLE)
     return Law(
         surface=int(Surface[choice.surface.upper()]),
         L=L,
@@ -162,7 +181,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
         newest=0 if readings.differencing == "centred" else 1,
         phi_is_odd=readings.phi_negative == "odd",
         power_inside=readings.phi_branch == "power",
-        power_floor=resolved * scale,
+        power_floor=power_floor(config.manipulator.encoders.joint.resolution.si, scale),
         angle_scale=scale,
         rate_gain=np.ones(n) if dropped else gains.eta.si,
         rate_filter=low_pass if readings.error_rate == "low_pass" else 1.0,
@@ -175,6 +194,16 @@ def build_law(config: CompareConfig, name: str) -> Law:
         motor_side=readings.feedback == "motor",
         feed_forward=0.0 if readings.reference_acceleration == "absent" else 1.0,
     )
+
+
+def power_floor(resolution: float, scale: float) -> float:
+    """``Law.power_floor`` with joint encoders of a resolution, rad, and angles in `scale` units a radian."""
+    return max(resolution, RESOLVED_ANGLE) * scale
+
+
+def newest_weight(cutoff: Any, L: float) -> Any:
+    """Weight of the newest value in a low-pass of a cutoff, Hz, or of many."""
+    return 1.0 - np.exp(-2.0 * np.pi * cutoff * L)
 
 
 def _boundary(gains: Gains, readings: Readings) -> Array:
@@ -198,6 +227,13 @@ def torque_map(config: CompareConfig) -> Array:
     return np.ascontiguousarray(scale * rig.coupling(config)[1].T)
 
 
+def check_errors_from(config: CompareConfig, reference: DesiredMotion) -> None:
+    """Refuse tables that would leave out a whole run."""
+    if errors_from(config) >= reference.time[-1]:
+        message = f"must be before the end of the motion, {reference.time[-1]:g} s"
+        raise ConfigError(message, where="errors_from")
+
+
 def build_loops(
     config: Config, folder: Path, reference: DesiredMotion | None = None
 ) -> Iterator[tuple[str, Loop]]:
@@ -208,9 +244,7 @@ def build_loops(
     S, S_inv = rig.coupling(config)
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
-        if errors_from(config) >= reference.time[-1]:
-            message = f"must be before the end of the motion, {reference.time[-1]:g} s"
-            raise ConfigError(message, where="errors_from")
+        check_errors_from(config, reference)
         for name, run in config.runs.items():
             controller = TimeDelayController(build_law(config, run.law))
             yield name, _compare_loop(config, run, controller, reference)
@@ -274,7 +308,6 @@ def _loop(
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
-    solver = config.solver
     return Loop(
         plant=plant,
         joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
@@ -283,11 +316,17 @@ def _loop(
         controller=controller,
         reference=reference,
         L=config.sampling_period.si,
-        solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
+        solver=build_solver(config),
         divergence_limit=config.status.divergence_limit.si,
         cold=False,
         seed=int(config.seed.si),
     )
+
+
+def build_solver(config: Config) -> Solver:
+    """Integrator of single runs."""
+    solver = config.solver
+    return Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si)
 
 
 def run_status(loop: Loop, variables: Mapping[str, Array], config: Config) -> tuple[Status, float]:

@@ -14,10 +14,10 @@ from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.published import Published
-from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.monte_carlo.block import Simulate
 from tendonrepro.monte_carlo.box import Box, configured
+from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 
@@ -115,13 +115,9 @@ class Bench:
         )
 
     def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        loops = []
-        for unit in units:
-            config = self.config(unit, reading)
-            chosen = config.model_copy(update={"runs": {run: config.runs[run] for run in runs}})
-            found = dict(build_loops(chosen, self.base.folder))
-            loops += [found[run] for run in runs]
-        return loops
+        cases = [(run, reading) for run in runs]
+        draws = Draws(self.base, self.box, self.box.values(units), cases)
+        return [loop for k in range(len(units)) for loop in draws.loops(k)]
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
         """Short runs in which everything acts, for each branch of the code.

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.readings import under
-from tendonrepro.configuration.strict_model import Model
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import build_law, build_loops, build_reference, reference_lag, run_status
-from tendonrepro.experiments.rig import build_actuator, build_encoder
-from tendonrepro.monte_carlo.box import configured, scrambled_sobol
+from tendonrepro.experiments.loops import run_status
+from tendonrepro.monte_carlo.box import scrambled_sobol
 from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
 from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
-from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.stepper import simulate
 
 Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
@@ -32,11 +30,6 @@ Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
 
 DRAWS_AT_ONCE = 32
 """Draws simulated together; more fill the lanes better; each has motions of some 3 MB."""
-
-_MOTION = {"motion", "sampling_period"}
-"""Axes of readings that the desired motion depends on."""
-
-_Settings: TypeAlias = tuple[tuple[str, str], ...]
 
 IDEAL = Encoder(resolution=0.0, noise=0.0)
 
@@ -51,7 +44,7 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
     box = study.boxes[block.population]
     values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
     batches = [
-        simulate([loop for row in group for loop in loops_of(study, block, row)], study.loaded.compare.status)
+        simulate(list(chain.from_iterable(loops_of(study, block, group))), study.loaded.compare.status)
         for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
     ]
 
@@ -72,59 +65,17 @@ def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batc
     }
 
 
-def loops_of(study: Study, block: Block, row: Array) -> Iterator[Loop]:
-    """Yield the loops of one draw (P,) by case; what readings leave alone is shared."""
-    box, folder = study.boxes[block.population], study.loaded.base.folder
-    draw = box.named(row)
-    try:
-        config = configured(study.loaded.base, box, row)
-        printed = dict(build_loops(config, folder))
-        motions: dict[tuple[tuple[str, str], ...], DesiredMotion] = {
-            (): next(iter(printed.values())).reference
-        }
-        others: dict[tuple[tuple[str, str], ...], Mapping[str, Loop]] = {}
-        for run, case in study.cases:
-            changed = under(case, config, draw)
-            moving = tuple(setting for setting in case.settings if setting[0] in _MOTION)
-            if moving not in motions:
-                motions[moving] = build_reference(changed.reference, changed, folder)
-            if _same_plant(changed, config, run):
-                yield replace(_refitted(printed[run], changed, run), reference=motions[moving])
-                continue
-            if case.settings not in others:
-                others[case.settings] = dict(build_loops(changed, folder, motions[moving]))
-            yield others[case.settings][run]
-    except TendonreproError as error:
-        message = f"a draw of {block} cannot be run: {error.message}"
-        raise TendonreproError(message, where=error.where, hint=json.dumps(draw)) from error
-
-
-def _differing(changed: Model, before: Model) -> set[str]:
-    """Sections of a model that are not the same objects."""
-    return {name for name in type(before).model_fields if getattr(changed, name) is not getattr(before, name)}
-
-
-def _same_plant(changed: CompareConfig, before: CompareConfig, run: str) -> bool:
-    """Whether a run has the plant and sampling period that it had."""
-    parts = _differing(changed.manipulator, before.manipulator)
-    same = _differing(changed, before) <= {"control", "manipulator", "reference", "runs"}
-    friction = changed.runs[run].friction_scale is before.runs[run].friction_scale
-    return same and friction and parts <= {"actuator", "encoders"}
-
-
-def _refitted(loop: Loop, changed: CompareConfig, run: str) -> Loop:
-    """Build only law, instruments and start of a loop anew."""
-    encoders, offset = changed.manipulator.encoders, changed.runs[run].start_offset
-    return replace(
-        loop,
-        controller=TimeDelayController(build_law(changed, changed.runs[run].law)),
-        cold=changed.control.readings.start == "cold",
-        reference_lag=reference_lag(changed),
-        start_offset=offset.si if offset else None,
-        joint_encoder=build_encoder(encoders.joint),
-        motor_encoder=build_encoder(encoders.motor),
-        actuator=build_actuator(changed),
-    )
+def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
+    """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
+    box, found = study.boxes[block.population], []
+    draws = Draws(study.loaded.base, box, rows, study.cases)
+    for k, row in enumerate(rows):
+        try:
+            found.append(draws.loops(k))
+        except TendonreproError as error:
+            message = f"a draw of {block} cannot be run: {error.message}"
+            raise TendonreproError(message, where=error.where, hint=json.dumps(box.named(row))) from error
+    return found
 
 
 def spot_check(
@@ -141,7 +92,8 @@ def spot_check(
         return {}
     place, at = place % len(study.cases), at % len(values)
     run, case = study.cases[place]
-    loop = replace([*loops_of(study, block, values[at])][place], joint_encoder=IDEAL)
+    (loops,) = loops_of(study, block, values[at : at + 1])
+    loop = replace(loops[place], joint_encoder=IDEAL)
     difference = _difference(loop, simulate_together([loop], study.loaded.compare.status), study)
     return {"run": run, "reading": case.name, "draw": at, "difference": difference}
 

@@ -159,21 +159,34 @@ def _drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run
     Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
     """
     tree = deepcopy(dict(base))
-    arm = tree["manipulator"]
-    put_links(arm["links"], draw)
-    _put_drive(arm, draw)
-    _put_friction(arm["friction"], draw)
-    _put_options(arm, draw)
+    put_manipulator(tree["manipulator"], draw)
     # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
     tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
     tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
     tree["control"]["reference_lag"] = _drawn(draw["reference_lag"], "s", "reference_lag")
-    tree["reference"] = _reference(draw, shortest_run)
-    tree["disturbance"] = _disturbance(draw)
-    always = [value for name, value in draw.items() if name not in UNDER_READINGS]
-    checksum = zlib.crc32(np.array(always).tobytes())
-    tree["seed"] = _drawn(checksum, "1", "its checksum, so that each has its own noise")
+    tree["reference"] = drawn_reference(draw, shortest_run)
+    tree["disturbance"] = drawn_disturbance(draw)
+    tree["seed"] = _drawn(noise_seed(draw), "1", "its checksum, so that each has its own noise")
     return tree
+
+
+def noise_seed(draw: Mapping[str, float]) -> int:
+    """Checksum of the rows that always act."""
+    always = [value for name, value in draw.items() if name not in UNDER_READINGS]
+    return zlib.crc32(np.array(always).tobytes())
+
+
+def put_manipulator(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
+    """Fill in a manipulator from one draw, or arrays of draws."""
+    put_links(arm["links"], draw)
+    _put_drive(arm, draw)
+    _put_friction(arm["friction"], draw)
+    _put_options(arm, draw)
+
+
+def is_word(draw: Mapping[str, Any], row: str, *words: str) -> Any:
+    """Whether a row of words has one of some words."""
+    return sum(draw[row] == WORDS[row].index(word) for word in words) > 0
 
 
 def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
@@ -204,7 +217,7 @@ def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
     links["inertia"] = _per_joint(*inertia, "kg m2", "link_inertia of m l^2")
 
 
-def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
+def _put_drive(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
     winches, tendons = arm["winches"], arm["tendons"]
     motor = winches["reduction"]["value"] ** 2 * (draw["rotor_inertia"] + draw["reducer_inertia"])
     winches["reflected_inertia"] = _alike(motor, "kg m2", "rotor_inertia and reducer_inertia")
@@ -217,44 +230,47 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
     damping = draw["tendon_damping_2"] / two**2, draw["tendon_damping_3"] / three**2
     tendons["axial_stiffness"] = _per_joint(*stiffness, "N m-1", "tendon_stiffness over the radius squared")
     tendons["axial_damping"] = _per_joint(*damping, "N s m-1", "tendon_damping over the radius squared")
-    at = WORDS["clearance_at"][int(draw["clearance_at"])]
-    slack = draw["clearance"] * (at == "both"), draw["clearance"] * (at != "none")
-    tendons["clearance"] = _per_joint(*slack, "m", "clearance and clearance_at")
+    two, three = (
+        draw["clearance"] * is_word(draw, "clearance_at", *at) for at in (("both",), ("both", "distal"))
+    )
+    tendons["clearance"] = _per_joint(two, three, "m", "clearance and clearance_at")
     tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
 
 
-def _switched(draw: Mapping[str, float], row: str) -> float:
+def switched(draw: Mapping[str, Any], row: str) -> Any:
+    """Value of a row that may be off."""
     return draw[f"{row}_acts"] * draw[row]
 
 
-def _put_friction(friction: dict[str, Any], draw: Mapping[str, float]) -> None:
-    sides = WORDS["friction_sides"][int(draw["friction_sides"])]
-    for side in ("link", "winch"):
-        part, acts = friction[side], float(sides in (side, "both"))
+def _put_friction(friction: dict[str, Any], draw: Mapping[str, Any]) -> None:
+    on = {side: is_word(draw, "friction_sides", side, "both") for side in ("link", "winch")}
+    for side, acts in on.items():
+        part = friction[side]
         stribeck = draw[f"{side}_stribeck_velocity"]
         part["coulomb"] = _alike(acts * draw[f"{side}_coulomb"], "N m", f"{side}_coulomb")
         part["static_ratio"] = _alike(draw[f"{side}_static_ratio"], "1", f"{side}_static_ratio")
         part["stribeck_velocity"] = _alike(stribeck, "rad s-1", f"{side}_stribeck_velocity")
         part["smoothing_velocity"] = _alike(stribeck / 2.0, "rad s-1", f"half of {side}_stribeck_velocity")
-    on_links = float(sides in ("link", "both"))
-    friction["link"]["viscous"] = _alike(on_links * draw["link_viscous"], "N m s rad-1", "link_viscous")
-    friction["per_pulley"] = _drawn(_switched(draw, "pulley_loss"), "1", "pulley_loss")
-    efficiency = draw["reducer_efficiency"] if draw["reducer_loss_acts"] else 1.0
+    friction["link"]["viscous"] = _alike(on["link"] * draw["link_viscous"], "N m s rad-1", "link_viscous")
+    friction["per_pulley"] = _drawn(switched(draw, "pulley_loss"), "1", "pulley_loss")
+    acts = draw["reducer_loss_acts"]
+    efficiency = acts * draw["reducer_efficiency"] + (1.0 - acts)
     friction["reducer_efficiency"] = _drawn(efficiency, "1", "reducer_efficiency")
 
 
-def _put_options(arm: dict[str, Any], draw: Mapping[str, float]) -> None:
+def _put_options(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
     arm["tensioner"]["force"] = _drawn(draw["tensioner_force"], "N", "tensioner_force")
     arm["tensioner"]["side"] = AXES["tensioner"].printed
-    error = _switched(draw, "transmission_error")
+    error = switched(draw, "transmission_error")
     arm["transmission_error"]["peak_to_peak"] = _drawn(error, "rad", "transmission_error")
     actuator = arm["actuator"]
     actuator["torque_limit"] = _alike(draw["torque_limit"], "N m", "torque_limit")
     for row in ("torque_resolution", "torque_noise"):
-        actuator[row] = _drawn(_switched(draw, row), "N m", row)
+        actuator[row] = _drawn(switched(draw, row), "N m", row)
 
 
-def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
+def drawn_disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
+    """Disturbance of one draw, as plain values."""
     kind = WORDS["disturbance"][int(draw["disturbance"])]
     torque = _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")
     if kind == "sine":
@@ -267,8 +283,8 @@ def _disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
     return {"kind": kind}
 
 
-def _reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
-    """Motion of both joints, by equal angles except in ``unequal``."""
+def drawn_reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
+    """Motion of both joints, by equal angles except in ``unequal``, as plain values."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
     share = UNEQUAL if kind == "unequal" else 1.0

@@ -48,7 +48,7 @@ def made_again(sample: dict[str, Any]) -> dict[str, Batch]:
     columns = [sample["draws"].get(name, [nominal[name]] * count) for name in box.names]
     values = np.array(columns).T
     block = Block("box", 0, 0, count)
-    by_case = zip(*(loops_of(study, block, row) for row in values), strict=True)
+    by_case = zip(*loops_of(study, block, values), strict=True)
     wanted = {study.lookup[run, sample["reading"]]: run for run in sample["runs"]}
     return {
         wanted[place]: simulate_batch(loops, study.loaded.compare.status)

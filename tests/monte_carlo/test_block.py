@@ -4,27 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, fake_batch, fingerprint, small_study
+from support.fake_batch import DRAWS, fake_batch, small_study
 
-from tendonrepro.configuration.models.readings import under
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import compute_block, loops_of, spot_check
-from tendonrepro.monte_carlo.box import configured
-from tendonrepro.monte_carlo.command import load_study
 from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.simulation.streaming import STATISTICS
-
-
-def test_shared_loops_equal_loops_built_anew():
-    study = replace(load_study(None, (), None, "default"), block_draws=1)
-    block, box = study.blocks(512)[0], study.boxes["box"]
-    for row in compute_block(replace(study, readings=study.readings[:1]), block, fake_batch)["draws"]:
-        config, draw = configured(study.loaded.base, box, row), box.named(row)
-        for (name, case), loop in zip(study.cases, loops_of(study, block, row), strict=True):
-            plain = dict(build_loops(under(case, config, draw), study.loaded.base.folder))[name]
-            assert fingerprint(loop) == fingerprint(plain), (name, case.name)
-            np.testing.assert_array_equal(loop.reference.q_d, plain.reference.q_d)
 
 
 def test_results_stand_in_the_place_of_their_draw_and_case():
@@ -32,8 +17,8 @@ def test_results_stand_in_the_place_of_their_draw_and_case():
     study = small_study()
     block = study.blocks(DRAWS)[3]
     shard = compute_block(study, block, fake_batch)
-    for k, row in enumerate(shard["draws"]):
-        for c, loop in enumerate(loops_of(study, block, row)):
+    for k, loops in enumerate(loops_of(study, block, shard["draws"])):
+        for c, loop in enumerate(loops):
             alone = fake_batch([loop], None)
             assert shard["status"][c, k] == alone.status[0]
             for name in STATISTICS:
@@ -45,7 +30,7 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch):
         message = "no such arm"
         raise TendonreproError(message)
 
-    monkeypatch.setattr("tendonrepro.monte_carlo.block.configured", broken)
+    monkeypatch.setattr("tendonrepro.monte_carlo.plants.build_reference", broken)
     study = small_study()
     block = study.blocks(DRAWS)[0]
     with pytest.raises(TendonreproError, match=f"{block}.*no such arm"):

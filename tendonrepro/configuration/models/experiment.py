@@ -190,11 +190,11 @@ def _misfits(config: Config) -> Mistakes:
         yield ("joints",), f"must be the last joints in order, up to {last}, found {list(moving)}"
     period, step = config.sampling_period, config.solver.max_step
     steps = period.si / step.si
-    if not _is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
+    if not is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
         parts = f"{period}, into at most {MOST_STEPS:g} parts"
         yield ("solver", "max_step", "value"), f"must divide the sampling period, {parts}, found {step}"
     match config.disturbance:
-        case StepDisturbance(start=start) if start.si > 0.0 and not _is_multiple(start.si, period.si):
+        case StepDisturbance(start=start) if start.si > 0.0 and not is_multiple(start.si, period.si):
             message = f"must be a multiple of the sampling period, {period}, found {start}"
             yield ("disturbance", "start", "value"), message
         case NoiseDisturbance(band=band) if len(band.value) != 2 or band.value[0] >= band.value[1]:
@@ -242,11 +242,11 @@ def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) 
     duration = 0.0 if isinstance(reference, Sampled) else reference.duration
     if duration and duration > MOST_SAMPLES * period.si:
         yield (), f"lasts {duration:g} s; a run has at most {MOST_SAMPLES:g} samples"
-    elif duration and not _is_multiple(duration, period.si):
+    elif duration and not is_multiple(duration, period.si):
         yield (), f"lasts {duration:.9g} s, which must be a multiple of the sampling period, {period}"
 
 
-def _is_multiple(duration: float, step: float) -> bool:
+def is_multiple(duration: float, step: float) -> bool:
     """Whether a duration is a whole number, from one, of steps, within 1e-9 relative."""
     count = duration / step
     return round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 import numpy as np
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.reference import Ramp
@@ -252,11 +253,19 @@ def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str
     posture = np.cumsum(config.posture.si)[-len(COMPARED) :]
     runs = dict(config.runs)
     for run in RUNS:
-        offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED])
-        links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
-        offset = _vector(np.diff(links, prepend=0.0).tolist(), "rad", f"offset_{run}")
+        offset = _vector(start_offset(posture, draw, run).tolist(), "rad", f"offset_{run}")
         runs[run] = runs[run].model_copy(update={"start_offset": offset})
     return {"runs": runs}
+
+
+def start_offset(posture: Array, draw: Mapping[str, Any], run: str) -> Array:
+    """Joint angles less the reference before a run, rad, (n, ...), of a draw or arrays of draws.
+
+    `posture` (n, ...) holds absolute start angles of the links, rad from hanging.
+    """
+    offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED], axis=0)
+    links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
+    return np.concatenate([links[:1], np.diff(links, axis=0)])
 
 
 def _run_friction(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:

@@ -1,0 +1,89 @@
+"""Draws as arrays are the loops of the long way by a configuration, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from support.fake_batch import fingerprint
+
+from tendonrepro.configuration.models.readings import Reading, under
+from tendonrepro.errors import ConfigError
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.box import Box, configured, scrambled_sobol
+from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plants import Draws
+
+
+@cache
+def study() -> Study:
+    return load_study(None, (), None, "default")
+
+
+def drawn(count: int) -> tuple[Box, np.ndarray]:
+    box = study().boxes["box"]
+    return box, box.values(scrambled_sobol(box, 7, 0, 0, count))
+
+
+def assert_same(box: Box, row: np.ndarray, cases: Sequence[tuple[str, Reading]]) -> None:
+    loops = Draws(study().loaded.base, box, row[np.newaxis], cases).loops(0)
+    base = study().loaded.base
+    config = configured(base, box, row)
+    for (run, reading), loop in zip(cases, loops, strict=True):
+        changed = under(reading, config, box.named(row))
+        alone = changed.model_copy(update={"runs": {run: changed.runs[run]}})
+        plain = dict(build_loops(alone, base.folder))[run]
+        assert fingerprint(loop) == fingerprint(plain), (run, reading.name)
+        for name in ("time", "q_d", "dq_d", "ddq_d"):
+            np.testing.assert_array_equal(getattr(loop.reference, name), getattr(plain.reference, name))
+
+
+def test_every_reading_on_some_draw_equals_the_long_way() -> None:
+    """One run of each reading, and other draws for others."""
+    cases = [*{reading: (run, reading) for run, reading in study().cases}.values()]
+    box, values = drawn(8)
+    for k, row in enumerate(values):
+        assert_same(box, row, cases[k :: len(values)])
+
+
+@pytest.mark.slow
+def test_256_draws_under_every_reading_equal_the_long_way() -> None:
+    """Each draw under a 32nd of all runs, so that every run is seen on eight draws."""
+    cases = study().cases
+    box, values = drawn(256)
+    for k, row in enumerate(values):
+        assert_same(box, row, cases[k % 32 :: 32])
+
+
+def test_runs_share_what_is_the_same() -> None:
+    box, values = drawn(2)
+    printed = load_study(None, (), None, "printed").cases
+    draws = Draws(study().loaded.base, box, values, printed)
+    first, second = (dict(zip([run for run, _ in printed], draws.loops(k), strict=True)) for k in (0, 1))
+    assert first["controller_1"].plant is first["controller_3"].plant
+    assert first["controller_1"].plant is not first["controller_1_payload"].plant
+    assert first["controller_1"].reference is first["controller_1_payload"].reference
+    assert (first["controller_1"].plant.arm.b != second["controller_1"].plant.arm.b).any()
+
+
+def test_a_motion_that_no_sampling_period_divides_is_refused_as_the_long_way_does() -> None:
+    """The shipped motion lasts 9500 samples of 1.6 ms, but not every drawn one a whole number."""
+    keys = ("base.sampling_period.value=1.6", "base.solver.max_step.value=1.6")
+    other = load_study(None, keys, None, "printed")
+    box, values = drawn(16)
+    draws = Draws(other.loaded.base, box, values, other.cases)
+    fitting = 0
+    for k, row in enumerate(values):
+        try:
+            configured(other.loaded.base, box, row)
+        except (ValidationError, ConfigError) as error:
+            with pytest.raises(type(error)):
+                draws.loops(k)
+        else:
+            fitting += 1
+            draws.loops(k)
+    assert 0 < fitting < len(values)
