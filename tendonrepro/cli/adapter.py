@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
 
-from tendonrepro.cli.options import TERMINAL, Terminal
+from tendonrepro.cli.terminal import TERMINAL, Terminal
 from tendonrepro.console import Talk
 from tendonrepro.studies.command import Command, word_of
 from tendonrepro.studies.parameters import Telling
@@ -24,13 +24,13 @@ def add_command(app: typer.Typer, command: Command) -> None:
     """Give a command to the command line: parse, call its function, print the answer."""
     own, about = command.signature.parameters, command.help
     options = [_option(given, about.get(name, "")) for name, given in own.items() if not _is_talk(given)]
-    options += [_keyword("dry_run", False, _DRY_RUN)] if command.lifecycle else []
+    options += [_keyword("dry_run", False, _DRY_RUN)] if command.has_dry_run else []
     options += [_keyword(name, False, annotation) for name, annotation in TERMINAL.items()]
 
     def run(**words: Any) -> int:
         terminal = Terminal(**{name: words.pop(name) for name in TERMINAL})
         answer = _answer(command, words, terminal.talk)
-        terminal.show(dict(answer.data), answer.text)
+        terminal.show(answer)
         return answer.exit_code
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
@@ -56,7 +56,8 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
     answer: Answer[Any] = prepared
     if command.lifecycle:
         lifecycle = import_module(command.lifecycle)
-        answer = lifecycle.carry_out(command.name, prepared, talk, dry_run=words["dry_run"])
+        dry_run = {"dry_run": words["dry_run"]} if command.has_dry_run else {}
+        answer = lifecycle.carry_out(command.name, prepared, talk, **dry_run)
     return answer
 
 

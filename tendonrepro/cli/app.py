@@ -19,7 +19,6 @@ from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.adapter import add_command
-from tendonrepro.cli.study import study_app
 from tendonrepro.commands import COMMANDS
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.configurations import ABOUT
@@ -67,7 +66,6 @@ config_app = typer.Typer(help=ABOUT, invoke_without_command=True)
 app.add_typer(config_app, name="config", rich_help_panel=EXPLORE)
 for entry in COMMANDS.values():
     add_command(config_app if entry.name.startswith("config ") else app, entry)
-app.add_typer(study_app)
 
 
 def _print_version(wanted: bool) -> None:

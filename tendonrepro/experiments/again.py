@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from tendonrepro.configuration.request import FORMATS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_file
 from tendonrepro.parallel import workers
+from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced

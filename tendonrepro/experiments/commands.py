@@ -93,8 +93,8 @@ def figures(
     names
         The paper's numbers, or names [default: all].
     """
-    from tendonrepro.configuration.request import formats_of
     from tendonrepro.experiments.again import redraw
+    from tendonrepro.results.formats import formats_of
 
     paths = redraw(Path(out), names, force=force, formats=formats_of(formats))
     return written(paths, paths, talk)

@@ -12,12 +12,12 @@ from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config, shipped_folder
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.configuration.request import formats_of
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import Prepared, prepared
 from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.results.formats import formats_of
 from tendonrepro.studies.parameters import FOLDER, Folder
 
 CLOSEST = "closest"

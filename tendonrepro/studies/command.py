@@ -39,6 +39,7 @@ class Command:
     example: str
     function: Callable[..., Any]
     lifecycle: str = ""
+    has_dry_run: bool = False
 
     @property
     def signature(self) -> inspect.Signature:
@@ -64,7 +65,11 @@ COMMANDS: dict[str, Command] = {}
 
 
 def study(
-    panel: str, example: str, lifecycle: str = "tendonrepro.studies.lifecycle"
+    panel: str,
+    example: str,
+    lifecycle: str = "tendonrepro.studies.lifecycle",
+    *,
+    has_dry_run: bool = True,
 ) -> Callable[[Callable[P, S]], Callable[P, Result]]:
     """Make a function that checks and prepares a study a command; for Python it gives a result.
 
@@ -73,7 +78,7 @@ def study(
 
     def register(function: Callable[P, S]) -> Callable[P, Result]:
         name = function.__name__
-        COMMANDS[name] = Command(name, panel, example, function, lifecycle)
+        COMMANDS[name] = Command(name, panel, example, function, lifecycle, has_dry_run)
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> Result:

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.request import formats_of
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
+from tendonrepro.results.formats import formats_of
 from tendonrepro.results.store import MANIFEST, make_manifest, read_manifest, refuse_others, replaced
 from tendonrepro.studies.outcome import Outcome, figure_formats
+from tendonrepro.studies.parameters import Place
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Answer, Study
 
@@ -34,17 +35,20 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
     TendonreproError
         As the study itself, or if the folder cannot be written. Finished parts are kept.
     """
-    target = folder_of(name, study)
+    target = folder_of(name, study.folder)
+    for sentence in study.loaded.unread:
+        talk.note(sentence)
     if dry_run:
         plan = planned(name, study.loaded, target, talk, force=study.options["force"])
+        plan |= study.plan
         return Answer(plan, plan["text"], None)
     options = study.options
     formats = formats_of(options["formats"], figures=options["figures"])
     digest, keep = study.loaded.sha256, study.keep
     with replaced(target, digest, command=name, force=options["force"], keep=keep, talk=talk) as result:
         outcome = study.run(talk, result.path)
-        outcome.save(result, name, formats)
-        if keep:
+        outcome.save(result, study.numbers or name, formats)
+        if keep and not study.stays:
             shutil.rmtree(result.path / keep)
         result.manifest = manifest_of(name, study.loaded, outcome, result.seconds) | figure_formats(formats)
     data = {**outcome.data, "out": str(target), "manifest": str(target / MANIFEST)}
@@ -66,9 +70,9 @@ def result_of(name: str, study: Study, talk: Talk | None = None) -> Result:
     return Result(name, outcome, manifest_of(name, study.loaded, outcome, time.perf_counter() - started))
 
 
-def folder_of(name: str, study: Study) -> Path:
-    """Results folder of a study, by default its own below reports."""
-    out = study.options["out"]
+def folder_of(name: str, folder: Place) -> Path:
+    """Results folder of a command, by default its own below reports."""
+    out = folder.get("out")
     return Path("reports") / name if out is None else Path(out)
 
 

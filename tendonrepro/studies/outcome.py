@@ -1,19 +1,15 @@
-"""A study: from a configuration to numbers, and from these to files and terminal."""
+"""What a study found: numbers, tables and figures, from which files and terminal follow."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.request import FORMATS, Request
-from tendonrepro.console import Talk
-from tendonrepro.errors import TendonreproError
 from tendonrepro.files import to_json
-from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, refuse_others, replaced
+from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.store import NewResult
 from tendonrepro.results.tables import Table
 
 if TYPE_CHECKING:
@@ -59,57 +55,6 @@ class Outcome:
                 save_drawing(draw(), result.path / "figures", formats)
 
 
-def run_study(
-    name: str,
-    loaded: LoadedConfig,
-    request: Request,
-    study: Callable[[Path], Outcome],
-    talk: Talk,
-    keep: str = "",
-) -> dict[str, Any]:
-    """Carry out a study, put its results into their folder, and return what ``--json`` prints.
-
-    Parameters
-    ----------
-    name : str
-        Of the command.
-    study : callable
-        Finds the numbers, given the folder in which the result is made; not called in a dry run.
-    keep : str
-        Folder in the unfinished result for what an interruption must not lose.
-    """
-    folder = request.folder(name)
-    for sentence in loaded.unread:
-        talk.note(sentence)
-    if request.dry_run:
-        return planned(name, loaded, folder, request, talk)
-    with replaced(folder, loaded.sha256, command=name, force=request.force, keep=keep, talk=talk) as result:
-        outcome = study(result.path)
-        outcome.save(result, name, request.formats)
-        if keep:
-            shutil.rmtree(result.path / keep)
-        made = make_manifest(loaded, result.seconds, name) | figure_formats(request.formats)
-        result.manifest = made | dict(outcome.manifest)
-    text = f"{outcome.text()}\n\nResults are in {folder}"
-    return {**outcome.data, "text": text, "out": str(folder), "manifest": str(folder / MANIFEST)}
-
-
 def figure_formats(formats: Sequence[str]) -> dict[str, list[str]]:
     """What a manifest says of figures: their formats, none where none were drawn."""
     return {"figure_formats": list(formats)}
-
-
-def planned(name: str, loaded: LoadedConfig, folder: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """What ``--json`` prints of a dry run."""
-    foretell(folder, loaded.sha256, name, request, talk)
-    text = f"{loaded.origin} is valid (sha256 {loaded.sha256[:12]})\nwould write to {folder}"
-    plan = {"dry_run": True, "config_sha256": loaded.sha256, "out": str(folder), "text": text}
-    return {"schema_version": 1, "command": name, **plan}
-
-
-def foretell(folder: Path, digest: str, command: str, request: Request, talk: Talk) -> None:
-    """Say what would be refused; a dry run goes on."""
-    try:
-        refuse_others(folder, digest, command=command, force=request.force)
-    except TendonreproError as error:
-        talk.note(f"a run would be refused: {error}")

@@ -29,6 +29,12 @@ class Study:
         Finds the outcome. Gets whom to tell of progress, and a folder for files of its own.
     keep : str
         Folder inside that one for finished parts, with which an interrupted study goes on.
+    stays : bool
+        Whether finished parts are part of the result, too.
+    numbers : str
+        Stem of the file of numbers; else the command's name.
+    plan : mapping
+        What ``--json`` of a dry run says beside, or instead of, what it says of every study.
     stored : bool
         Whether results are written from Python, too, though no folder is named: they took long.
     """
@@ -37,7 +43,10 @@ class Study:
     run: Callable[[Talk, Path], Outcome]
     folder: Place = field(default_factory=Place)
     keep: str = ""
+    stays: bool = False
     stored: bool = False
+    numbers: str = ""
+    plan: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def options(self) -> Folder:

@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from tendonrepro.cli.adapter import add_command
-from tendonrepro.cli.options import Terminal
+from tendonrepro.cli.terminal import Terminal
 from tendonrepro.studies.command import Command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Laws, Place, Telling
 from tendonrepro.studies.study import Answer
@@ -104,5 +104,5 @@ def test_help_is_the_docstring() -> None:
 
 @pytest.mark.parametrize("quiet", [True, False])
 def test_json_is_printed_whatever_is_quiet(capsys: pytest.CaptureFixture[str], quiet: bool) -> None:
-    Terminal(as_json=True, quiet=quiet, verbose=False).show({"a": float("nan")}, "words")
+    Terminal(as_json=True, quiet=quiet, verbose=False).show(Answer({"a": float("nan")}, "words", None))
     assert json.loads(capsys.readouterr().out) == {"a": None}

@@ -18,7 +18,7 @@ from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.command import word_of
 from tendonrepro.studies.parameters import Telling
 
-STUDIES = [name for name, command in COMMANDS.items() if command.lifecycle]
+STUDIES = [name for name, command in COMMANDS.items() if command.has_dry_run]
 NEEDED = {
     "recover": ["SYNTHETIC.h5"],
     "sweep": ["--over", "control.gains.lam=4,5"],
