@@ -1,7 +1,5 @@
 """The command that explains a loop."""
 
-from __future__ import annotations
-
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study

@@ -1,7 +1,5 @@
 """The commands around the paper's data set, and anyone's measured data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 

@@ -1,7 +1,5 @@
 """The commands about evidence: what a log tells, and what experiments would."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack

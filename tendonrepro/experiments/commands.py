@@ -1,7 +1,5 @@
 """The commands around the paper's experiments: what each asks for, and what it does."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Unpack
@@ -47,7 +45,7 @@ def compare(
     laws: Laws = None,
     solver: Literal["scipy", "compiled"] = "scipy",
     **folder: Unpack[Folder],
-) -> Order:
+) -> "Order":
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
 
     Parameters
@@ -70,7 +68,7 @@ def compare(
 )
 def decouple(
     config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
-) -> Order:
+) -> "Order":
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
     from tendonrepro.experiments.orders import Order
 

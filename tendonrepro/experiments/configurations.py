@@ -1,7 +1,5 @@
 """The commands around configurations: list, show, copy, check, schema."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The command that looks at the environment."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

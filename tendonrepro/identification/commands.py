@@ -1,7 +1,5 @@
 """The command that searches plants and interpretations closest to the published numbers."""
 
-from __future__ import annotations
-
 from typing import Literal, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study

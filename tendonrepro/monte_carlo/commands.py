@@ -1,7 +1,5 @@
 """The command that runs many plausible plants."""
 
-from __future__ import annotations
-
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study

@@ -1,7 +1,5 @@
 """The command that makes everything: both experiments, the fitted plant, and the page in a browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +23,7 @@ def reproduce(
     force: bool = False,
     dry_run: bool = False,
     talk: Telling = TALK,
-) -> Answer[dict[str, Result]]:
+) -> Answer[dict[str, "Result"]]:
     """Every figure and table of section 5, and the fitted plant.
 
     Beside them live.html runs the comparison in a browser.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import wraps
+from functools import cached_property, wraps
 from importlib import import_module
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
@@ -41,7 +41,7 @@ class Command:
     lifecycle: str = ""
     has_dry_run: bool = False
 
-    @property
+    @cached_property
     def signature(self) -> inspect.Signature:
         """Every parameter with its evaluated annotation, the shared ones spelled out."""
         return signature_of(self.function)
@@ -51,7 +51,7 @@ class Command:
         """What it does: the docstring up to its parameters."""
         return (inspect.getdoc(self.function) or "").partition("\n\nParameters\n")[0]
 
-    @property
+    @cached_property
     def help(self) -> dict[str, str]:
         """What each parameter means, as the docstring or a shared annotation says."""
         annotations = {name: parameter.annotation for name, parameter in self.signature.parameters.items()}
@@ -126,7 +126,7 @@ def signature_of(function: Callable[..., Any]) -> inspect.Signature:
         if parameter.kind is parameter.VAR_KEYWORD:
             kind = inspect.Parameter.KEYWORD_ONLY
             (options,) = get_args(hints[name])
-            shared = get_type_hints(options, include_extras=True)
+            shared = options.__annotations__
             parameters += [
                 inspect.Parameter(key, kind, default=default, annotation=shared[key])
                 for key, default in FOLDER.items()

@@ -1,7 +1,5 @@
 """Parameters that many commands share: their types, and how they stand on the command line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypedDict

@@ -1,7 +1,5 @@
 """The command that tunes every controller."""
 
-from __future__ import annotations
-
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study

@@ -1,7 +1,5 @@
 """The command that lays a measurement beside print and model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack

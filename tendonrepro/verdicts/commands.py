@@ -1,7 +1,5 @@
 """The command that judges the paper's claims."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +21,7 @@ def claims(
     formats: Formats = None,
     figures: bool = True,
     force: bool = False,
-) -> Asked:
+) -> "Asked":
     """The verdict on every published number and claim.
 
     The command line writes the ledger, if no claims are named. Python writes nothing.
