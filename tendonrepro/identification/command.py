@@ -20,6 +20,7 @@ from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
@@ -140,7 +141,7 @@ def identification(
     loaded : LoadedEnsemble
         Its box is searched.
     readings : str
-        ``printed``, ``default``, or names joined by commas.
+        ``printed``, ``default``, those that pictures and tables show as ``shown``, or names joined by commas.
     unknowns : int
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
@@ -152,7 +153,7 @@ def identification(
         For an unknown reading or row, or no effort.
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
-    named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
+    named = _named(readings, loaded)
     box = make_box(loaded.config)
     task = Task(
         loaded=loaded,
@@ -189,7 +190,7 @@ def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -
     loaded = task.loaded
     data = {**head, "readings": [found[reading.name][0] for reading in task.readings]}
     data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-    report.write_config(files / report.CONFIG, found[report.best_of(data)["name"]][1], data)
+    _write_plants(files, found, data)
     config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
     manifest = {
         "experiment": "identify",
@@ -198,6 +199,20 @@ def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -
         "config": config | {"ensemble_sha256": loaded.sha256},
     }
     return replace(report.outcome(data), manifest=manifest)
+
+
+def _write_plants(folder: Path, found: Results, data: Mapping[str, Any]) -> None:
+    """The best plant under each reading as a configuration, and the best of all."""
+    for name, (reading, best) in found.items():
+        report.write_config(folder / report.PLANTS / f"{name}.yaml", best, data, reading)
+    first = report.best_of(data)["name"]
+    report.write_config(folder / report.CONFIG, found[first][1], data, found[first][0])
+
+
+def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
+    if readings == "default":
+        return default_readings(loaded.config.pairs)
+    return named_readings(",".join(SHOWN) if readings == "shown" else readings)
 
 
 def check_at_least_one(**options: int) -> None:
