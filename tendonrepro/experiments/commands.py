@@ -210,11 +210,13 @@ def sweep(
 def statics(
     config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
-    """Tension of every tendon over the working half-plane."""
+    """Tension of every tendon over the working half-plane.
+
+    The configuration may be of either experiment: its arm and posture alone matter.
+    """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.experiments.statics import check_joints, survey
+    from tendonrepro.experiments.statics import survey
     from tendonrepro.experiments.statics_report import statics_outcome
 
-    loaded = load_config(config, "decouple", overrides=set, seed=seed)
-    check_joints(loaded.config)
+    loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
     return Study(loaded, lambda *_: statics_outcome(survey(loaded)), folder)

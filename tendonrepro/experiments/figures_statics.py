@@ -26,7 +26,7 @@ _SHADES = [*(style.paler(_BLUE, white) for white in np.linspace(0.92, 0.12, len(
 def draw_margin(survey: Survey) -> style.Drawing:
     """Smallest tension of any tendon: a column per course, a row per case."""
     courses, ticks = survey.courses, np.arange(0.0, 181.0, 45.0)
-    cases = {"motor": "motor", "payload": f"{survey.payload:g} kg", "spring": "spring"}
+    cases = {"motor": "motor", "payload": f"{survey.payload[0]:g} kg", "spring": "spring"}
     figure = style.open_figure(style.PAGE_MM, 172.0)
     grid = figure.subplots(len(cases), len(courses), sharex=True, sharey=True)
     titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in courses]
@@ -34,6 +34,7 @@ def draw_margin(survey: Survey) -> style.Drawing:
     drawn: Any = None
     for panel, (case, course) in zip(panels.values(), product(cases, courses.values()), strict=True):
         maps = course.maps
+        assert maps is not None
         # Rounding below zero is no push.
         least = np.where(np.abs(maps.least[case]) < SLACK, 0.0, maps.least[case])
         degrees, colours = np.linspace(0.0, 180.0, len(least)), [_PUSH, *_SHADES]
@@ -54,10 +55,10 @@ def draw_margin(survey: Survey) -> style.Drawing:
     figure.legend(handles=[line, push], loc="outside upper center", ncols=2)
     force, source = survey.force
     caption = (
-        f"Smallest tension of any tendon at rest, by course of tendon 4, which a motor pulls with "
-        f"{force:g} N ({source}); spring: as hard at the start, there stretched by {1e3 * STRETCH:g} mm. "
-        f"Orange: between the lines friction of the guide pulleys, {100 * survey.loss[0]:g} % each, decides "
-        f"on {RESERVE:g} N. {survey.origin}."
+        f"Smallest tension of any tendon at rest, by course of tendon {survey.tensioning_tendon}, which a "
+        f"motor pulls with {force:g} N ({source}); spring: as hard at the start, there stretched by "
+        f"{1e3 * STRETCH:g} mm. Orange: between the lines friction of the guide pulleys, "
+        f"{100 * survey.loss[0]:g} % each, decides on {RESERVE:g} N. {survey.origin}."
     )
     angles = np.rad2deg(start_angles(survey.loaded.config)[:-2])
     before_them = ", ".join(f"{angle:g}°" for angle in angles) or "held rigidly"

@@ -1,4 +1,4 @@
-"""Tensions at rest over the working half-plane, for every course of tendon 4."""
+"""Tensions at rest over the working half-plane, for every course of the tensioning tendon, the paper's 4."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import Config, LoadedConfig
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
@@ -112,11 +111,14 @@ class Extremes:
 
 @dataclass(frozen=True)
 class Course:
-    """A course of tendon 4: what a newton of it adds to each tendon, (n,), and the range of its length, m."""
+    """A course of tendon 4: what a newton of it adds to each tendon, (n,), and the range of its length, m.
+
+    There are maps where two joints or more move.
+    """
 
     per_newton: Array
     travel: float
-    maps: Maps
+    maps: Maps | None
     half_plane: Mapping[str, Extremes]
 
 
@@ -124,15 +126,15 @@ class Course:
 class Survey:
     """Tensions at rest over the working half-plane.
 
-    `force`, N, pulls tendon 4, and a share `loss` of it is lost at each pulley; both with their source.
-    `payload`, kg. `half_plane` (n, P), rad, are link angles of the postures. `weight_alone` (n,), N, is the
-    least tension that the weight leaves to each tendon.
+    `force`, N, pulls the tensioning tendon, and a share `loss` of it is lost at each pulley; these and
+    `payload`, kg, have their source beside them. `half_plane` (n, P), rad, are link angles of the postures.
+    `weight_alone` (n,), N, is the least tension that the weight leaves to each tendon.
     """
 
     loaded: LoadedConfig
     force: tuple[float, str]
     loss: tuple[float, str]
-    payload: float
+    payload: tuple[float, str]
     half_plane: Array
     weight_alone: Array
     courses: Mapping[str, Course]
@@ -143,31 +145,35 @@ class Survey:
         return list(self.loaded.config.joints)
 
     @property
+    def tensioning_tendon(self) -> int:
+        """Number of the tendon that is led past all joints."""
+        return self.loaded.config.manipulator.joints + 1
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether there are two links over whose angles maps can be."""
+        return len(self.joints) > 1
+
+    @property
     def origin(self) -> str:
         """Configuration, for captions."""
         return f"{self.loaded.origin} (sha256 {self.loaded.sha256[:12]})"
 
 
-def check_joints(config: Config) -> None:
-    """Raise a ConfigError if fewer than two joints move."""
-    if (n := len(config.joints)) < 2:
-        message = f"maps are over the angles of two links, but {n} joint moves"
-        raise ConfigError(message, where="joints")
-
-
 def survey(loaded: LoadedConfig) -> Survey:
-    """Work out tensions over the half-plane."""
+    """Work out tensions over the half-plane, and maps where two joints or more move."""
     config = loaded.config
     force = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
     loss = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
-    payload = published().number("hardware.payload")
+    payload = _payload(config)
     arm, motor = build_arm(config, 0.0), statics.Spring(force[0], 0.0)
     cases: dict[str, Case] = {
         "motor": (arm, motor),
-        "payload": (build_arm(config, payload), motor),
+        "payload": (build_arm(config, payload[0]), motor),
         "spring": (arm, statics.Spring(force[0], force[0] / STRETCH)),
     }
-    grid, everywhere = map_postures(config), half_plane(len(config.joints))
+    everywhere = half_plane(len(config.joints))
+    grid = map_postures(config) if len(config.joints) > 1 else None
     routes = {course: mechanism(config, course) for course in COURSES}
     # Without its pull the course of tendon 4 does not matter.
     weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE).min(axis=1)
@@ -175,7 +181,7 @@ def survey(loaded: LoadedConfig) -> Survey:
         name: Course(
             per_newton=route.per_newton(),
             travel=route.travel(),
-            maps=_maps(grid, cases, route, loss[0]),
+            maps=None if grid is None else _maps(grid, cases, route, loss[0]),
             half_plane={case: _over_all(everywhere, *cases[case], route, config.joints) for case in cases},
         )
         for name, route in routes.items()
@@ -190,6 +196,14 @@ def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     values = dict(load_ensemble(None).config.box)[row]
     assert isinstance(values, BoxRange)
     return values.nominal, f"off in the configuration; nominal of the box, {values.low:g} to {values.high:g}"
+
+
+def _payload(config: Config) -> tuple[float, str]:
+    """The heaviest of the runs, kg, or the paper's where none has any; and its source."""
+    heaviest = max((run.payload for run in config.runs.values()), key=lambda payload: payload.si)
+    if heaviest.si > 0.0:
+        return heaviest.si, heaviest.source
+    return published().number("hardware.payload"), "printed: section 5.4"
 
 
 def mechanism(config: Config, course: str) -> Mechanism:

@@ -17,7 +17,7 @@ def statics_outcome(survey: Survey) -> Outcome:
     """All views of a survey."""
     from tendonrepro.experiments.figures_statics import draw_margin
 
-    figures = {"margin": lambda: draw_margin(survey)}
+    figures = {"margin": lambda: draw_margin(survey)} if survey.has_maps else {}
     return Outcome(statics_data(survey), _parts(survey), figures, {"solver": None})
 
 
@@ -31,20 +31,23 @@ def statics_data(survey: Survey) -> dict[str, Any]:
         "joints": joints,
         "held_joints": [k for k in range(1, config.manipulator.joints + 1) if k not in joints],
         "start_link_angles_deg": np.rad2deg(np.cumsum(config.posture.si)).tolist(),
+        "tensioning_tendon": survey.tensioning_tendon,
         "map": {
             "across": f"link {joints[-2]}",
             "upright": f"link {joints[-1]}",
             "held_link_angles_deg": np.rad2deg(start_angles(config)[:-2]).tolist(),
-        },
+        }
+        if survey.has_maps
+        else None,
         "postures": survey.half_plane.shape[1],
         "nearest_edge_deg": float(np.rad2deg(survey.half_plane.min())),
         "tensioner_force_N": survey.force[0],
         "pulley_loss": survey.loss[0],
-        "payload_kg": survey.payload,
+        "payload_kg": survey.payload[0],
         "sources": {
             "force": survey.force[1],
             "loss": survey.loss[1],
-            "payload": "printed: section 5.4",
+            "payload": survey.payload[1],
         },
         "reserve_N": RESERVE,
         "spring_stretch_mm": 1e3 * STRETCH,
@@ -58,10 +61,13 @@ def statics_data(survey: Survey) -> dict[str, Any]:
 
 
 def _course_data(course: Course) -> dict[str, Any]:
-    maps = course.maps
-    return {
+    of_course = {
         "tension_per_newton": course.per_newton.tolist(),
         "change_of_length_mm": 1e3 * course.travel,
+    }
+    if (maps := course.maps) is None:
+        return of_course
+    return of_course | {
         "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
         "map_least_tension_with_friction_N": float(maps.band[0].min()),
         "map_force_for_reserve_N": float(maps.needed.max()),
@@ -97,12 +103,14 @@ def _parts(survey: Survey) -> list[str | Table]:
     ]
     everywhere = (
         f"Tensions at rest over the working half-plane, {survey.half_plane.shape[1]} postures "
-        f"({survey.origin}). Tendon 4 pulls with {force:g} N ({force_source})."
+        f"({survey.origin}). Tendon {survey.tensioning_tendon} pulls with {force:g} N ({force_source})."
     )
-    on_maps = (
-        f"The courses of tendon 4. On the maps: the force that leaves {RESERVE:g} N, and friction "
-        f"of {100 * loss:g} % at each guide pulley ({loss_source})."
-    )
+    on_maps = f"The courses of tendon {survey.tensioning_tendon}."
+    if survey.has_maps:
+        on_maps += (
+            f" On the maps: the force that leaves {RESERVE:g} N, and friction "
+            f"of {100 * loss:g} % at each guide pulley ({loss_source})."
+        )
     return [
         f"The weight alone leaves tendons {tendons} at least {alone} N at rest.",
         Table("statics", everywhere, tensions, suffixes=("csv", "md")),

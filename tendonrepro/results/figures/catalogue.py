@@ -166,11 +166,11 @@ FIGURES: dict[str, FigureSpec] = {
     },
     "fig13": FigureSpec(
         paper.draw_motors,
-        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference. "
-        "The paper does not say with which controller: here Controller 1.",
+        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference.",
         ("q_encoder", "q_d"),
         ("controller_1",),
         plant=("S_inv",),
+        of_paper="The paper does not say with which controller: here Controller 1.",
     ),
     "fig14": FigureSpec(
         paper.draw_tracking,
