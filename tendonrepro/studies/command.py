@@ -108,9 +108,18 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
 
 def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
     """Show to Python all parameters, and what each means."""
-    signature, told = entry.signature, entry.help
-    call.__signature__ = signature  # type: ignore[attr-defined]
-    lines = [f"{name}\n    {text}" for name, text in told.items() if text]
+    told = entry.help
+    call.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            parameter.replace(annotation=getattr(parameter.annotation, "__origin__", parameter.annotation))
+            if word_of(parameter.annotation) != Word()
+            else parameter
+            for parameter in entry.signature.parameters.values()
+        ]
+    )
+    # The words are those of an option, which takes away what holds by default: --no-figures.
+    flags = {name for name, parameter in entry.signature.parameters.items() if parameter.default is True}
+    lines = [f"{name}\n    {'False: ' * (name in flags)}{text}" for name, text in told.items() if text]
     section = "\n".join(["Parameters", "----------", *lines])
     call.__doc__ = f"{entry.about}\n\n{section}" if lines else entry.about
     return call

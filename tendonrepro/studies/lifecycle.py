@@ -35,15 +35,14 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
     TendonreproError
         As the study itself, or if the folder cannot be written. Finished parts are kept.
     """
-    target = folder_of(name, study.folder)
+    target, options = folder_of(name, study.folder), study.options
+    formats = formats_of(options["formats"], figures=options["figures"])
     for sentence in study.loaded.unread:
         talk.note(sentence)
     if dry_run:
-        plan = planned(name, study.loaded, target, talk, force=study.options["force"])
+        plan = planned(name, study.loaded, target, talk, force=options["force"])
         plan |= study.plan
         return Answer(plan, plan["text"], None)
-    options = study.options
-    formats = formats_of(options["formats"], figures=options["figures"])
     digest, keep = study.loaded.sha256, study.keep
     with replaced(target, digest, command=name, force=options["force"], keep=keep, talk=talk) as result:
         outcome = study.run(talk, result.path)
