@@ -15,6 +15,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.codegen import callback
 from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import Arm, simulate
 
@@ -467,3 +468,12 @@ class TestPositionLoop:
         assert np.abs(values["q_motor_encoder"] - values["q_motor"]).max() <= 0.5 * step * (1.0 + 1e-9)
         np.testing.assert_allclose(values["q_calculated"], values["q_motor_encoder"] @ drive.S.T, atol=1e-13)
         assert not {"s", "H_hat", "epsilon"} & values.keys()
+
+
+def test_the_address_of_an_arrays_numbers_is_looked_at_before_use(monkeypatch):
+    """Whatever Python and NumPy these are: elsewhere machine code would read what is no number."""
+    values = np.arange(3.0)
+    assert callback.address_in(values) == values.ctypes.data
+    monkeypatch.setattr(callback, "_HEAD", callback._HEAD + 8)
+    with pytest.raises(TendonreproError):
+        callback.callable_on_array(0, values, values)
