@@ -66,6 +66,10 @@ __all__ = [
 ]
 
 
+PUBLIC = [name for name in __all__ if name != "COMMANDS"]
+"""Names of the functions of ``import tendonrepro``."""
+
+
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
     """Return a checked, frozen configuration; `source` is a file or a shipped name."""
     from tendonrepro.configuration.load import load_config

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from support import ROOT
-from support.command import answer
+from support.command import SMALL, answer
 from support.synthetic import FEW, make_compare_file
 from typer.main import get_command
 
@@ -19,19 +19,13 @@ from tendonrepro.studies.command import word_of
 from tendonrepro.studies.parameters import Telling
 
 STUDIES = [name for name, command in COMMANDS.items() if command.has_dry_run]
-NEEDED = {
-    "recover": ["SYNTHETIC.h5"],
-    "sweep": ["--over", "control.gains.lam=4,5"],
-    "validate": ["SYNTHETIC.h5"],
-}
-"""What a study cannot do without."""
 
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """A folder with a measurement."""
     file = make_compare_file(**FEW, runs=("controller_1",), source="measured")
-    write_traces(tmp_path / "SYNTHETIC.h5", file)
+    write_traces(tmp_path / "measured.h5", file)
     return tmp_path
 
 
@@ -73,12 +67,12 @@ def test_the_docstring_of_python_tells_of_every_parameter(name: str) -> None:
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_dry_run_checks_and_writes_nothing(place: Path, name: str) -> None:
-    plan = answer(name, *NEEDED.get(name, []), "--dry-run", cwd=place)
+    plan = answer(name, *SMALL.get(name, []), "--dry-run", cwd=place)
     assert plan["dry_run"]
     assert len(plan["config_sha256"]) == 64
     assert Path(plan["out"]) == Path("reports") / name
     assert plan["schema_version"] >= 1
-    assert [path.name for path in place.iterdir()] == ["SYNTHETIC.h5"]
+    assert [path.name for path in place.iterdir()] == ["measured.h5"]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
