@@ -191,7 +191,7 @@ def test_settings_in_commands_are_valid(tmp_path: Path, monkeypatch: pytest.Monk
         context = parse(program, words(command))
         wrong = any(word in command for word in MISTAKES)
         assert name == "cli.md" or not wrong, command
-        overrides = tuple(context.params["overrides"])
+        overrides = tuple(context.params["set"])
         kind = context.info_name if context.info_name in {"ensemble", "identify", "decouple"} else "compare"
         if (kind, overrides) in seen:
             continue
