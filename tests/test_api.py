@@ -26,7 +26,7 @@ from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest
 
 PAGE = ROOT / "docs" / "python.md"
-SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1, "control.gains.lam": 6}
+SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
 
 
 @pytest.fixture(scope="module")

@@ -134,7 +134,7 @@ class Draft:
         found = self._file_beside(name, path)
         if found is None or found in (*below, path):
             message = f"base: {'is itself' if found else f'no file {name!r}'}"
-            raise ConfigError(message, where=where, hint="The shipped arm is lumidouce_ii.")
+            raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
         self.files.append(found)
         base = load(read_text(found), str(found))
         self._complete_arm(base, found, (*below, *([path] if path else [])))

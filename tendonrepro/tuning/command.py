@@ -118,7 +118,9 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
         message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
-        raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
+        narrower = ", or a smaller --spread" if task.loaded.around else ""
+        hint = f"ask for fewer, or say --any-plant{narrower}"
+        raise UsageError(message, where="--plants", hint=hint)
     return found
 
 

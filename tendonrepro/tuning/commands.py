@@ -16,6 +16,7 @@ def tune(
     population: int = 6,
     laws: Laws = None,
     any_plant: bool = False,
+    spread: float | None = None,
     config: Source = None,
     set: Changes = None,
     seed: Seed = None,
@@ -24,7 +25,7 @@ def tune(
 ) -> Study:
     """Controllers at their best: each one tuned, then compared.
 
-    An interrupted tuning goes on.
+    An interrupted tuning goes on. With a comparison as configuration, plants are drawn around its arm.
 
     Parameters
     ----------
@@ -40,13 +41,15 @@ def tune(
         Tune your own controller too; repeatable. FILE is executed.
     any_plant
         Also plants where the published gains are unstable.
+    spread
+        Around your own arm, 0.2 is 20 % [default: as shipped].
     """
-    from tendonrepro.configuration.ensemble import load_ensemble
+    from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.tuning.command import Effort, tuning
 
     effort = Effort(plants, searches, generations, population)
     effort.check()
-    loaded = load_ensemble(config, overrides=set)
+    loaded = load_plants(config, spread, set)
     tuned = tuning(loaded, laws_of(laws), effort, any_plant=any_plant, seed=seed or 0, jobs=jobs)
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.oracles import ROPE, TENDON_4
+from support.overrides import on_plain_arm
 
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
@@ -18,7 +19,7 @@ LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.arr
 
 @pytest.fixture(scope="module")
 def found():
-    return survey(load_config(None, "decouple"))
+    return survey(on_plain_arm("decouple"))
 
 
 def tension_by_hand(course, deg, payload=0.0, force=17.0):
@@ -52,7 +53,7 @@ def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
 
 
 def test_one_moving_joint_has_tensions_but_no_map():
-    loaded = load_config(None, "compare")
+    loaded = load_config("plain", "compare")
     config = loaded.config.model_copy(update={"joints": (3,)})
     found = survey(replace(loaded, config=config))
     assert not found.has_maps
@@ -106,7 +107,7 @@ def test_friction_band_holds_the_frictionless_tension(found):
     for maps in (course.maps for course in found.courses.values()):
         assert (maps.band[0] <= maps.least["motor"] + 1e-9).all()
         assert (maps.least["motor"] <= maps.band[1] + 1e-9).all()
-    without = survey(load_config(None, "decouple", overrides=["manipulator.friction.per_pulley=1e-9"]))
+    without = survey(on_plain_arm("decouple", "manipulator.friction.per_pulley=1e-9"))
     maps = without.courses["negative"].maps
     assert maps.band[0] == pytest.approx(maps.least["motor"])
 

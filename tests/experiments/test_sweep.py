@@ -35,7 +35,7 @@ QUIET = Talk(quiet=True)
 
 @cache
 def swept(*over, overrides=(ONE,), controllers=(1, 2)):
-    return sweep.simulate(sweep.load_grid(over, overrides=overrides, controllers=controllers), QUIET)
+    return sweep.simulate(sweep.load_grid(over, "plain", overrides=overrides, controllers=controllers), QUIET)
 
 
 def ratios(found):
@@ -75,7 +75,7 @@ class TestRun:
         found = swept(over)
         step = (f"solver.max_step={found.grid.axes[0].values[place]}",) if over == PERIOD else ()
         label = found.grid.points[place].label
-        loaded = load_config(None, "compare", overrides=(ONE, label, *step), controllers=(1, 2))
+        loaded = load_config("plain", "compare", overrides=(ONE, label, *step), controllers=(1, 2))
         loops = dict(build_loops(loaded.config, loaded.folder))
         assert list(loops) == found.grid.runs
         alone = simulate_batch(list(loops.values()), loaded.config.status)
@@ -114,7 +114,7 @@ class TestRun:
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = tr.sweep([ALPHA], set=[ONE], controllers=[1, 2], out=tmp_path).data
+        found = tr.sweep([ALPHA], "plain", set=[ONE], controllers=[1, 2], out=tmp_path).data
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
@@ -127,14 +127,14 @@ class TestFiles:
         assert stored["points"][1]["values"] == {"control.gains.alpha": [0.1, 0.2]}
 
     def test_dry_run_checks_every_point_and_writes_nothing(self, tmp_path):
-        words = ["sweep", "--dry-run", "--out", "none", "--over"]
+        words = ["sweep", "--config", "plain", "--dry-run", "--out", "none", "--over"]
         assert answer(*words, PERIOD, "--set", ONE, cwd=tmp_path)["dry_run"]
         assert not (tmp_path / "none").exists()
         steep = answer(*words, "reference.amplitude=[33,33],[150,33]", cwd=tmp_path, code=2)
         assert steep["error"]["where"].startswith("--over reference.amplitude=")
 
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
-        text = load_config(None, "compare").yaml_text
+        text = load_config("plain", "compare").yaml_text
         path = tmp_path / "given.yaml"
         path.write_text(text)
         with path.open() as stream:
@@ -162,7 +162,7 @@ class TestValues:
 
     def test_step_of_the_other_solver_follows_the_period(self):
         unit = "solver.max_step={value: 1e-3, unit: s, source: 'assumed: test'}"
-        for point in sweep.load_grid([PERIOD], overrides=[unit, ONE]).points:
+        for point in sweep.load_grid([PERIOD], "plain", overrides=[unit, ONE]).points:
             assert point.loaded.config.solver.max_step.si == point.loaded.config.sampling_period.si
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
             sweep.load_grid(["sampling_period=1,2", "solver.max_step=1,1.5"])
@@ -181,7 +181,7 @@ class TestValues:
     @pytest.mark.parametrize("over", ["errors_from=0,1", "seed=1,2"])
     def test_the_start_is_not_left_out_without_a_word(self, over):
         with pytest.raises(UsageError, match="whole runs"):
-            sweep.load_grid([over], overrides=(ONE, "errors_from=1"))
+            sweep.load_grid([over], "plain", overrides=(ONE, "errors_from=1"))
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"

@@ -46,12 +46,14 @@ def _no_recovery():
 
 
 def validate(path, out, *overrides):
-    return tr.validate(path, set=overrides, out=out).data
+    return tr.validate(path, "plain", set=overrides, out=out).data
 
 
 def planned(path, *overrides):
     changes = [word for override in overrides for word in ("--set", override)]
-    return answer("validate", str(path), *changes, "--out", "out", "--dry-run", cwd=path.parent)
+    return answer(
+        "validate", str(path), "--config", "plain", *changes, "--out", "out", "--dry-run", cwd=path.parent
+    )
 
 
 class TestMeasuredTables:
@@ -86,7 +88,7 @@ class TestMeasuredTables:
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
-    loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
+    loaded = load_config("plain", "compare", overrides=SHORT, controllers=[1, 2])
     traces = simulate_all([prepared(loaded)], QUIET)[0]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")

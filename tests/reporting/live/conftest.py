@@ -19,7 +19,7 @@ OWN = (
 @pytest.fixture(scope="session")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("live") / "live.html"
-    tr.live(out=path, set=OWN)
+    tr.live("plain", path, set=OWN)
     return path
 
 
