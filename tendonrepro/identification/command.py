@@ -112,14 +112,20 @@ class Task:
 
     def identity(self) -> str:
         """SHA-256 of all of it, and of the code."""
-        content = {
+        readings = [held.name for held in self.readings]
+        return digest_of(self._content() | {"readings": readings})
+
+    def of_searches(self) -> str:
+        """SHA-256 of what each search depends on: all of it but which other readings are searched."""
+        return digest_of({name: held for name, held in self._content().items() if name != "searches"})
+
+    def _content(self) -> dict[str, Any]:
+        return self.outline() | {
             "version": __version__,
-            "code": code_digest("physics", "simulation"),
+            "code": code_digest("physics", "simulation", "identification"),
             "config": self.loaded.sha256,
-            "readings": [held.name for held in self.readings],
             "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
         }
-        return digest_of(self.outline() | content)
 
 
 def identification(
@@ -168,7 +174,7 @@ def identification(
     )
     out, identity = folder_of("identify", folder), task.identity()
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
-    states = f"search-{identity[:16]}"  # those of another search are not taken up
+    states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
 
     def run(talk: Talk, files: Path) -> Outcome:
         return _outcome(task, head, _searches(task, files / states, jobs, talk), files)
@@ -247,7 +253,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
     def plants(bench: Bench, most: int, name: str) -> Plants:
         misfit = partial(bench.evaluated, reading=case, runs=task.fitted, goal=goal)
         told = progress or (lambda _: None)
-        return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
+        return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])

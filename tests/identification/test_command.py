@@ -19,6 +19,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import command
 from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.studies.lifecycle import carry_out
 
@@ -97,8 +98,13 @@ def test_files(run):
     config = (out / "identified.yaml").read_text(encoding="utf-8")
     assert "draw from the box" not in config
     # Of some seventy numbers that a plant of the box has, these depend on what was searched.
-    assert 1 <= config.count("identified: Controller 2 of Table 2") <= 5
-    assert config.count("of the arm that the search began with") > 30
+    tree = load_config(out / "identified.yaml", "compare").tree
+    sources = [held["source"] for _, held in quantities(tree) if held["source"].startswith("identified: ")]
+    assert len(sources) > 30
+    assert all(source.startswith("identified: Controller 2 of Table 2, misfit ") for source in sources)
+    fitted = [source for source in sources if "not searched" not in source]
+    assert 1 <= len(fitted) <= 5
+    assert all(any(row in source for row in ("winch_viscous", "amplitude")) for source in fitted)
     assert {path.stem for path in (out / "plants").iterdir()} == {held["name"] for held in stored["readings"]}
 
 
@@ -118,6 +124,25 @@ def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):
         assert len(list(states.glob("search-*"))) == 1
     found = identified(tmp_path / "out", measure=mortal, readings=READINGS)
     np.testing.assert_equal(found["readings"], run[1]["readings"])
+
+
+def test_a_shorter_list_goes_on_with_what_was_searched(run, tmp_path):
+    """Of a killed run those that are done need no plant again, whatever else was asked for."""
+    calls = Counter()
+
+    def counting(*given):
+        calls["all"] += 1
+        if "phi_branch=power" in given[2].name and calls["limit"]:
+            raise Killed
+        return cheap(*given)
+
+    calls["limit"] = 1
+    with pytest.raises(Killed):
+        identified(tmp_path / "out", measure=counting, readings=READINGS)
+    made, calls["limit"] = calls["all"], 0
+    found = identified(tmp_path / "out", measure=counting, readings="printed")
+    assert calls["all"] - made == 1  # what the best plant gives, beside the print
+    np.testing.assert_equal(found["readings"], run[1]["readings"][:1])
 
 
 @pytest.mark.slow
