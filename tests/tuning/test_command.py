@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
+import tendonrepro as tr
 from tendonrepro.configuration.own_arm import init_arm
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.tuning import command, report, search
@@ -40,7 +39,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(folder: Path, **options: Any) -> dict[str, Any]:
-    return command.run_tune(Request(out=folder), Talk(quiet=True), **{**SMALL, **options})
+    return tr.tune(out=folder, **{**SMALL, **options}).data
 
 
 @pytest.mark.slow
@@ -71,7 +70,7 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
 
 @pytest.mark.usefixtures("few")
 def test_what_it_writes(tmp_path: Path) -> None:
-    found = run(tmp_path / "tune", given={"surface": surface})
+    found = run(tmp_path / "tune", laws={"surface": surface})
     stored = json.loads((tmp_path / "tune" / "tune.json").read_text("utf-8"))
     assert stored["lost_to_special_case"] == []
     assert {row["law"] for row in stored["laws"]} >= {"pid", "surface", "controller_1"}
@@ -96,8 +95,8 @@ def test_what_it_writes(tmp_path: Path) -> None:
 def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     """With one joint, only what was asked for is tuned, and everything says whose ranges these are."""
     init_arm(1, tmp_path / "mine")
-    request = Request(config=str(tmp_path / "mine" / "compare.yaml"), out=tmp_path / "out", formats=("png",))
-    found = command.run_tune(request, Talk(quiet=True), **SMALL, spread=0.2, only="tsm,pid")
+    config = tmp_path / "mine" / "compare.yaml"
+    found = run(tmp_path / "out", config=config, formats="png", spread=0.2, only="tsm,pid")
     assert found["around"] == {"arm": "my arm", "spread": 0.2}
     assert found["joints"] == [1]
     assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"tsm", "pid"}
@@ -126,9 +125,9 @@ branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
         {"searches": 1},
         {"only": "ntsm,alpha_tde"},
         {"spread": 0.2},  # without an arm of one's own
-        {"given": {"branching": branching}},
-        {"given": {"pid": surface}},
-        {"given": {"boundless": lambda *_: None}},
+        {"laws": {"branching": branching}},
+        {"laws": {"pid": surface}},
+        {"laws": {"boundless": lambda *_: None}},
     ],
 )
 def test_what_it_refuses(tmp_path: Path, options: dict[str, Any]) -> None:
