@@ -227,7 +227,7 @@ def identify(
     generations, population, seeds : int
         Of each search, members of a generation, and searches of a reading.
     unknowns : int
-        Parameters that are searched at most, those that move the fitted numbers most.
+        Parameters that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the parameters to search instead, comma-separated.
     config, readings, jobs, out, formats, figures, force
