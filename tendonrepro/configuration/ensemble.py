@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tendonrepro.configuration.load import Draft, LoadedConfig, Source, config_digest, load_config, with_seed
+from tendonrepro.configuration.load import (
+    Draft,
+    LoadedConfig,
+    Source,
+    config_digest,
+    find_source,
+    load_config,
+)
 from tendonrepro.configuration.models.box import WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
+from tendonrepro.configuration.overrides import Override, Overrides, overrides_of
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Scalar, positive, whole
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.strict_yaml import Key, dump
+from tendonrepro.configuration.strict_yaml import Key, dump, load
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -126,18 +133,17 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: Source, *, overrides: Sequence[str] = (), seed: int | None = None
+    source: Source, *, overrides: Overrides | None = (), seed: int | None = None
 ) -> LoadedEnsemble:
     """Read, complete and validate an ensemble, as `load_config` does.
 
     Overrides below ``base`` change the comparison.
     """
-    recorded = with_seed(overrides, seed)
-    of_base = [text for text in recorded if text.strip().startswith("base.")]
-    draft = Draft(source, "ensemble", [text for text in recorded if text not in of_base])
+    changes = overrides_of(overrides, seed)
+    draft = Draft(source, "ensemble", [change for change in changes if not is_of_base(change)])
     config = draft.validate(EnsembleConfig)
-    changes = [text.strip().removeprefix("base.") for text in of_base]
-    base = load_config(draft.named_file(config.base, "base"), "compare", overrides=changes)
+    of_base = [change._replace(path=change.path[1:]) for change in changes if is_of_base(change)]
+    base = load_config(draft.named_file(config.base, "base"), "compare", overrides=of_base)
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
         found = f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}"
@@ -145,15 +151,25 @@ def load_ensemble(
     return LoadedEnsemble(
         config=config,
         # What draws and readings decide is no matter of the base.
-        base=replace(base, overrides=tuple(recorded), inputs=(*draft.files, *base.inputs), unread=()),
+        base=replace(
+            base,
+            overrides=tuple(change.text for change in changes),
+            inputs=(*draft.files, *base.inputs),
+            unread=(),
+        ),
         yaml_text=dump(draft.tree),
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,
     )
 
 
+def is_of_base(change: Override) -> bool:
+    """Whether an override of an ensemble changes the comparison that it names."""
+    return change.path[0] == "base" and len(change.path) > 1
+
+
 def load_around(
-    source: Source, spread: float | None = None, *, overrides: Sequence[str] = ()
+    source: Source, spread: float | None = None, *, overrides: Overrides | None = None
 ) -> LoadedEnsemble:
     """Read a comparison, around whose arm plants are drawn.
 
@@ -182,3 +198,23 @@ def load_around(
         origin=base.origin,
         around=around,
     )
+
+
+def load_plants(
+    source: Source, spread: float | None = None, overrides: Overrides | None = None
+) -> LoadedEnsemble:
+    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn.
+
+    Raises
+    ------
+    UsageError
+        For a `spread` of an ensemble, whose ranges say how far its plants lie apart.
+    """
+    text = find_source(source, "ensemble")
+    tree = load(text.text, text.origin).tree
+    if isinstance(tree, dict) and tree.get("experiment") == "compare":
+        return load_around(text, spread, overrides=overrides)
+    if spread is not None:
+        message = "is for plants around an arm of your own"
+        raise UsageError(message, where="--spread", hint="name its comparison, --config compare.yaml")
+    return load_ensemble(text, overrides=overrides)

@@ -20,9 +20,9 @@ from tendonrepro.files import write_atomically
 from tendonrepro.identification.misfit import METRICS, Printed, Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.results.study import Outcome
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
+from tendonrepro.studies.outcome import Outcome
 
 CONFIG = "identified.yaml"
 """The best plant of all."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.results.study import Outcome
 from tendonrepro.results.tables import Table
+from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.tuning.search import CAPS, CONDITIONS, Row, Task
 

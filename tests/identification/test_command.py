@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from support.made_plants import QUIET, Killed, made_up, made_up_paper, paper_with
 
+import tendonrepro as tr
+from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.configuration.request import Request
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import command
@@ -20,6 +21,7 @@ from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.studies.lifecycle import carry_out
 
 FULL = {"generations": 28, "population": 16, "seeds": 3}
 TINY = {"generations": 1, "population": 5, "seeds": 1}
@@ -41,11 +43,11 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
-        request = Request(out=out, dry_run=dry_run, force=force)
         patch.setattr(command, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
         patch.setattr(command, "published", lambda: paper or made_up_paper())
-        return command.run_identify(request, QUIET, **asked)
+        study = COMMANDS["identify"].function(**asked, out=out, force=force)
+        return carry_out("identify", study, QUIET, dry_run=dry_run).data
 
 
 READINGS = "printed,weights=extrapolating,phi_branch=power"
@@ -223,9 +225,9 @@ def truth():
 @pytest.mark.slow
 def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
     monkeypatch.setattr(command, "published", lambda: paper_with(truth, decimals=6))
-    request, effort = Request(out=tmp_path / "out", overrides=OVERRIDES), (40, 24, 2)
-    asked = dict(zip(("generations", "population", "seeds"), effort, strict=True))
-    found = command.run_identify(request, QUIET, readings=EXTRAPOLATING, unknowns=40, **asked)["readings"][0]
+    effort = {"generations": 40, "population": 24, "seeds": 2}
+    asked = {"readings": EXTRAPOLATING, "unknowns": 40, "set": OVERRIDES, "out": tmp_path / "out"}
+    found = tr.identify(**effort, **asked).data["readings"][0]
     assert found["misfit_log"] < 0.05
     fitted = [row for row in found["numbers"] if row["fitted"]]
     assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)
