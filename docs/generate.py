@@ -11,7 +11,8 @@ import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,8 +23,10 @@ from pages import fresh, table
 
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT, SHOWN
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.evidence.figure_predictions import draw_predictions
+from tendonrepro.evidence.given_tables import FOLDS, NOISE, SURE, given_tables
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
@@ -57,15 +60,17 @@ def take(reports: Path) -> None:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
     physics = {"physics_sha256": summary["physics_sha256"]}
     store("ensemble.json", physics | thinned(summary))
-    write("sample.json", sample_of(read_ensemble(reports / "ensemble")))
+    ensemble = read_ensemble(reports / "ensemble")
+    write("sample.json", sample_of(ensemble))
+    store("given.json", given_record(ensemble, summary["draws"]))
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "compare").exists():
         for name in ("fig14", "samples"):
             shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
-    if (reports / "identify_all").exists():
-        take_closest(reports / "identify_all")
+    for folder in sorted(reports.glob("identify_all*")):
+        take_closest(folder)
     if (reports / "closest").exists():
         table2 = pd.read_csv(reports / "closest" / "tables" / "table2.csv")
         store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
@@ -101,26 +106,56 @@ def sample_of(ensemble: EnsembleData) -> dict[str, Any]:
     }
 
 
+def given_record(ensemble: EnsembleData, draws: int) -> dict[str, Any]:
+    """How probable each interpretation shown is, given Tables 2 and 3, as plain values."""
+    found = given_tables(ensemble, [name for name in SHOWN if name in ensemble.readings])
+    plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(found).items()}
+    return {"draws": draws, "noise": NOISE, "folds": FOLDS, "sure_from": SURE} | plain
+
+
+BUDGET = ("generations", "population", "seeds", "evaluations", "unknowns", "rows", "ensemble_sha256")
+"""What searches have to share to stand in one table: their effort, and the arm and ranges that they began with."""
+
+
 def take_closest(folder: Path) -> None:
-    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the best plant of all."""
+    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the closest plant.
+
+    It is the one that keeps every equation as published. Stored searches of another budget are left out; a smaller
+    budget than the stored one is refused.
+    """
     found = read(folder / "identify.json")
+    found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
+    budget = {key: found[key] for key in BUDGET}
     kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
     fresh = {
         reading["name"]: {"physics_sha256": code_digest("physics")}
         | {key: reading[key] for key in kept}
         | {
-            "evaluations": found["evaluations"],
             "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
         }
         for reading in found["readings"]
     }
-    readings = {reading["name"]: reading for reading in stored("identify")["readings"]} | fresh
-    store("identify.json", {key: found[key] for key in ("fit", "window")} | {"readings": list(readings.values())})
-    if min(readings.values(), key=lambda reading: reading["misfit_log"])["name"] in fresh:
-        text = (folder / "identified.yaml").read_text(encoding="utf-8")
+    before = stored("identify")
+    if found["evaluations"] < before.get("budget", budget)["evaluations"]:
+        sys.exit(f"the searches in {folder} are shorter than those that are stored; delete identify.json to start again")
+    same = before.get("budget") == budget
+    if not same:
+        print(f"leaving out {len(before['readings'])} stored searches of another budget or arm", file=sys.stderr)
+    readings = {reading["name"]: reading for reading in before["readings"] if same} | fresh
+    of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
+    store("identify.json", of_all | {"readings": list(readings.values())})
+    best = nearest(list(readings.values()), KEPT)
+    if best and best["name"] in fresh:
+        text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
         CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
+
+
+def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Mapping[str, Any] | None:
+    """The closest plant under some interpretations."""
+    held = [reading for reading in readings if reading["name"] in names]
+    return min(held, key=lambda reading: reading["misfit_log"], default=None)
 
 
 def read(path: Path) -> Any:
@@ -226,6 +261,87 @@ def ratio(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
+UNLIKE = 0.05
+"""Share of plants left out that are less likely than the paper's ratios; below it none is like the paper."""
+
+
+def given_the_tables() -> str:
+    """The answer, the probability of each interpretation, and how well such a naming does where the truth is known."""
+    if not (RESULTS / "given.json").exists():
+        return "The stored ensemble has not been asked yet."
+    given = stored("given")
+    probability = dict(zip(given["names"], given["probability"], strict=True))
+    found = sorted(zip(given["names"], given["plants"], np.diag(given["confused"]), strict=True),
+                   key=lambda row: -probability[row[0]])
+    groups = [
+        (title, str(len(probability.keys() & names)), percent(sum(probability.get(name, 0.0) for name in names)))
+        for title, names in GROUPS.items()
+    ]
+    rows = [
+        (f"`{name}`", f"{plants:,}", percent(probability[name]), percent(right)) for name, plants, right in found
+    ]
+    bins = [
+        (f"{held['low']:.2g} to {held['high']:.2g}", f"{held['plants']:,}", percent(held["probability"]),
+         percent(held["right"]))
+        for held in given["calibration"]
+    ]
+    left_out = ", ".join(f"`{name}`" for name in given["left_out"])
+    parts = [
+        verdict_on(given, *max(probability.items(), key=lambda item: item[1])),
+        table(("group", "interpretations", "probability"), groups),
+        table(("interpretation", "stable plants", "probability", "named right on"), rows),
+        f"Left out, with too few stable plants: {left_out}." if left_out else "",
+        f"**How good is such a naming?** On plants that it has not seen it names the right interpretation on "
+        f"{percent(given['accuracy'])}; chance would be {percent(1.0 / len(rows))}. It is sure, with a probability of "
+        f"{percent(given['sure_from'])} or more, of {percent(given['sure'])} of them, and then right on "
+        f"{percent(given['accuracy_when_sure'])}. Interpretations that hardly change the errors cannot be told apart.",
+        table(("probability of the name", "plants left out", "on average", "right on"), bins),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def verdict_on(given: Mapping[str, Any], name: str, probability: float) -> str:
+    """Whether the published tables name an interpretation."""
+    typical = f"Of the plants left out {percent(given['typical'])} have ratios less likely than the paper's."
+    if given["typical"] < UNLIKE:
+        return f"**None of them is like the paper.** {typical} The probabilities compare poor fits with each other."
+    if probability < given["sure_from"]:
+        return f"**The tables cannot tell.** The most probable one, `{name}`, has {percent(probability)}. {typical}"
+    return f"**The tables name `{name}`**, with a probability of {percent(probability)}. {typical}"
+
+
+def off(misfit: float) -> str:
+    """A misfit in per cent; one above 1 is of no stable plant."""
+    return f"{100.0 * misfit:.1f} %" if misfit < 1.0 else "none stable"
+
+
+def the_closest(found: Mapping[str, Any]) -> str:
+    """Which plant is the closest that keeps every equation, whether a changed one is closer, and at what budget."""
+    kept, changed = (nearest(found["readings"], names) for names in (KEPT, CHANGED))
+    if not kept:
+        return "No search has been stored."
+    rows = [("every equation as published", kept)]
+    scatter = float(np.std(kept["misfit_by_seed"], ddof=1)) if len(kept["misfit_by_seed"]) > 1 else 0.0
+    if changed and changed["misfit_log"] < kept["misfit_log"] - scatter:
+        rows.append(("an equation changed", changed))
+    heads = ["closest plant with", *CLOSEST_PLANTS]
+    cells = [(words, *(column(held) for column in CLOSEST_PLANTS.values())) for words, held in rows]
+    if budget := found.get("budget"):
+        effort = (
+            f"Each interpretation had {budget['evaluations']:,} evaluations in {budget['seeds']} searches, over at most "
+            f"{budget['unknowns']} unknowns. What was not searched stayed as the shipped arm has it. `make figures` draws the "
+            "first plant (`--config closest`)."
+        )
+    else:
+        lengths = [held["evaluations"] for held in found["readings"]]
+        effort = f"These searches had different lengths, {min(lengths):,} to {max(lengths):,} evaluations."
+    judged = {
+        1: "A changed equation comes no closer by more than the scatter of the searches",
+        2: "A changed equation comes closer by more than the scatter of the searches",
+    }[len(rows)]
+    return f"{table(heads, cells)}\n\n{judged}, {off(scatter)}. {effort}"
+
+
 def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
     """Median errors in deg with nothing known, by cap on roughness, velocity as measured and filtered."""
     caps = ("none", "1/3", "1/10", "1/30")
@@ -267,8 +383,10 @@ CLAIMS: Mapping[str, Column] = {
 NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
-    "misfit": lambda held: f"{held['misfit_log']:.3f}",
-    "worst of its searches": lambda held: f"{max(held['misfit_by_seed']):.3f}",
+    "misfit": lambda held: off(held["misfit_log"]),
+    "of its searches": lambda held: " to ".join(off(pick(held["misfit_by_seed"])) for pick in (min, max)),
+    "unknowns": lambda held: str(len(held["rows_searched"])),
+    "at a bound": lambda held: ", ".join(f"`{name}` {end}" for name, end in held["at_bound"].items()) or "none",
     "order in MAE, joint 2 / 3": lambda held: shapes(held, "ours_order_mae"),
     "in RMSE": lambda held: shapes(held, "ours_order_rmse"),
 }
@@ -295,8 +413,14 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     ),
     "questions": lambda: records(stored("tune")["questions"], QUESTIONS),
     "at their best": lambda: at_their_best(stored("tune")["laws"]),
+    "given the tables": given_the_tables,
+    "the closest": lambda: the_closest(stored("identify")),
     "closest plants": lambda: records(
-        sorted(stored("identify")["readings"], key=lambda held: held["misfit_log"]), CLOSEST_PLANTS
+        sorted(
+            (held for held in stored("identify")["readings"] if held["name"] in SHOWN),
+            key=lambda held: held["misfit_log"],
+        ),
+        CLOSEST_PLANTS,
     ),
 }
 

@@ -78,7 +78,7 @@ def identify(
     fit
         Fit Controller 2 alone, or all sixteen numbers.
     readings
-        printed, default, or comma-separated names.
+        printed, default, shown (in findings), or comma-separated names.
     window
         Whole run, or after the first period.
     generations

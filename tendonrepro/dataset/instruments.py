@@ -8,15 +8,34 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
+from tendonrepro.dataset.text import read_text_table
 
-_END = "***End_of_Header***"
+_BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
+_HEADERS = 2
+"""Headers of a file: its own, and that of the one segment."""
 
 
-def labview(found: Tables, path: Path) -> Tables:
+def read_text(path: Path) -> Tables:
+    """Read a table as text, LabVIEW's measurements too.
+
+    Raises
+    ------
+    Unreadable
+        If it is no table, or a measurement of several segments.
+    """
+    with path.open(encoding="latin-1") as stream:
+        is_labview = stream.readline().startswith(_BEGIN)
+        if is_labview and sum(line.startswith(_END) for line in stream) > _HEADERS:
+            raise Unreadable(
+                "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
+            )
+    found = read_text_table(path)
+    return _labview(found, path) if is_labview else found
+
+
+def _labview(found: Tables, path: Path) -> Tables:
     """Name the times of a LabVIEW measurement as such; a file without times gets them from its header."""
     with path.open(encoding="latin-1") as stream:
-        if not stream.readline().startswith("LabVIEW Measurement"):
-            return found
         header = [line.rstrip("\n").split("\t") for line in _head_of(stream.read(2**16))]
     settings = {row[0]: row[1:] for row in header if row[0]}
     columns = Columns()

@@ -48,6 +48,8 @@ def read_matlab(path: Path) -> tuple[Tree, list[str]]:
                 # One by one, since a broken one fails the load of all.
                 read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
                 found[name] = _plain(read[name])
+            except RecursionError:
+                reasons.append(f"{name}: holds itself, as nested function handles do")
             except Exception as error:
                 reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
     found |= _streams(path)
@@ -60,7 +62,7 @@ def _refuse_text(path: Path) -> None:
     with path.open("rb") as stream:
         head = stream.read(200)
     if head.startswith(b"# Created by Octave") or b"# name:" in head:
-        raise Unreadable("a text file of Octave: save it in Octave with save -v7 FILE.mat VARIABLES")
+        raise Unreadable("Octave's text format is not read: in Octave, load it, then save -v7 NEW.mat")
 
 
 def _names(path: Path) -> list[str]:

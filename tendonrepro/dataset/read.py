@@ -16,8 +16,8 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 
 from tendonrepro.dataset.arrays import Source, Tables, Unreadable, read_hdf5, tables_of
 from tendonrepro.dataset.digitised import packaged, read_package
-from tendonrepro.dataset.instruments import labview, read_tdms
-from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
+from tendonrepro.dataset.instruments import read_tdms, read_text
+from tendonrepro.dataset.text import encoding_of_bytes
 from tendonrepro.dataset.workbook import read_workbook
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
@@ -179,7 +179,7 @@ def _tables(path: Path) -> Tables:
     if suffix == ".json":
         return read_package(path)
     if suffix in _TEXTS | _BOOKS:
-        return labview(read_text_table(path), path)
+        return read_text(path)
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")
 
 

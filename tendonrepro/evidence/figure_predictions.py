@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
+from textwrap import fill
 from typing import Any
 
 from matplotlib.lines import Line2D
 
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
@@ -20,6 +23,55 @@ COLOURS = ["#004488", "#CC3311", "#DDAA00", "#228833", "#888888", "#55BBEE", "#8
 STYLES = tuple(zip(COLOURS, "os^Dos^Dv", strict=True))
 """Colour and marker of each interpretation; from the tenth on they come again, hollow."""
 _LOWEST, _HIGHEST = 0.25, 4.0
+_TALLEST_MM, _AROUND_MM, _ENTRY_MM = 240.0, 22.0, 3.3
+"""Height of the picture, so that an A4 page has room for its caption; of the axis, and of a legend's line."""
+_ROW_MM = 1.7
+"""Distance of two bars where there is room."""
+_ABOUT = 30
+"""Letters of a line that says what an experiment is."""
+
+WORDS = {
+    "phi_negative=even": "φ even for negative errors",
+    "phi_branch=power": "φ the power everywhere",
+    "weights=extrapolating": "weights 1 + α and −α",
+    "weights=swapped": "weights α and 1 − α",
+    "differencing=centred": "differences centred",
+    "gain_unit=phi_in_degrees": "φ in degrees",
+    "gain_unit=law_in_degrees": "all gains in degrees",
+    "Delta_unit=deg": "Δ in degrees",
+    "eta_in_controller_2=dropped": "Controller 2 without η",
+    "torque_coordinates=winch": "torque at the winches",
+    "torque_coordinates=motor_shaft": "torque at the motor shafts",
+    "torque_unit=percent_of_rated": "torque in percent of rated",
+    "torque_unit=volt": "torque in volts",
+    "stored_torque=applied": "applied torque stored",
+    "torque_step=0.016": "torque in coarse steps",
+    "torque_step=0.0032": "torque in fine steps",
+    "torque_step=none": "torque without steps",
+    "delay_time=two_periods": "L is two periods",
+    "delay_time=four_periods": "L is four periods",
+    "estimate_filter=acceleration": "acceleration filtered",
+    "estimate_filter=estimate": "estimate filtered",
+    "feedback=motor": "motor encoders in the loop",
+    "reference_acceleration=absent": "acceleration not fed forward",
+    "reference_acceleration=late": "acceleration fed forward late",
+    "start=cold": "estimator starts empty",
+    "error_rate=low_pass": "velocity filtered",
+    "error_rate=difference_of_error": "error differenced",
+    "hardware=drawn": "encoder, delay, filter varied",
+    "encoder=ideal": "ideal encoders",
+    "motion=ramp": "straight ramps",
+    "starts=apart": "runs start apart",
+    "run_friction=drawn": "friction differs between runs",
+}
+"""What a reader calls the settings of an interpretation; others keep their names."""
+
+
+def in_words(reading: str) -> str:
+    """An interpretation's name in words."""
+    if reading == PRINTED:
+        return "as published"
+    return ", ".join(WORDS.get(setting, setting) for setting in reading.split("+"))
 
 
 @journal_style()
@@ -28,18 +80,23 @@ def draw_predictions(
 ) -> Drawing:
     """Draw ``experiments`` of ``predict.json``: ratios, median and central 90 %; a panel for each joint."""
     step = len(readings) + 1.5
-    figure = open_figure(PAGE_MM, 24.0 + 1.7 * step * len(experiments))
+    around = _AROUND_MM + _ENTRY_MM * ceil(len(readings) / 2)
+    row_mm = min(_ROW_MM, (_TALLEST_MM - around) / (step * len(experiments)))
+    figure = open_figure(PAGE_MM, around + row_mm * step * len(experiments))
+    size = row_mm / _ROW_MM
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
     for panel, joint in zip(panels, joints, strict=True):
         panel.axvline(1.0, color="#999999", linewidth=0.6)
         for group, experiment in enumerate(experiments):
+            if group % 2:
+                panel.axhspan(group * step - 1.25, (group + 1) * step - 1.25, color="#F2F2F2", linewidth=0.0)
             ratios = {row["reading"]: row for row in experiment["ratios"] if row["joint"] == joint}
             for place, reading in enumerate(readings):
                 y, row = group * step + place, ratios[reading]
                 low, median, high = (row[name] for name in ("low", "median", "high"))
-                look = _look(place)
+                look = _look(place, max(size, 0.6))
                 colour = look["color"]
-                panel.plot([low, high], [y, y], color=colour, linewidth=1.2, solid_capstyle="butt")
+                panel.plot([low, high], [y, y], color=colour, linewidth=1.2 * size, solid_capstyle="butt")
                 panel.plot([median], [y], linestyle="", **look)
                 mark_cut(panel, (low, high), y, (_LOWEST, _HIGHEST), colour)
         panel.set_xscale("log")
@@ -51,11 +108,13 @@ def draw_predictions(
     middle = 0.5 * (len(readings) - 1)
     panels[0].set_yticks(
         [group * step + middle for group in range(len(experiments))],
-        [one["about"].replace(" over ", "\nover ") for one in experiments],
+        ["\n".join(fill(part, _ABOUT) for part in _parts(one["about"])) for one in experiments],
     )
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
-    handles = [Line2D([], [], label=reading, **_look(place)) for place, reading in enumerate(readings)]
+    handles = [
+        Line2D([], [], label=in_words(reading), **_look(place)) for place, reading in enumerate(readings)
+    ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
         "What experiments on a bench would give under several ways to understand the paper. Ratio of mean "
@@ -65,9 +124,14 @@ def draw_predictions(
     return Drawing("predictions", figure, list(panels), caption, origin="Simulated, tendonrepro predict")
 
 
-def _look(place: int) -> dict[str, Any]:
+def _parts(about: str) -> list[str]:
+    """What is divided, and what it is divided by."""
+    return about.replace(" over ", "\nover ").split("\n")
+
+
+def _look(place: int, size: float = 1.0) -> dict[str, Any]:
     """How the interpretation at a place is drawn."""
     turn, which = divmod(place, len(STYLES))
     colour, marker = STYLES[which]
     hollow = {"markerfacecolor": "white", "markeredgewidth": 0.7} if turn % 2 else {"markeredgewidth": 0.0}
-    return {"color": colour, "marker": marker, "markersize": 2.8, **hollow}
+    return {"color": colour, "marker": marker, "markersize": 2.8 * size, **hollow}

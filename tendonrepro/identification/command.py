@@ -21,6 +21,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
@@ -141,7 +142,7 @@ def run_identify(
     request : Request
         Of an ensemble, whose box is searched.
     readings : str
-        ``printed``, ``default``, or names joined by commas.
+        ``printed``, ``default``, those that pictures and tables show as ``shown``, or names joined by commas.
     generations, population, seeds : int
         Effort of each search; the population is of one seed.
     unknowns : int
@@ -160,7 +161,7 @@ def run_identify(
     )
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     base = loaded.base
-    named = default_readings(loaded.config.pairs) if readings == "default" else named_readings(readings)
+    named = _named(readings, loaded)
     jobs = jobs if jobs > 0 else processors()
     task = Task(
         loaded=loaded,
@@ -187,7 +188,7 @@ def run_identify(
         found = _searches(task, made_in / states, jobs, talk)
         data = head | {"readings": [found[held.name][0] for held in named]}
         data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-        report.write_config(made_in / report.CONFIG, found[report.best_of(data)["name"]][1], data)
+        _write_plants(made_in, found, data)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         config = {
             "origin": base.origin,
@@ -199,6 +200,20 @@ def run_identify(
         return replace(report.outcome(data), manifest=made)
 
     return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
+
+
+def _write_plants(folder: Path, found: Results, data: Mapping[str, Any]) -> None:
+    """The best plant under each reading as a configuration, and the best of all."""
+    for name, (held, best) in found.items():
+        report.write_config(folder / report.PLANTS / f"{name}.yaml", best, data, held)
+    first = report.best_of(data)["name"]
+    report.write_config(folder / report.CONFIG, found[first][1], data, found[first][0])
+
+
+def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
+    if readings == "default":
+        return default_readings(loaded.config.pairs)
+    return named_readings(",".join(SHOWN) if readings == "shown" else readings)
 
 
 def _check_at_least_one(**options: int) -> None:

@@ -25,12 +25,16 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 
 CONFIG = "identified.yaml"
+"""The best plant of all."""
+
+PLANTS = "plants"
+"""Folder with the best plant under each reading."""
 
 AT_BOUND = 0.01
 """Share of a row's range within which the best plant counts as at its bound."""
 
 _DRAWN = "assumed: draw from the box, "
-_HELD = "assumed: of the arm that the search began with, "
+_HELD = "identified: not searched, of the arm that the search began with, "
 _CAPTIONS = {
     "numbers": "Printed numbers, the best plant's, and the range of the seeds' plants that come near.",
     "best_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
@@ -83,12 +87,11 @@ def conclusions(data: Mapping[str, Any]) -> list[str]:
     return [f"{answer} {target} under {first['name']}: best misfit {size}."]
 
 
-def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any]) -> None:
-    """Write the best plant as a configuration, and read it back as a check."""
-    best = best_of(data)
+def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], held: Mapping[str, Any]) -> None:
+    """Write the best plant under a reading as a configuration, and read it back as a check."""
     numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2 of Table 2"
-    source = f"identified: {numbers}, misfit {best['misfit_log']:.2g}, "
-    searched = best["rows_searched"]
+    source = f"identified: {numbers}, misfit {held['misfit_log']:.2g}, "
+    searched = held["rows_searched"]
 
     def told(drawn: re.Match[str]) -> str:
         """Where a number comes from: a row that was searched, or one that kept what the arm has."""
@@ -98,7 +101,8 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any]) -> 
     text = re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True))
     tree = json.loads(text, parse_float=_whole)
     tree["title"] = f"{config.title}, plant fitted to {numbers}"
-    write_atomically(path, _head(numbers, data, best) + dump(tree))
+    path.parent.mkdir(exist_ok=True)
+    write_atomically(path, _head(numbers, data, held) + dump(tree))
     load_config(path, "compare")
 
 

@@ -9,55 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
 
-BOTH = "weights=extrapolating+Delta_unit=deg"
-"""Reading under which the published order comes out."""
-STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
-FINE_STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.0032"
-"""Readings with Eq. (15) as printed under which it comes out on some plants."""
 TEMPLATES = Path(__file__).with_name("templates")
-
-AS_PUBLISHED = {
-    "printed": "As published",
-    "encoder=ideal": "Ideal encoders",
-    "hardware=drawn": "Encoder, delay and filter varied",
-    "feedback=motor": "Motor encoders in the loop",
-    "Delta_unit=deg": "Δ in degrees",
-    "stored_torque=applied": "Estimator stores the applied torque",
-    "stored_torque=applied+output_delay=1": "… which acts one sample late",
-    "stored_torque=applied+torque_step=0.016": "Estimator stores a torque in steps",
-    STEPS: "… with Δ in degrees",
-    "torque_unit=volt": "Torque in volts",
-}
-BEYOND = {
-    "reference_acceleration=late": "Acceleration fed forward late",
-    "reference_acceleration=absent": "Acceleration not fed forward",
-    "motion=ramp": "Straight ramps, no acceleration to feed forward",
-    "starts=apart": "Runs start up to 2° from their reference",
-    "reference_acceleration=absent+starts=apart": "… and acceleration not fed forward",
-    "motion=ramp+starts=apart": "… on straight ramps",
-    "Delta_unit=deg+motion=ramp+starts=apart": "… on straight ramps, with Δ in degrees",
-    "feedback=motor+motion=ramp+starts=apart": "… on straight ramps, with motor encoders",
-}
-CHANGED = {
-    "weights=extrapolating": "Weights (1 + α, −α)",
-    "weights=extrapolating+gain_unit=phi_in_degrees": "… with φ in degrees",
-    BOTH: "… with Δ in degrees",
-    "weights=extrapolating+Delta_unit=deg+feedback=motor": "… with Δ in degrees and motor encoders",
-    "weights=extrapolating+motion=ramp+starts=apart": "… on straight ramps, with runs that start apart",
-}
-GROUPS = {
-    "Equations as published": AS_PUBLISHED,
-    "Equations as published, other references and starts": BEYOND,
-    "Equations changed": CHANGED,
-}
-"""Readings of the ensemble that the picture and the table of findings show, and what a reader calls them.
-
-Outside the second group every run starts on its reference and gets its acceleration.
-"""
-SHOWN = AS_PUBLISHED | BEYOND | CHANGED
 
 ROBUSTNESS_HEADS = (
     "interpretation",

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
+from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STEPS
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.contents import BOTH, GROUPS, SHOWN, STEPS, by_name, labelled
+from tendonrepro.reporting.contents import by_name, labelled
 from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,

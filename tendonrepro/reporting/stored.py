@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
-from tendonrepro.reporting.contents import BOTH, FINE_STEPS, STEPS, by_name
+from tendonrepro.reporting.contents import by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.store import MANIFEST
 

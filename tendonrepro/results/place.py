@@ -87,7 +87,7 @@ class Place:
         if not self.target.exists():
             aside.rename(self.target)
             return
-        for name in self.own(aside):
+        for name in (*self.own(aside), *_empty_folders(aside)):
             new = self.target / name
             if not os.path.lexists(new):
                 new.parent.mkdir(parents=True, exist_ok=True)
@@ -154,6 +154,12 @@ def files_in(folder: Path) -> list[str]:
     found = sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
     names = [path.relative_to(folder).as_posix() for path in found]
     return [name for name in names if name != _LOCK and not name.startswith(f"{_PARTIAL}/")]
+
+
+def _empty_folders(folder: Path) -> list[str]:
+    """Folders without anything in them: no result has one, so a user made them."""
+    found = sorted(path for path in folder.rglob("*") if path.is_dir() and not path.is_symlink())
+    return [path.relative_to(folder).as_posix() for path in found if not any(path.iterdir())]
 
 
 def _beside(target: Path, what: str) -> Path:

@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib import metadata
-from pathlib import Path
+from itertools import count
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from tendonrepro import __version__
@@ -67,7 +68,7 @@ def replaced(
     digest, command : str
         See `refuse_others`.
     force : bool
-        Replace any results. A user's own files move over, unless the result has one of that name.
+        Replace any results. A user's own files move over; one with the name of a new file gets another one.
     keep : str
         Folder in it that survives an interruption.
     update : bool
@@ -99,6 +100,8 @@ def replaced(
                 yield result
                 made = {name: sha256_of(place.partial / name) for name in files_in(place.partial)}
                 result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
+            for before, now in _set_aside(place.target, made):
+                talk.note(f"your own {before} is now {now.name}: the result has a file of that name")
             place.put()
     except OSError as error:
         message = f"cannot write the result: {error.strerror or error}"
@@ -141,6 +144,21 @@ def own_files(folder: Path) -> list[str]:
     except DataMissingError:
         listed = {MANIFEST}
     return [name for name in files_in(folder) if name not in listed]
+
+
+def _set_aside(folder: Path, new: Iterable[str]) -> Iterator[tuple[Path, Path]]:
+    """Rename a user's own files where `new` ones, or folders of them, take their names; old and new path."""
+    try:
+        _outputs(folder)
+    except DataMissingError:
+        # Whose files these are nobody can tell; most are of the damaged result.
+        return
+    taken = {name for path in new for name in (path, *map(str, PurePosixPath(path).parents))}
+    for name in own_files(folder):
+        if name in taken:
+            before = folder / name
+            free = (before.with_name(f"{before.name}.own{k or ''}") for k in count())
+            yield before, before.rename(next(path for path in free if not os.path.lexists(path)))
 
 
 def _outputs(folder: Path) -> Mapping[str, str]:

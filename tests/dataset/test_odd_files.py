@@ -375,3 +375,14 @@ def test_a_measured_file_without_runs_is_refused(tmp_path):
     write_traces(tmp_path / "empty.h5", replace(file, runs={}))
     found = answer("validate", str(tmp_path / "empty.h5"), cwd=tmp_path, code=2)
     assert found["error"]["code"] == 2
+
+
+def test_a_labview_measurement_of_several_segments_is_named(tmp_path):
+    """Its second header would stand in the middle of the numbers."""
+    one = labview(["X_Value", *NAMES[1:]], Multi_Headings="Yes")
+    segment = one[one.index("\t\nChannels") :]
+    (tmp_path / "SYNTHETIC.lvm").write_text(one + segment)
+    (tmp_path / "good.csv").write_text(HEADS + lines())
+    found = read_files([tmp_path])
+    assert "segments" in found.unread["SYNTHETIC.lvm"]
+    assert len(found.sources) == 1

@@ -16,7 +16,8 @@ from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, table
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
-from tendonrepro.reporting.contents import BOTH, SHOWN, STEPS, numbers
+from tendonrepro.configuration.shown import BOTH, SHOWN, STEPS
+from tendonrepro.reporting.contents import numbers
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 

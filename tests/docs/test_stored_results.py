@@ -15,6 +15,7 @@ from support.pages import NEEDS_DOCS, stored
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
+from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.monte_carlo.block import loops_of
 from tendonrepro.monte_carlo.command import load_study
 from tendonrepro.monte_carlo.data import Block
@@ -84,8 +85,12 @@ def test_every_reading_was_drawn_and_searched() -> None:
     found = {name: held["readings"] for name, held in stored("ensemble")["populations"].items()}
     assert found.keys() == load_ensemble(None).config.populations.keys()
     today = {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
-    for name, readings in [*found.items(), ("identify", stored("identify")["readings"])]:
+    for name, readings in found.items():
         assert {reading["name"] for reading in readings} == today, name
+    assert {reading["name"] for reading in stored("identify")["readings"]} == SHOWN.keys()
+    given = stored("given")
+    assert {*given["names"], *given["left_out"]} == SHOWN.keys()
+    assert given["draws"] == stored("ensemble")["draws"]
 
 
 @pytest.mark.release

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -173,9 +174,13 @@ def test_interpretations_of_the_default_look_different() -> None:
     names = READINGS.split(",")
     numbers = {"low": 0.6, "median": 0.8, "high": 0.9}
     ratios = [{"reading": name, "joint": 2, **numbers} for name in names]
-    drawn = draw_predictions([{"about": "x", "ratios": ratios}], names, [2])
+    drawn = draw_predictions([{"about": one.about, "ratios": ratios} for one in EXPERIMENTS], names, [2])
     (legend,) = drawn.figure.legends
-    for lines in (legend.get_lines(), drawn.axes[0].lines[2::2]):
+    # A caption fits below it on a page of A4, and no code of an interpretation is left.
+    assert drawn.figure.get_size_inches()[1] * 25.4 <= 245.0
+    assert not [text.get_text() for text in legend.get_texts() if re.search(r"\w=|_", text.get_text())]
+    shown = drawn.axes[0].lines[1 : 1 + 2 * len(names)]
+    for lines in (legend.get_lines(), shown[1::2]):
         looks = {(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in lines}
         assert len(looks) == len(names)
 

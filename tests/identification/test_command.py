@@ -97,6 +97,7 @@ def test_files(run):
     # Of some seventy numbers that a plant of the box has, these depend on what was searched.
     assert 1 <= config.count("identified: Controller 2 of Table 2") <= 5
     assert config.count("of the arm that the search began with") > 30
+    assert {path.stem for path in (out / "plants").iterdir()} == {held["name"] for held in stored["readings"]}
 
 
 def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):

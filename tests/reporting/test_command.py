@@ -8,9 +8,9 @@ import pytest
 from support import ROOT
 from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, whole
 
+from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.reporting.command import run_report
-from tendonrepro.reporting.contents import BOTH, FINE_STEPS, STEPS
 from tendonrepro.reporting.stored import stored_under, thinned
 
 

@@ -130,6 +130,38 @@ def test_what_is_new_comes_what_is_old_goes_and_what_is_the_users_stays(folder: 
     assert [one.name for one in folder.parent.iterdir()] == ["mine"]
 
 
+def test_own_files_give_their_names_and_stay(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One of the name of a new file, twice, and one of the name of a new folder."""
+    for text in ("mine", "mine too"):
+        (folder / "samples.json").write_text(text)
+        make(folder, "new", force=True, extra="samples.json")
+        assert "samples.json.own" in capsys.readouterr().err
+        make(folder, "new", force=True)
+    (folder / "extra").write_text("a file")
+    make(folder, "new", force=True, extra="extra/samples.json")
+    held = files(folder)
+    kept = {name: text for name, text in held.items() if ".own" in name}
+    assert kept == {"samples.json.own": "mine", "samples.json.own1": "mine too", "extra.own": "a file"}
+    assert held["extra/samples.json"] == "new"
+
+
+def test_an_empty_folder_of_the_user_stays(folder: Path) -> None:
+    (folder / "for later" / "below").mkdir(parents=True)
+    (folder / "figures" / "mine").mkdir()
+    make(folder, "new", force=True)
+    assert (folder / "for later" / "below").is_dir()
+    assert (folder / "figures" / "mine").is_dir()
+
+
+def test_a_name_that_no_manifest_lists_is_kept_too(tmp_path: Path) -> None:
+    """In a folder that was the user's own before the first result."""
+    path = tmp_path / "mine"
+    path.mkdir()
+    (path / "numbers.json").write_text("mine")
+    make(path, "new", force=True, talk=QUIET)
+    assert files(path) == {"numbers.json": "new", "tables/table2.csv": "new", "numbers.json.own": "mine"}
+
+
 def test_it_is_said_only_where_the_result_is_written_in_place(
     folder: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ) -> None:

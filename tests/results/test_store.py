@@ -84,13 +84,6 @@ def test_an_output_that_is_gone_hinders_neither_an_update_nor_a_replacement(tmp_
     assert names(folder) == {MANIFEST, "numbers.json", "tables/table2.csv"}
 
 
-def test_a_result_wins_over_an_own_file_of_its_name(tmp_path: Path) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "numbers.json").write_text("mine")
-    make(tmp_path / "mine", text="new", force=True)
-    assert (tmp_path / "mine" / "numbers.json").read_text() == "new"
-
-
 @pytest.mark.parametrize("name", ["notes.txt", "tables/mine.csv"])
 def test_own_files_are_refused_and_kept_under_force(tmp_path: Path, name: str) -> None:
     folder = tmp_path / "mine"

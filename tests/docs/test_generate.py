@@ -1,0 +1,80 @@
+"""What `make findings` takes over from searches and an ensemble, and what it refuses."""
+
+import importlib
+import json
+import math
+
+import pytest
+from support.pages import DOCS, NEEDS_DOCS
+
+pytestmark = NEEDS_DOCS
+BUDGET = {"generations": 66, "population": 48, "seeds": 4, "evaluations": 16080, "unknowns": 10, "rows": []}
+SHAPE = [{"joint": joint, "ours_order_mae": "1 < 2 < 3", "ours_order_rmse": "1 < 2 < 3"} for joint in (2, 3)]
+
+
+@pytest.fixture
+def generate(tmp_path, monkeypatch):
+    """docs/generate.py, with stored results and the shipped plant in a scratch folder."""
+    monkeypatch.syspath_prepend(DOCS)
+    module = importlib.import_module("generate")
+    monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(module, "CLOSEST", tmp_path / "closest.yaml")
+    (tmp_path / "results").mkdir()
+    return module
+
+
+def searched(folder, misfits, **budget):
+    """What `identify` leaves, with a misfit by interpretation."""
+    readings = [
+        {
+            "name": name,
+            "misfit_log": misfit,
+            "misfit_by_seed": [misfit, misfit + 0.002],
+            "seeds_agree": False,
+            "rows_searched": ["amplitude"],
+            "best_shape": SHAPE,
+            "numbers": [{"ratio": math.exp(misfit)}],
+            "parameters": [{"name": "amplitude", "at_bound": "low"}],
+        }
+        for name, misfit in misfits.items()
+    ]
+    found = BUDGET | budget | {"fit": "all", "window": "whole", "readings": readings}
+    (folder / "plants").mkdir(parents=True)
+    for name in misfits:
+        (folder / "plants" / f"{name}.yaml").write_text(f"title: {name}\n", encoding="utf-8")
+    (folder / "identify.json").write_text(json.dumps(found), encoding="utf-8")
+    (folder / "manifest.json").write_text('{"config": {"ensemble_sha256": "a"}}', encoding="utf-8")
+    return folder
+
+
+def names(generate):
+    return {held["name"] for held in generate.stored("identify")["readings"]}
+
+
+def test_searches_of_one_budget_add_up_and_the_closest_keeps_every_equation(generate, tmp_path):
+    (tmp_path / "results" / "identify.json").write_text('{"readings": [{"name": "old"}]}', encoding="utf-8")
+    changed = "weights=extrapolating"
+    generate.take_closest(searched(tmp_path / "one", {"printed": 0.2, changed: 0.1}))
+    assert names(generate) == {"printed", changed}
+    assert "printed" in generate.CLOSEST.read_text(encoding="utf-8")
+    generate.take_closest(searched(tmp_path / "two", {"motion=ramp": 0.05}))
+    assert names(generate) == {"printed", changed, "motion=ramp"}
+    assert "motion=ramp" in generate.CLOSEST.read_text(encoding="utf-8")
+    # Shorter ones are no reason to lose those; longer ones replace them.
+    with pytest.raises(SystemExit):
+        generate.take_closest(searched(tmp_path / "short", {"printed": 0.01}, evaluations=100))
+    generate.take_closest(searched(tmp_path / "long", {"printed": 0.15}, evaluations=30000))
+    assert names(generate) == {"printed"}
+
+
+@pytest.mark.parametrize(("misfit", "rows"), [(0.1, 1), (0.0975, 2)])
+def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatter(
+    generate, tmp_path, misfit, rows
+):
+    """The standard deviation of two searches that end 0.002 apart is 0.0014."""
+    (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
+    generate.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
+    text = generate.the_closest(generate.stored("identify"))
+    cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
+    assert len(cells) == rows
+    assert "16,080" in text
