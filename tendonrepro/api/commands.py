@@ -168,6 +168,7 @@ def ensemble(
     seed: int | None = None,
     readings: str = "default",
     jobs: int = -1,
+    device: Literal["cpu", "gpu"] = "cpu",
     out: str | Path = "reports/ensemble",
     formats: Formats = None,
     figures: bool = True,
@@ -185,6 +186,8 @@ def ensemble(
         ``default``, or comma-separated names.
     jobs : int
         Processes; -1 is one for each processor.
+    device : str
+        ``gpu`` runs on a GPU of NVIDIA's, by CuPy.
     formats : str or sequence of str, optional
         Of figures, ``png``, ``pdf`` or ``svg``; else all three.
     figures : bool
@@ -209,6 +212,7 @@ def identify(
     unknowns: int = 10,
     rows: str = "",
     jobs: int = -1,
+    device: Literal["cpu", "gpu"] = "cpu",
     out: str | Path = "reports/identify",
     formats: Formats = None,
     figures: bool = True,
@@ -226,7 +230,7 @@ def identify(
         Parameters that are searched at most, those that move the fitted numbers most.
     rows : str
         Names of the parameters to search instead, comma-separated.
-    config, readings, jobs, out, formats, figures, force
+    config, readings, jobs, device, out, formats, figures, force
         As of `ensemble`.
     """
     given = {**locals()}
@@ -242,6 +246,7 @@ def predict(
     set: Changes = None,
     seed: int | None = None,
     readings: str | None = None,
+    device: Literal["cpu", "gpu"] = "cpu",
     out: str | Path = "reports/predict",
     formats: Formats = None,
     figures: bool = True,
@@ -269,6 +274,7 @@ def tune(
     set: Changes = None,
     seed: int | None = None,
     jobs: int = -1,
+    device: Literal["cpu", "gpu"] = "cpu",
     out: str | Path = "reports/tune",
     formats: Formats = None,
     figures: bool = True,
@@ -284,7 +290,7 @@ def tune(
         Name -> function of your own with an attribute ``bounds``; see docs/python.md.
     any_plant : bool
         Also plants on which the published gains are unstable.
-    config, set, seed, jobs, out, formats, figures, force
+    config, set, seed, jobs, device, out, formats, figures, force
         As of `ensemble`; the seed is that of the searches.
     """
     given = {**locals()}

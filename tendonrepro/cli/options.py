@@ -43,6 +43,7 @@ _TOLD = {
     "file": ("", "Trace file, or a results folder with one."),
     "mapping": ("", "Mapping file: which column is which variable."),
     "jobs": ("", "Processes; -1 is one for each processor."),
+    "device": ("", "What runs the simulations; gpu needs one of NVIDIA's, and CuPy."),
     "force": ("", "Overwrite a file that is there."),
     "formats": ("png,pdf,svg", _FORMATS),
     "no_figures": ("", "Draw no figures."),

@@ -37,6 +37,7 @@ def ensemble(
     jobs: int = -1,
     dask: str | None = None,
     readings: str = "default",
+    device: Literal["cpu", "gpu"] = "cpu",
 ) -> None:
     """Many plausible plants under many interpretations of the paper.
 
@@ -49,9 +50,10 @@ def ensemble(
     readings
         default, or comma-separated names.
     """
+    options = options_of(locals())
     from tendonrepro.monte_carlo.command import run_ensemble
 
-    terminal.show(run_ensemble(request, terminal.talk, draws=draws, jobs=jobs, dask=dask, readings=readings))
+    terminal.show(run_ensemble(request, terminal.talk, **options))
 
 
 @command(study_app, "tendonrepro identify --readings printed,weights=extrapolating")
@@ -68,6 +70,7 @@ def identify(
     unknowns: int = 10,
     rows: str = "",
     jobs: int = -1,
+    device: Literal["cpu", "gpu"] = "cpu",
 ) -> None:
     """Plants and interpretations closest to the published numbers.
 
@@ -99,7 +102,14 @@ def identify(
 
 
 @command(study_app, "tendonrepro predict --readings printed,Delta_unit=deg")
-def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings: str | None = None) -> None:
+def predict(
+    request: Request,
+    terminal: Terminal,
+    *,
+    draws: int = 256,
+    readings: str | None = None,
+    device: Literal["cpu", "gpu"] = "cpu",
+) -> None:
     """What experiments on a bench would give, by interpretation.
 
     Parameters
@@ -111,7 +121,8 @@ def predict(request: Request, terminal: Terminal, *, draws: int = 256, readings:
     """
     from tendonrepro.evidence.predict import READINGS, run_predict
 
-    terminal.show(run_predict(request, terminal.talk, draws=draws, readings=readings or READINGS))
+    found = run_predict(request, terminal.talk, draws=draws, readings=readings or READINGS, device=device)
+    terminal.show(found)
 
 
 @command(study_app, "tendonrepro tune --plants 24")
@@ -126,6 +137,7 @@ def tune(
     law: list[str] | None = None,
     any_plant: bool = False,
     jobs: int = -1,
+    device: Literal["cpu", "gpu"] = "cpu",
 ) -> None:
     """Controllers at their best: each one tuned, then compared.
 

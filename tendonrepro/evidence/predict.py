@@ -29,6 +29,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
 SCHEMA_VERSION = 1
@@ -45,7 +46,7 @@ READINGS = (
 """Interpretations whose predictions are asked for unless others are named."""
 LEAST = 20
 """Stable plants below which no interval is given."""
-AT_ONCE = 16
+AT_ONCE: Mapping[DeviceName, int] = {"cpu": 16, "gpu": 256}
 """Plants simulated together."""
 
 Loops: TypeAlias = Mapping[str, Loop]
@@ -204,27 +205,43 @@ class Prediction:
     high: float
 
 
-def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = READINGS) -> dict[str, Any]:
+def run_predict(
+    request: Request, talk: Talk, *, draws: int, readings: str = READINGS, device: DeviceName = "cpu"
+) -> dict[str, Any]:
     """Predict every experiment, write tables and picture, and return what ``--json`` prints.
 
-    ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between.
+    ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between;
+    ``device`` may be ``gpu``.
     """
+    require(device)
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
-    digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
+    of_device = "" if device == "cpu" else f" {device}"
+    digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
     base = replace(loaded.base, sha256=digest, origin=loaded.origin)
     return run_study(
-        "predict", base, request, lambda _: study_predict(loaded, talk, draws=draws, readings=readings), talk
+        "predict",
+        base,
+        request,
+        lambda _: study_predict(loaded, talk, draws=draws, readings=readings, device=device),
+        talk,
     )
 
 
-def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: str = READINGS) -> Outcome:
+def study_predict(
+    loaded: LoadedEnsemble,
+    talk: Talk,
+    *,
+    draws: int,
+    readings: str = READINGS,
+    device: DeviceName = "cpu",
+) -> Outcome:
     """Predict every experiment; see :func:`run_predict`."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
     if draws < LEAST:
         raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
     chosen, joints = named_readings(readings), loaded.compare.joints
-    found = list(predictions(loaded, chosen, draws, talk))
+    found = list(predictions(loaded, chosen, draws, talk, device))
     names = [held.name for held in chosen]
     gaps = gaps_between(found, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)
@@ -252,7 +269,11 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
 
 
 def predictions(
-    loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk
+    loaded: LoadedEnsemble,
+    readings: Sequence[Reading],
+    draws: int,
+    talk: Talk,
+    device: DeviceName = "cpu",
 ) -> Iterator[Prediction]:
     """Yield every experiment's ratio under every reading on every joint."""
     box, joints = make_box(loaded.config), loaded.compare.joints
@@ -261,9 +282,9 @@ def predictions(
         for reading in readings:
             errors: dict[str, list[Array]] = {one.error: [] for one in EXPERIMENTS}
             stable = []
-            for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
+            for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
-                batch = simulate_batch(loops, loaded.compare.status, threads=processors())
+                batch = simulate_batch(loops, loaded.compare.status, threads=processors(), device=device)
                 count = len(BASE) + len(EXPERIMENTS)
                 for name, held in errors.items():
                     held.append(batch.statistics[name].reshape(-1, count, len(joints)))

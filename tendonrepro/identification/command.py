@@ -43,6 +43,7 @@ from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 Target: TypeAlias = Literal["controller_2", "all"]
@@ -71,6 +72,7 @@ class Task:
     seed: int
     printed: Printed
     bench: Bench
+    device: DeviceName = "cpu"
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -107,6 +109,8 @@ class Task:
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.printed.joints),
+            # Rounding of another device can lead a search elsewhere.
+            **({} if self.device == "cpu" else {"device": self.device}),
         }
 
     def identity(self) -> str:
@@ -134,6 +138,7 @@ def run_identify(
     unknowns: int = UNKNOWNS,
     rows: str = "",
     jobs: int = -1,
+    device: DeviceName = "cpu",
 ) -> dict[str, Any]:
     """Search, and write numbers, tables, figures and the best plant's configuration.
 
@@ -149,13 +154,18 @@ def run_identify(
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the rows that are searched instead, joined by commas.
+    device : str
+        ``gpu`` runs one search after the other on a GPU.
 
     Raises
     ------
+    TendonreproError
+        If no GPU can be used.
     UsageError
         For an unknown reading or row, no effort, or a folder with other results.
     """
     folder = request.folder("identify")
+    require(device)
     _check_at_least_one(
         generations=generations, population=population, seeds=seeds, unknowns=unknowns, jobs=abs(jobs)
     )
@@ -163,6 +173,7 @@ def run_identify(
     base = loaded.base
     named = _named(readings, loaded)
     jobs = jobs if jobs > 0 else processors()
+    jobs = jobs if device == "cpu" else 1
     task = Task(
         loaded=loaded,
         fit=fit,
@@ -173,6 +184,7 @@ def run_identify(
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
         bench=Bench(base, held_at(make_box(loaded.config), loaded.compare), window, simulate_batch),
+        device=device,
     )
     identity = task.identity()
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
@@ -227,7 +239,8 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases = list(task.cases())
     processes = min(jobs, len(cases))
-    simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
+    threads = jobs if processes == 1 else 1
+    simulate = partial(simulate_batch, threads=threads, device=task.device)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
     with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from tendonrepro.configuration.request import FORMATS, Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.monte_carlo.block import Simulate, make_block
+from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
@@ -27,6 +28,7 @@ from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
 from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 
 
@@ -38,6 +40,7 @@ def run_ensemble(
     jobs: int = 1,
     dask: str | None = None,
     readings: str = "default",
+    device: DeviceName = "cpu",
 ) -> dict[str, Any]:
     """Simulate many plausible plants under many readings; what ``--json`` prints.
 
@@ -54,18 +57,21 @@ def run_ensemble(
     readings : str
         ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between;
         the printed reading is added.
+    device : str
+        ``gpu`` runs all on a GPU, in this process or in each of a cluster.
 
     Raises
     ------
     UsageError
         For impossible draws, jobs or readings, or results of another configuration.
     TendonreproError
-        When results cannot be written; whole blocks stay.
+        When results cannot be written; whole blocks stay. Or when no GPU can be used.
     """
     if not jobs:
         message = "must be a number of processes, or -1 for one for each processor, found 0"
         raise UsageError(message, where="--jobs")
-    study = load_study(request.config, request.overrides, request.seed, readings)
+    require(device)
+    study = replace(load_study(request.config, request.overrides, request.seed, readings), device=device)
     folder = request.folder("ensemble")
     if request.dry_run:
         return _plan(study, draws, folder, force=request.force)
@@ -77,6 +83,7 @@ def run_ensemble(
         force=request.force,
         dask=dask,
         talk=talk,
+        simulate=partial(simulate_batch, device=device),
         formats=request.formats,
     )
 
@@ -138,17 +145,20 @@ def run_study(
         resumed = len(blocks) - len(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
-        make = partial(make_block, study, simulate=simulate)
-        stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
+        make, parts = partial(make_blocks, study, simulate=simulate), _parts(study, missing)
+        # A GPU serves one process.
+        jobs = jobs if study.device == "cpu" else 1
+        stream = on_cluster(make, parts, dask) if dask else as_ready(make, parts, jobs)
         ahead = study.cost(missing)
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
         with talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
-            for block, image in stream:
-                write_atomically(paths[block], image)
-                progress(1)
+            for made in stream:
+                for block, image in made:
+                    write_atomically(paths[block], image)
+                    progress(1)
         seconds = time.perf_counter() - started
         result.write(PLAN, to_json(study.plan(draws)))
         speed = {
@@ -161,6 +171,13 @@ def run_study(
         result.manifest = _manifest(study, seconds) | figure_formats(formats)
     text = f"{outcome.text()}\n\nResults are in {folder}"
     return {**outcome.data, "text": text, "out": str(folder)}
+
+
+def _parts(study: Study, blocks: Sequence[Block]) -> list[list[Block]]:
+    """Blocks that are computed together: one, or as many of a population as fill a GPU."""
+    each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
+    of_population = [[block for block in blocks if block.population == name] for name in study.boxes]
+    return [held[k : k + each] for held in of_population for k in range(0, len(held), each)]
 
 
 def on_cluster(
@@ -235,5 +252,5 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
 def _manifest(study: Study, seconds: float) -> dict[str, Any]:
     manifest = make_manifest(study.loaded.base, seconds, "ensemble")
     config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
-    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
     return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": stepper, "config": config}

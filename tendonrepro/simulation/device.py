@@ -100,6 +100,22 @@ def _no_device(reason: str) -> TendonreproError:
     return TendonreproError(f"no GPU can be used: {reason}", where="--device", hint=hint)
 
 
+def require(device: str) -> None:
+    """Refuse a device that is not there, before any work.
+
+    Raises
+    ------
+    UsageError
+        For a name that no device has, or without CuPy.
+    TendonreproError
+        If there is no GPU, or no driver of it.
+    """
+    if device not in DEVICES:
+        raise UsageError(f"a device is {' or '.join(DEVICES)}, not {device!r}", where="--device")
+    if device == "gpu":
+        graphics()
+
+
 @cache
 def graphics() -> Device:
     """The GPU.

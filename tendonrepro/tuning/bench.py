@@ -24,6 +24,7 @@ from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
@@ -65,6 +66,7 @@ class Plants(NamedTuple):
     newest: float
     known: Known
     limits: StatusLimits
+    device: DeviceName = "cpu"
 
 
 class Candidate(NamedTuple):
@@ -87,8 +89,8 @@ class Measured(NamedTuple):
     stable: NDArray[np.bool_]
 
 
-def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
-    """One draw (P,) of the box, with the motions and loads of the tuning."""
+def plants_of(loaded: LoadedEnsemble, box: Box, row: Array, device: DeviceName = "cpu") -> Plants:
+    """One draw (P,) of the box, with the motions and loads of the tuning, to be run on a device."""
     config = configured(loaded.base, box, row)
     motions = [_motion(*posed, config.sampling_period.si, len(config.joints)) for posed in (TUNING, HELD_OUT)]
     own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
@@ -103,6 +105,7 @@ def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
         newest=build_law(filtering, "controller_2").rate_filter,
         known=known_along(bare, motions),
         limits=config.status,
+        device=device,
     )
 
 
@@ -169,7 +172,8 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
     """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
-    batch, shape = simulate_batch(loops, plants.limits), (len(candidates), runs, -1)
+    batch = simulate_batch(loops, plants.limits, device=plants.device)
+    shape = len(candidates), runs, -1
     names = ("mae", "rmse", "fast_share", "torque_step_rms")
     mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in names)
     # A tuned law errs by a count or so, and fast for that reason alone.

@@ -22,6 +22,7 @@ from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
 from tendonrepro.results.study import Outcome, run_study
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
@@ -43,6 +44,7 @@ def run_tune(
     given: Mapping[str, Callable[..., Any]] | None = None,
     any_plant: bool = False,
     jobs: int = -1,
+    device: DeviceName = "cpu",
 ) -> dict[str, Any]:
     """Tune every law on the same plants, and write the results.
 
@@ -58,9 +60,13 @@ def run_tune(
         Also draws on which the published gains are unstable.
     jobs : int
         Processes; -1 is one for each processor.
+    device : str
+        ``gpu`` tunes on one plant after the other, on a GPU.
 
     Raises
     ------
+    TendonreproError
+        If no GPU can be used.
     UsageError
         For too little effort, or a law that has no bounds or cannot run on lanes.
     """
@@ -70,24 +76,27 @@ def run_tune(
     for name, value in {"plants": plants, **effort}.items():
         if value < least[name]:
             raise UsageError(f"must be at least {least[name]}, found {value}", where=f"--{name}")
+    require(device)
     loaded = load_ensemble(request.config, overrides=request.overrides)
     users = laws_of(laws, given)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0)
+    task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0, device)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    inputs = loaded.sha256, base.sha256, effort, task.seed, plants, any_plant
+    inputs = [loaded.sha256, base.sha256, effort, task.seed, plants, any_plant]
+    if device != "cpu":
+        inputs.append(device)
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"
 
     def study(folder: Path) -> Outcome:
         numbers = _usable(task, plants, every=any_plant)
-        drawn = _tuned(task, numbers, folder / states, jobs, talk)
+        drawn = _tuned(task, numbers, folder / states, jobs if device == "cpu" else 1, talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": task.seed, "solver": solver, "ensemble_sha256": loaded.sha256}
         return replace(outcome(task, drawn), manifest=head)

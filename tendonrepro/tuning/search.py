@@ -19,6 +19,7 @@ from scipy.stats import gmean
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.tuning.bench import ALL_RUNS, CLASSES, Candidate, Plants, measure, plants_of, published
 from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 
@@ -177,11 +178,13 @@ class Task:
     laws: Mapping[str, TunedLaw]
     effort: Mapping[str, int]
     seed: int
+    device: DeviceName = "cpu"
 
     def draw(self, number: int) -> Plants:
         """Draw of a number from the box."""
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
-        return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
+        (row,) = box.values(scrambled_sobol(box, seed, 0, number, 1))
+        return plants_of(self.loaded, box, row, self.device)
 
     def tuned(self, number: int) -> Row:
         """Tune every law on one draw, as plain values."""

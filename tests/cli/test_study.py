@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from support.command import SHORT, answer, run
 from tendonrepro.cli.options import Terminal
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.predict import READINGS
+from tendonrepro.simulation.device import graphics
 
 
 def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
@@ -42,6 +44,10 @@ def test_a_diverged_run_is_exit_code_5() -> None:
         ("evidence.predict", "predict --readings printed", {"draws": 256, "readings": "printed"}),
         ("validation.command", "validate x.h5", {"measured": Path("x.h5")}),
         ("monte_carlo.command", "ensemble --jobs 3 --dask a:1", {"jobs": 3, "dask": "a:1"}),
+        ("monte_carlo.command", "ensemble --device gpu", {"device": "gpu"}),
+        ("evidence.predict", "predict --device gpu", {"device": "gpu"}),
+        ("identification.command", "identify --device gpu", {"device": "gpu"}),
+        ("tuning.command", "tune --device gpu", {"device": "gpu"}),
         ("identification.command", "identify --window late --seeds 2", {"window": "late", "seeds": 2}),
         ("tuning.command", "tune --law a.py:f --any-plant", {"laws": ["a.py:f"], "any_plant": True}),
         ("verdicts.command", "claims --all", {"every": True, "force": False, "measured": None}),
@@ -68,6 +74,17 @@ def test_options_reach_their_function(
     monkeypatch.setattr(held, name, stub)
     assert run(*words.split(), cwd=tmp_path).returncode == 2
     assert {key: asked[key] for key in given} == given
+
+
+@pytest.mark.parametrize("command", ["ensemble", "identify", "predict", "tune"])
+def test_without_cupy_a_gpu_is_refused_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    graphics.cache_clear()
+    refused = answer(command, "--device", "gpu", cwd=tmp_path, code=2)["error"]
+    assert "tendonrepro[gpu]" in refused["hint"]
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_diverged_rerun_of_a_measurement_is_exit_code_5(
