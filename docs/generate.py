@@ -367,6 +367,7 @@ READINGS: Mapping[str, Column] = {
     "plants": lambda held: f"{held['in_order']['plants']:,}",
     "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
     "1 first": lambda held: percent(held["first_best"]["share"]),
+    "1 last": lambda held: percent(held.get("first_worst", {}).get("share")),
     "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
     "1 over 2": lambda held: ratio(held, "c1_c2"),
     "2 over 3": lambda held: ratio(held, "c2_c3"),
@@ -378,6 +379,7 @@ CLAIMS: Mapping[str, Column] = {
     "the paper": contents.named,
     "here": contents.ours,
     "verdict": lambda entry: f"`{entry['verdict']}`",
+    "but": contents.unless,
     "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
 }
 NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tendonrepro.cli.app import main
+from tendonrepro.cli import main
 
 main()

@@ -92,7 +92,8 @@ def _can_fork() -> bool:
     """Whether a copy of this process is sound.
 
     A lock that another thread holds would stay closed in it. And loky ends a copy whose standard error is no
-    file, because it cannot report a crash there.
+    file, because it cannot report a crash there. On macOS libraries of the system do not bear a copy, and
+    Windows makes none.
     """
     try:
         sys.stderr.fileno()
@@ -162,7 +163,7 @@ def _forget_waiting(executor: Any) -> None:
     """Empty the queue of what no worker has begun.
 
     An executor that ends early drops the tasks, but not their numbers. Its thread would look for the first
-    one and die with a traceback. loky has no public way to say this.
+    one and die with a traceback. loky has no public way to say this: a cancelled task leaves its number too.
     """
     with suppress(Empty):
         while True:

@@ -32,7 +32,7 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.tuning.command import run_tune
 
 PAGE = ROOT / "docs" / "python.md"
-SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1, "control.gains.lam": 6}
+SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -106,6 +107,19 @@ def test_errors_arrive_whole(processors: int) -> None:
 def test_a_worker_that_dies_is_an_error_not_a_wait() -> None:
     with pytest.raises(TendonreproError, match="died"):
         list(as_ready(os._exit, [1, 1], 2))
+
+
+@pytest.mark.slow
+def test_who_leaves_early_leaves_no_thread_behind_that_dies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many tasks wait when workers are ended: loky's private queue has to be emptied, or its thread dies."""
+    died: list[threading.ExceptHookArgs] = []
+    monkeypatch.setattr(threading, "excepthook", died.append)
+    # Short tasks: the queue of the workers is seldom full, so that the thread looks for the next number.
+    for _ in range(3):
+        results = as_ready(abs, range(4000), 2)
+        next(results)
+        results.close()
+    assert not died
 
 
 # Neither a main guard nor an importable function: a script or a console has none.

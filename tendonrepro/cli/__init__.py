@@ -1,5 +1,25 @@
 """The command line; enter by `main`."""
 
-from tendonrepro.cli.app import main
+from __future__ import annotations
+
+import json
+import sys
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code, also if interrupted before it can hear of it."""
+    try:
+        from tendonrepro.cli.app import main as run
+
+        run()
+    except KeyboardInterrupt:
+        # As the command line itself says it, which may not have been loaded yet.
+        error = {"code": 130, "message": "interrupted", "where": None, "hint": None}
+        if "--json" in sys.argv:
+            sys.stdout.write(json.dumps({"error": error}) + "\n")
+        else:
+            sys.stderr.write("error: interrupted\n")
+        sys.exit(130)
+
 
 __all__ = ["main"]

@@ -158,7 +158,7 @@ def summary_of(found: Mapping[str, Mapping[str, Any]]) -> str:
     if not {"compare", CLOSEST} <= found.keys() or "table2" not in found[CLOSEST]:
         return ""
     tables = {
-        "as published, on our nominal arm": found["compare"]["table2"],
+        "as published, on our typical arm": found["compare"]["table2"],
         "fitted to the paper's tables": found[CLOSEST]["table2"],
         "paper": found[CLOSEST]["printed"]["table2"],
     }

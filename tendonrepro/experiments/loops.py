@@ -196,9 +196,10 @@ def build_law(config: CompareConfig, name: str) -> Law:
     )
 
 
-def power_floor(resolution: float, scale: float) -> float:
+def power_floor(resolution: Any, scale: float) -> Any:
     """``Law.power_floor`` with joint encoders of a resolution, rad, and angles in `scale` units a radian."""
-    return max(resolution, RESOLVED_ANGLE) * scale
+    # Of a symbol, too: the page in a browser can move the resolution.
+    return np.maximum(resolution, RESOLVED_ANGLE) * scale
 
 
 def newest_weight(cutoff: Any, L: float) -> Any:

@@ -37,7 +37,7 @@ COUNTS = 2.0  # fast error, RMS in encoder counts, up to which a run is not ring
 
 TUNED, ALL_RUNS = 3, 4  # loops of a plant that are tuned on, and all; the last is the held-out one
 
-# Up and down by 33 deg as shipped, a fifth faster than the box allows, so that a run is short.
+# Up and down by 33 deg as the plain arm, a fifth faster than the box allows, so that a run is short.
 TUNING = minimum_jerk(np.radians(33.0), 1.2, 0.0), 2.4
 # Held out is another shape: a sine between 0 and 40 deg that begins softly.
 HELD_OUT = smooth_sine(np.radians(20.0), np.radians(20.0), 2.5, 1.25), 5.0

@@ -23,7 +23,7 @@ from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
-from tendonrepro.verdicts.rules import EDITION, FAILURES
+from tendonrepro.verdicts.rules import EDITION, FAILURES, ByChoice
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
 
 FOLDER = "claims"
@@ -179,7 +179,7 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list
 
 
 def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
-    # The run of the nominal plant and the measurement are those that are here, or none.
+    # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
     evidence = {**entry["evidence"], **here, "ensemble": origin}
     return replace(
@@ -189,5 +189,6 @@ def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]
         borderline=entry["borderline"],
         evidence={name: value for name, value in evidence.items() if value is not None},
         readings_that_change_it=tuple(entry["readings_that_change_it"]),
+        by_choice=tuple(ByChoice(**one) for one in entry.get("by_choice", ())),
         shipped=True,
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
@@ -96,11 +96,15 @@ def test_what_is_changed_and_nothing_else() -> None:
 
 def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     """Runs from one start are equal to the last bit. Starts a degree apart show in the first period alone."""
-    together = BY_NAME["repeat"].change(COMPARE, LOADED.base.folder, LOOPS)
-    apart = COMPARE.model_copy(update={"runs": {**COMPARE.runs, SECOND: _beside(COMPARE.runs[SECOND])}})
-    loops = dict(build_loops(apart, LOADED.base.folder))
-    elsewhere = BY_NAME["repeat"].change(apart, LOADED.base.folder, loops)
-    found = simulate_batch([loops[FIRST], together, elsewhere], COMPARE.status).statistics
+    loaded = load_config("plain", "compare")
+    compare, folder = loaded.config, loaded.folder
+    assert isinstance(compare, CompareConfig)
+    at_rest = dict(build_loops(compare, folder))
+    together = BY_NAME["repeat"].change(compare, folder, at_rest)
+    apart = compare.model_copy(update={"runs": {**compare.runs, SECOND: _beside(compare.runs[SECOND])}})
+    loops = dict(build_loops(apart, folder))
+    elsewhere = BY_NAME["repeat"].change(apart, folder, loops)
+    found = simulate_batch([loops[FIRST], together, elsewhere], compare.status).statistics
     first, same, other = found["mae"]
     assert (same == first).all()
     assert (abs(other / first - 1.0) > 0.02).all()
@@ -123,7 +127,7 @@ def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.Mon
 
 def test_ramps_keep_their_corners_at_half_the_speed() -> None:
     changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
-    loaded = load_config(None, "compare", overrides=changed)
+    loaded = load_config("plain", "compare", overrides=changed)
     loops = dict(build_loops(loaded.config, loaded.folder))
     slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
     assert not slow.reference.ddq_d.any()

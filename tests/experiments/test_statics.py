@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.oracles import ROPE, TENDON_4
+from support.overrides import on_plain_arm
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.request import Request
@@ -19,7 +20,7 @@ LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.arr
 
 @pytest.fixture(scope="module")
 def found():
-    return survey(load_config(None, "decouple"))
+    return survey(on_plain_arm("decouple"))
 
 
 def tension_by_hand(course, deg, payload=0.0, force=17.0):
@@ -98,7 +99,7 @@ def test_friction_band_holds_the_frictionless_tension(found):
     for maps in found.maps.values():
         assert (maps.band[0] <= maps.least["motor"] + 1e-9).all()
         assert (maps.least["motor"] <= maps.band[1] + 1e-9).all()
-    without = survey(load_config(None, "decouple", overrides=["manipulator.friction.per_pulley=1e-9"]))
+    without = survey(on_plain_arm("decouple", "manipulator.friction.per_pulley=1e-9"))
     assert without.maps["negative"].band[0] == pytest.approx(without.maps["negative"].least["motor"])
 
 

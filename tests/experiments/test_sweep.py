@@ -33,7 +33,7 @@ QUIET = Talk(quiet=True)
 @cache
 def swept(*over, overrides=(ONE,), controllers=(1, 2)):
     return sweep.simulate_sweep(
-        sweep.load_sweep(Request(overrides=overrides, controllers=controllers), over), QUIET
+        sweep.load_sweep(Request("plain", overrides=overrides, controllers=controllers), over), QUIET
     )
 
 
@@ -74,7 +74,7 @@ class TestRun:
         data = swept(over)
         point = data["points"][place]
         step = (f"solver.max_step={data['keys'][0]['texts'][place]}",) if over == PERIOD else ()
-        loaded = load_config(None, "compare", overrides=(ONE, point["label"], *step), controllers=(1, 2))
+        loaded = load_config("plain", "compare", overrides=(ONE, point["label"], *step), controllers=(1, 2))
         loops = dict(build_loops(loaded.config, loaded.folder))
         alone = simulate_batch(list(loops.values()), loaded.config.status)
         for k, run in enumerate(loops):
@@ -100,7 +100,7 @@ class TestRun:
         assert cross.get_xdata().tolist() == [3.0]
 
     def test_what_did_not_last_has_no_ratio(self):
-        config = load_config(None, "compare", controllers=(1, 2)).config
+        config = load_config("plain", "compare", controllers=(1, 2)).config
         runs = {
             "controller_1": {"mae_deg": [2.0, 3.0]},
             "controller_2": {"mae_deg": [1.0, 0.0], "status": "ok"},
@@ -121,7 +121,7 @@ class TestRun:
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = sweep.run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
+        found = sweep.run_sweep(Request("plain", tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
@@ -135,14 +135,14 @@ class TestFiles:
 
     def test_dry_run_checks_every_point_and_writes_nothing(self, tmp_path):
         out = tmp_path / "none"
-        assert sweep.run_sweep(Request(None, out, [ONE], dry_run=True), [PERIOD], QUIET)["dry_run"]
+        assert sweep.run_sweep(Request("plain", out, [ONE], dry_run=True), [PERIOD], QUIET)["dry_run"]
         assert not out.exists()
         steep = Request(out=out, dry_run=True)
         with pytest.raises(ConfigError, match=r"--over reference.*would reach"):
             sweep.run_sweep(steep, ["reference.amplitude=[33,33],[150,33]"], QUIET)
 
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
-        text = load_config(None, "compare").yaml_text
+        text = load_config("plain", "compare").yaml_text
         path = tmp_path / "given.yaml"
         path.write_text(text)
         with path.open() as stream:
@@ -170,7 +170,7 @@ class TestValues:
 
     def test_step_of_the_other_solver_follows_the_period(self):
         unit = "solver.max_step={value: 1e-3, unit: s, source: 'assumed: test'}"
-        for point in sweep.load_sweep(Request(overrides=[unit, ONE]), [PERIOD]).points:
+        for point in sweep.load_sweep(Request("plain", overrides=[unit, ONE]), [PERIOD]).points:
             assert point.loaded.config.solver.max_step.si == point.loaded.config.sampling_period.si
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
             sweep.load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
@@ -189,7 +189,7 @@ class TestValues:
     @pytest.mark.parametrize("over", ["errors_from=0,1", "seed=1,2"])
     def test_the_start_is_not_left_out_without_a_word(self, over):
         with pytest.raises(UsageError, match="whole runs"):
-            sweep.load_sweep(Request(overrides=(ONE, "errors_from=1")), [over])
+            sweep.load_sweep(Request("plain", overrides=(ONE, "errors_from=1")), [over])
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"

@@ -161,7 +161,7 @@ WHOLE_RUN = [name for name in STATISTICS if not name.endswith("_late")]
 
 
 def test_a_trace_has_the_statistics_of_the_batch() -> None:
-    loaded = load_config(None, "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
+    loaded = load_config("plain", "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
     name, loop = next(iter(all_loops(loaded).items()))
     batch = simulate_batch([loop], loaded.config.status, record=True)
     assert batch.traces is not None

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from support.oracles import FEATURES, PAPER, random_plant, random_state
+from support.overrides import on_plain_arm
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation.codegen import callback
 from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import Arm, simulate
 
@@ -37,7 +39,7 @@ def raised_cosine(amplitude_deg, period, samples):
 
 @cache
 def shipped(*overrides):
-    return load_config(None, "compare", overrides=overrides)
+    return load_config("plain", "compare", overrides=overrides)
 
 
 def make_loop(*overrides, run="controller_1", reference=None):
@@ -437,7 +439,7 @@ class TestDivergence:
 @pytest.fixture(scope="module")
 def decoupling():
     """First 0.4 s of the decoupling experiment."""
-    loaded = load_config(None, "decouple")
+    loaded = on_plain_arm("decouple")
     loop = dict(build_loops(loaded.config, loaded.folder))["decouple"]
     full = loop.reference
     cut = DesiredMotion(full.time[:400], full.q_d[:400], full.dq_d[:400], full.ddq_d[:400])
@@ -467,3 +469,12 @@ class TestPositionLoop:
         assert np.abs(values["q_motor_encoder"] - values["q_motor"]).max() <= 0.5 * step * (1.0 + 1e-9)
         np.testing.assert_allclose(values["q_calculated"], values["q_motor_encoder"] @ drive.S.T, atol=1e-13)
         assert not {"s", "H_hat", "epsilon"} & values.keys()
+
+
+def test_the_address_of_an_arrays_numbers_is_looked_at_before_use(monkeypatch):
+    """Whatever Python and NumPy these are: elsewhere machine code would read what is no number."""
+    values = np.arange(3.0)
+    assert callback.address_in(values) == values.ctypes.data
+    monkeypatch.setattr(callback, "_HEAD", callback._HEAD + 8)
+    with pytest.raises(TendonreproError):
+        callback.callable_on_array(0, values, values)

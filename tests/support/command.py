@@ -19,7 +19,7 @@ from typer.main import get_command
 from tendonrepro.cli import main
 from tendonrepro.cli.app import app
 
-SHORT = ["--set", "reference.periods=1", "--set", "reference.rise=0.4", "--set", "reference.hold=0.1"]
+SHORT = ["--set", "reference.periods=1", "--set", "reference.period=1", "--set", "reference.blend=0.5"]
 SHORT_MOTION = "{kind: minimum_jerk, amplitude: {value: [5, 5, 5], unit: deg, source: 'assumed: test'}, "
 SHORT_MOTION += "rise: {value: 0.3, unit: s, source: 'assumed: test'}, hold: {value: 0.1, unit: s, "
 SHORT_MOTION += "source: 'assumed: test'}, periods: {value: 1, unit: '1', source: 'assumed: test'}}"

@@ -23,7 +23,7 @@ ANGLE_ERROR, ERROR_ERROR = 0.05, 0.01
 
 @pytest.fixture(scope="module")
 def ours():
-    file = tr.compare(set=MOTION, controllers=[1])._file
+    file = tr.compare("plain", set=MOTION, controllers=[1])._file
     return file.runs["controller_1"]
 
 
@@ -81,7 +81,7 @@ def validated(request, ours, tmp_path_factory):
     mapping, measured = folder / "m.yaml", folder / "measured.h5"
     run_inspect([files], mapping, force=True)
     run_ingest([files], mapping, measured, force=True, dry_run=False, talk=QUIET)
-    found = run_validate(measured, Request(None, folder / "out", (), dry_run=False, force=True), QUIET)
+    found = run_validate(measured, Request("plain", folder / "out", (), dry_run=False, force=True), QUIET)
     return found, folder, mapping.read_text()
 
 

@@ -45,7 +45,7 @@ def _no_recovery():
 
 
 def validate(path, out, *overrides, force=False, dry_run=False):
-    return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
+    return run_validate(path, Request("plain", out, overrides, dry_run=dry_run, force=force), QUIET)
 
 
 class TestMeasuredTables:
@@ -80,7 +80,7 @@ class TestMeasuredTables:
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
-    loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
+    loaded = load_config("plain", "compare", overrides=SHORT, controllers=[1, 2])
     traces = simulate_all([prepared(loaded)], QUIET)[0]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")

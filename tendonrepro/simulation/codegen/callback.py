@@ -11,10 +11,16 @@ from collections.abc import Callable
 from typing import Any
 
 from tendonrepro.arrays import Array
+from tendonrepro.errors import TendonreproError
 from tendonrepro.simulation.codegen.machine import LANES
 
 _HEAD = object.__basicsize__
-"""Bytes of what every Python object begins with. In a NumPy array the address of its numbers comes next."""
+"""Bytes of what every Python object begins with. In a NumPy array the address of its numbers comes next.
+
+That is the structure ``PyArrayObject`` of NumPy's C interface, where the macro ``PyArray_DATA`` looks, which
+is compiled into every extension of NumPy. Machine code has no headers of C, so it is written down here, and
+looked at before use.
+"""
 
 
 def on_array_code(name: str, inner: str, take: int, give: int, size: int) -> str:
@@ -43,12 +49,25 @@ def _moved(name: str, source: tuple[str, int], target: tuple[str, int]) -> list[
     ]
 
 
+def address_in(array: Array) -> int | None:
+    """Read the address of an array's numbers as the machine code does."""
+    return ctypes.c_void_p.from_address(id(array) + _HEAD).value
+
+
 def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float, Array], Array]:
     """Function of a time and an array that gives `out`, filled by code of `on_array_code`.
 
     The array has as many float64 as `out`, one behind the other, which SciPy's arrays are. Whoever calls it
     keeps the rows.
+
+    Raises
+    ------
+    TendonreproError
+        If this Python or NumPy keeps an array's address somewhere else.
     """
+    if address_in(out) != out.ctypes.data:
+        message = "this Python or NumPy keeps the numbers of an array where machine code does not look"
+        raise TendonreproError(message, hint="say compare --solver compiled, and report it")
     kinds = ctypes.c_double, ctypes.py_object, ctypes.c_void_p, ctypes.c_void_p
     run: Any = ctypes.PYFUNCTYPE(None, *kinds)(address)
     held, target = rows.ctypes.data, out.ctypes.data

@@ -20,7 +20,7 @@ OWN = (
 @pytest.fixture(scope="session")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("live") / "live.html"
-    run_live(Request(out=path, overrides=OWN))
+    run_live(Request("plain", path, OWN))
     return path
 
 

@@ -80,8 +80,8 @@ OWN = {
 
 @pytest.mark.parametrize("changes", OWN.values(), ids=OWN)
 def test_a_configuration_of_ones_own(browser: Browser, tmp_path: Path, changes: Sequence[str]) -> None:
-    path, loaded = tmp_path / "own.html", load_config(None, "compare", overrides=changes)
-    run_live(Request(out=path, overrides=changes))
+    path, loaded = tmp_path / "own.html", load_config("plain", "compare", overrides=changes)
+    run_live(Request("plain", path, changes))
     found = opened(browser, path, "#own")
     same(found, by_python(loaded, taken_steps(browser)))
     assert configured(browser).config == loaded.config
