@@ -190,10 +190,7 @@ def run_identify(
     head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
     if request.dry_run:
         foretell(folder, identity, "identify", request, talk)
-        searches = count_of(len(head["searches"]), "search", "searches")
-        text = f"identify would make {searches} of {head['evaluations']} plants"
-        plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
-        return head | plan | {"text": f"{text}\nwould write to {folder}"}
+        return head | _plan(task, folder)
     states = f"search-{identity[:16]}"  # those of another search are not taken up
 
     def study(made_in: Path) -> Outcome:
@@ -212,6 +209,18 @@ def run_identify(
         return replace(report.outcome(data), manifest=made)
 
     return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
+
+
+def _plan(task: Task, folder: Path) -> dict[str, Any]:
+    """What a dry run tells beside the outline."""
+    searches = count_of(len(task.cases()), "search", "searches")
+    text = f"identify would make {searches} of {task.effort.evaluations} plants"
+    return {
+        "dry_run": True,
+        "config_sha256": task.loaded.sha256,
+        "readings": [held.name for held in task.readings],
+        "text": f"{text}\nwould write to {folder}",
+    }
 
 
 def _write_plants(folder: Path, found: Results, data: Mapping[str, Any]) -> None:

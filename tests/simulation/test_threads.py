@@ -108,7 +108,7 @@ def test_draws_of_the_box_end_as_on_lanes(readings: str, edges: int) -> None:
     study = load_study(None, (), None, readings)
     box = study.boxes["box"]
     ideal = readings != "default"
-    cases = [case for case in study.cases if not ideal or "encoder=ideal" in case[1].name]
+    cases = [case for case in study.cases if "encoder=ideal" in case[1].name] if ideal else study.cases[::3]
     values = box.values(scrambled_sobol(box, 5, 0, 0, 16 if ideal else 2))
     draws = Draws(study.loaded.base, box, values, cases)
     loops = [loop for k in range(len(values)) for loop in draws.loops(k)]
