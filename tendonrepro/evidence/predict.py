@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -26,11 +25,11 @@ from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sob
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.device import DeviceName, require
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.studies.outcome import Outcome
 
 SCHEMA_VERSION = 1
 FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
@@ -205,37 +204,16 @@ class Prediction:
     high: float
 
 
-def run_predict(
-    request: Request, talk: Talk, *, draws: int, readings: str = READINGS, device: DeviceName = "cpu"
-) -> dict[str, Any]:
-    """Predict every experiment, write tables and picture, and return what ``--json`` prints.
-
-    ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between;
-    ``device`` may be ``gpu``.
-    """
-    require(device)
-    loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
+def identity_of(loaded: LoadedEnsemble, draws: int, readings: str, device: DeviceName = "cpu") -> str:
+    """Digest of all that decides a prediction."""
     of_device = "" if device == "cpu" else f" {device}"
-    digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
-    base = replace(loaded.base, sha256=digest, origin=loaded.origin)
-    return run_study(
-        "predict",
-        base,
-        request,
-        lambda _: study_predict(loaded, talk, draws=draws, readings=readings, device=device),
-        talk,
-    )
+    return hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
 
 
-def study_predict(
-    loaded: LoadedEnsemble,
-    talk: Talk,
-    *,
-    draws: int,
-    readings: str = READINGS,
-    device: DeviceName = "cpu",
+def predict_outcome(
+    loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk, device: DeviceName = "cpu"
 ) -> Outcome:
-    """Predict every experiment; see :func:`run_predict`."""
+    """Predict every experiment under interpretations, their names with commas between."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
     if draws < LEAST:
@@ -284,7 +262,8 @@ def predictions(
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
-                batch = simulate_batch(loops, loaded.compare.status, threads=processors(), device=device)
+                limits, threads = loaded.compare.status, processors()
+                batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(BASE) + len(EXPERIMENTS)
                 for name, held in errors.items():
                     held.append(batch.statistics[name].reshape(-1, count, len(joints)))

@@ -18,9 +18,19 @@ from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
 from tendonrepro.simulation.device import DeviceName
-from tendonrepro.tuning.bench import ALL_RUNS, CLASSES, Candidate, Plants, measure, plants_of, published
+from tendonrepro.tuning.bench import (
+    ALL_RUNS,
+    CLASSES,
+    Candidate,
+    Plants,
+    measure,
+    plants_of,
+    posed,
+    published,
+)
 from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
@@ -181,10 +191,14 @@ class Task:
     device: DeviceName = "cpu"
 
     def draw(self, number: int) -> Plants:
-        """Draw of a number from the box."""
+        """Draw of a number from the box, or around a user's arm."""
+        return self._drawn(number)._replace(device=self.device)
+
+    def _drawn(self, number: int) -> Plants:
+        if self.loaded.around:
+            return posed(self.loaded, AroundArm(self.loaded, self.loaded.around).draw(number))
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
-        (row,) = box.values(scrambled_sobol(box, seed, 0, number, 1))
-        return plants_of(self.loaded, box, row, self.device)
+        return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
 
     def tuned(self, number: int) -> Row:
         """Tune every law on one draw, as plain values."""

@@ -31,10 +31,7 @@ from tendonrepro.configuration.load import (
     shipped_names,
 )
 from tendonrepro.configuration.quantity import UNITS
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
@@ -200,7 +197,7 @@ def test_settings_in_commands_are_valid(tmp_path: Path, monkeypatch: pytest.Monk
         context = parse(program, words(command))
         wrong = any(word in command for word in MISTAKES)
         assert name == "cli.md" or not wrong, command
-        overrides = tuple(context.params["overrides"])
+        overrides = tuple(context.params["set"])
         kind = context.info_name if context.info_name in {"ensemble", "identify", "decouple"} else "compare"
         # Files of the page's own are not there.
         source = context.params.get("config") if context.params.get("config") in shipped_names() else None
@@ -357,8 +354,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law = folder / "my_law.py"
     law.write_text(example("python.md", "def steep"), encoding="utf-8")
     out = folder / "reports" / "compare"
-    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), laws=[f"{law}:steep"])
-    found = run_experiments([order], Talk(quiet=True))[order.experiment]
+    found = tendonrepro.compare(set=SHORT, controllers=[1], laws=[f"{law}:steep"], out=out).data
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
     return out

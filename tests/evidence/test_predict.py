@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tendonrepro as tr
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import predict
@@ -29,7 +29,6 @@ from tendonrepro.evidence.predict import (
     gaps_between,
     law_of,
     never_told_apart,
-    run_predict,
     told_apart,
     with_alpha,
 )
@@ -191,7 +190,7 @@ def test_interpretations_of_the_default_look_different() -> None:
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
-    answer = run_predict(Request(out=tmp_path / "out"), QUIET, draws=20, readings="printed")
+    answer = tr.predict(20, readings="printed", out=tmp_path / "out").data
     assert [one["name"] for one in answer["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
     assert stored["draws"] == 20
@@ -199,4 +198,4 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: 
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()
     with pytest.raises(UsageError):
-        run_predict(Request(out=tmp_path / "few"), QUIET, draws=4)
+        tr.predict(4, out=tmp_path / "few")

@@ -31,6 +31,21 @@ SHORT_DECOUPLE = [
 ]
 
 
+SMALL = {
+    "compare": ["--controllers", "1", *SHORT],
+    "decouple": SHORT_DECOUPLE,
+    "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
+    "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
+    "ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
+    "predict": ["--draws", "20", "--readings", "printed"],
+    "recover": ["measured.h5"],
+    "sweep": ["--over", "control.gains.lam=4,5", *SHORT],
+    "tune": ["--plants", "1", "--searches", "2", "--generations", "2", "--population", "4", "--jobs", "1"],
+    "validate": ["measured.h5"],
+}
+"""Words without which a command cannot do, or with which it does as little as it can; of `measured.h5`."""
+
+
 def run(*words: str, cwd: Path, stdin: str = "", columns: int = 100) -> subprocess.CompletedProcess[str]:
     """Run the command line in this process: to load the libraries anew takes longer than most commands."""
     out, err = StringIO(), StringIO()
