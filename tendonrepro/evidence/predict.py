@@ -23,6 +23,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
@@ -209,6 +210,12 @@ def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = REA
 
     ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between.
     """
+    if not LEAST <= draws <= MOST_DRAWS:
+        raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
+    if draws & (draws - 1):
+        even = 1 << draws.bit_length()
+        talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
+    named_readings(readings)
     loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
     digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
     base = replace(loaded.base, sha256=digest, origin=loaded.origin)
@@ -221,8 +228,6 @@ def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: s
     """Predict every experiment; see :func:`run_predict`."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
-    if draws < LEAST:
-        raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
     chosen, joints = named_readings(readings), loaded.compare.joints
     found = list(predictions(loaded, chosen, draws, talk))
     names = [held.name for held in chosen]

@@ -194,5 +194,15 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: 
     assert stored["never_told_apart"] == []
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()
-    with pytest.raises(UsageError):
-        run_predict(Request(out=tmp_path / "few"), QUIET, draws=4)
+    few = Request(out=tmp_path / "few", dry_run=True)
+    for draws, readings in ((4, "printed"), (10**9, "printed"), (32, "nonsense")):
+        with pytest.raises(UsageError):
+            run_predict(few, QUIET, draws=draws, readings=readings)
+
+
+def test_a_number_that_is_no_power_of_two_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for draws in (32, 20):
+        run_predict(Request(out=tmp_path / "out", dry_run=True), Talk(), draws=draws)
+        assert ("32" in capsys.readouterr().err) == (draws == 20)
