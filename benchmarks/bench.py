@@ -56,7 +56,9 @@ def main():
         cases = {
             "help": help_case(REPEATS),
             "import_heavy": import_case(),
-            "whole_command": command_case(["compare", "--out", str(Path(folder) / "compare")], 3),
+            "whole_command": command_case(
+                ["compare", "--config", "plain", "--out", str(Path(folder) / "compare")], 3
+            ),
             "reading": reading_case(Path(folder)),
         }
     cases["commands_in_turns"] = commands_case()
@@ -84,7 +86,7 @@ def compare_case(duration, baselines, repeats):
     seconds = statistics.median(entry["seconds_ours_beside_it"] for entry in found.values())
     ratios = {name: entry["ratio"] for name, entry in found.items()}
     bars = {"smallest_ratio": bar(min(ratios.values()), RATIO_BAR, at_least=True)}
-    what = f"controller_1 of the shipped compare configuration, ideal encoder, first {duration:g} s"
+    what = f"controller_1 of the shipped configuration plain, ideal encoder, first {duration:g} s"
     return case(what, 1.0 / seconds, ratios, error, bars) | {"seconds": seconds, "baselines": found}
 
 

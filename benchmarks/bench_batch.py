@@ -40,7 +40,7 @@ STEPS_IN_STEEP_FRICTION = 4
 """Of the numba loop, where dry friction turns over 0.01 rad/s: with fewer it is not stable."""
 
 WHAT = (
-    "controller_1 of the shipped compare configuration, joints 2 and 3, first {:g} s, ideal encoder, "
+    "controller_1 of the shipped configuration plain, joints 2 and 3, first {:g} s, ideal encoder, "
     "friction smoothed over 0.1 rad/s"
 )
 
@@ -65,7 +65,7 @@ class Stated:
         from tendonrepro.configuration.load import load_config
 
         self.loop, self.parameters, self.reference = stated_case(duration, overrides)
-        self.limits = load_config(None, "compare").config.status
+        self.limits = load_config("plain", "compare").config.status
         self.loops, self.plain = different_plants(self.loop, self.parameters, count)
         self.checked = range(0, count, -(-count // CHECKED))
         # Compiles what is not there yet.

@@ -40,7 +40,8 @@ def stated_case(duration, overrides=IDEAL_ENCODER):
     from tendonrepro.experiments.loops import build_loops
     from tendonrepro.simulation.loop import DesiredMotion
 
-    loaded = load_config(None, "compare", overrides=overrides)
+    # The arm and motion that the stated ratios are of.
+    loaded = load_config("plain", "compare", overrides=overrides)
     loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
     samples = round(duration / loop.L) + 1
     names = ("time", "q_d", "dq_d", "ddq_d")

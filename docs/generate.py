@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 from pages import fresh, table
 
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT, SHOWN
@@ -72,6 +73,9 @@ def take(reports: Path) -> None:
     for folder in sorted(reports.glob("identify_all*")):
         take_closest(folder)
     if (reports / "closest").exists():
+        if read(reports / "closest" / "manifest.json")["config"]["sha256"] != load_config("closest", "compare").sha256:
+            sys.exit("reports/closest is of another plant; run tendonrepro compare --config closest --out reports/closest "
+                     "--force, and make findings again")
         table2 = pd.read_csv(reports / "closest" / "tables" / "table2.csv")
         store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
     if (reports / "tune").exists():
@@ -261,6 +265,11 @@ def ratio(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
+def likely(probability: float) -> str:
+    """A probability; of a small one it counts that it is small."""
+    return percent(probability) if probability >= 1e-4 else "below 0.01 %"
+
+
 UNLIKE = 0.05
 """Share of plants left out that are less likely than the paper's ratios; below it none is like the paper."""
 
@@ -278,7 +287,7 @@ def given_the_tables() -> str:
         for title, names in GROUPS.items()
     ]
     rows = [
-        (f"`{name}`", f"{plants:,}", percent(probability[name]), percent(right)) for name, plants, right in found
+        (f"`{name}`", f"{plants:,}", likely(probability[name]), percent(right)) for name, plants, right in found
     ]
     bins = [
         (f"{held['low']:.2g} to {held['high']:.2g}", f"{held['plants']:,}", percent(held["probability"]),
@@ -367,6 +376,7 @@ READINGS: Mapping[str, Column] = {
     "plants": lambda held: f"{held['in_order']['plants']:,}",
     "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
     "1 first": lambda held: percent(held["first_best"]["share"]),
+    "1 last": lambda held: percent(held.get("first_worst", {}).get("share")),
     "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
     "1 over 2": lambda held: ratio(held, "c1_c2"),
     "2 over 3": lambda held: ratio(held, "c2_c3"),
@@ -378,6 +388,7 @@ CLAIMS: Mapping[str, Column] = {
     "the paper": contents.named,
     "here": contents.ours,
     "verdict": lambda entry: f"`{entry['verdict']}`",
+    "but": contents.unless,
     "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
 }
 NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}

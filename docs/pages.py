@@ -38,11 +38,13 @@ def pairs() -> str:
     return "\n".join(f"- `{'+'.join(pair)}`" for pair in load_ensemble(None).config.pairs)
 
 
-def unprinted(wanted: Callable[[str, bool], bool]) -> str:
-    """Values of the shipped experiments that the paper does not print, by key and whether both hold them."""
+def unprinted(
+    wanted: Callable[[str, bool], bool], experiments: Sequence[str] = ("compare", "decouple")
+) -> str:
+    """Values of shipped experiments that the paper does not print, by key and whether all of them hold them."""
     from tendonrepro.configuration.load import load_config
 
-    trees = [load_config(None, name).tree for name in ("compare", "decouple")]
+    trees = [load_config(name, None).tree for name in experiments]
     keys = [dict(contents.quantities(tree)) for tree in trees]
     kept = [
         row
@@ -74,6 +76,10 @@ def readings() -> str:
 
 def of_compare(key: str, both: bool) -> bool:
     return not both and not key.startswith(("manipulator.", "position_loop.", "runs.decouple", "runs.pull"))
+
+
+def of_plain(key: str, _both: bool) -> bool:
+    return key.startswith(("manipulator.", "posture", "reference", "disturbance"))
 
 
 def of_decouple(key: str, both: bool) -> bool:
@@ -246,6 +252,7 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),
     "the comparison": lambda: unprinted(of_compare),
     "the decoupling experiment": lambda: unprinted(of_decouple),
+    "the plain arm": lambda: unprinted(of_plain, ("plain",)),
     "the commands": commands,
     "the options": options,
     "the notebook": notebook,

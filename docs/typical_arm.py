@@ -1,6 +1,7 @@
-"""Find the typical plant again and print its configuration: ``python docs/typical_arm.py > configs/typical.yaml``.
+"""Find the typical plant again and print its comparison: ``python docs/typical_arm.py``.
 
-It runs 4,096 experiments, some minutes of one processor.
+``configs/compare.yaml`` and ``configs/lumidouce_ii.yaml`` have its numbers. It runs 4,096 experiments, some minutes of
+one processor.
 """
 
 import sys

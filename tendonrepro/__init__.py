@@ -1,4 +1,4 @@
-# ruff: noqa: F403, F405
+# ruff: noqa: F403
 """Reproduce Yan et al., Actuators 2026, 15(5), 271: tendon decoupling and alpha-TDE-NTSM control.
 
 >>> import tendonrepro as tr
@@ -8,53 +8,29 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tendonrepro.api.commands import *
-    from tendonrepro.api.result import Result
+    from tendonrepro.commands import *
+    from tendonrepro.studies.result import Result as Result
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "Result",
-    "__version__",
-    "animate",
-    "claims",
-    "compare",
-    "config",
-    "decouple",
-    "diff",
-    "ensemble",
-    "explain",
-    "export",
-    "fetch",
-    "figures",
-    "identify",
-    "ingest",
-    "inspect",
-    "live",
-    "open",
-    "predict",
-    "recover",
-    "report",
-    "reproduce",
-    "statics",
-    "sweep",
-    "tables",
-    "tune",
-    "validate",
-]
-
 
 def __getattr__(name: str) -> Any:
-    """Load the interface when it is used: it imports much."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from tendonrepro.api import commands
+    """Load the interface when it is used: its names are those of `tendonrepro.commands`."""
+    commands = import_module("tendonrepro.commands")
+    if name == "__all__":
+        return ["Result", "__version__", *commands.PUBLIC]
+    if name == "Result":
+        from tendonrepro.studies.result import Result
 
-    return getattr(commands, name)
+        return Result
+    if name in commands.PUBLIC:
+        return getattr(commands, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(__getattr__("__all__"))

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,18 +20,13 @@ from PIL import Image
 from support import ROOT
 
 import tendonrepro as tr
-from tendonrepro.configuration.request import Request
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.evidence.predict import READINGS
 from tendonrepro.files import to_json
-from tendonrepro.identification.command import run_identify
-from tendonrepro.monte_carlo.command import run_ensemble
 from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest
-from tendonrepro.tuning.command import run_tune
 
 PAGE = ROOT / "docs" / "python.md"
-SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1, "control.gains.lam": 6}
+SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
 
 
 @pytest.fixture(scope="module")
@@ -156,47 +150,8 @@ def test_every_command_of_the_command_line_is_a_function() -> None:
         own = inspect.signature(getattr(tr, name)).parameters if name != "doctor" else {}
         for key, parameter in own.items():
             if key in options and isinstance(parameter.default, int | float):
-                assert parameter.default == options[key], (name, key)
-
-
-@pytest.mark.parametrize("run", [run_ensemble, run_identify, run_tune])
-def test_a_command_takes_what_its_function_is_given(run: Callable[..., Any]) -> None:
-    """Arguments are handed on by name."""
-    function = getattr(tr, run.__name__.removeprefix("run_"))
-    shared = {"config", "set", "seed", "out", "force", "formats", "figures"}
-    own = inspect.signature(function).parameters.keys() - shared
-    assert own <= inspect.signature(run).parameters.keys()
-
-
-SHARED = {"config": "mine", "set": {"a.b": np.array([1, 2])}, "seed": 2, "out": "x", "force": True}
-SHARED |= {"formats": "svg,pdf"}
-REQUEST = Request("mine", Path("x"), ["a.b=[1, 2]"], 2, force=True, formats=("pdf", "svg"))
-
-
-@pytest.mark.parametrize(
-    ("module", "name", "words", "given"),
-    [
-        ("evidence.predict", "predict", {"draws": 3, "readings": "printed"}, {}),
-        ("evidence.predict", "predict", {}, {"draws": 256, "readings": READINGS}),
-        ("validation.command", "validate", {"measured": "x.h5"}, {"measured": Path("x.h5")}),
-        ("tuning.command", "tune", SHARED | {"plants": 3}, {"request": REQUEST, "laws": (), "given": None}),
-    ],
-)
-def test_arguments_reach_the_command(
-    monkeypatch: pytest.MonkeyPatch, module: str, name: str, words: dict[str, Any], given: dict[str, Any]
-) -> None:
-    asked: dict[str, Any] = {}
-
-    def run(**found: Any) -> None:
-        asked.update(found)
-        raise StopIteration
-
-    monkeypatch.setattr(f"tendonrepro.{module}.run_{name}", run)
-    with pytest.raises(StopIteration):
-        getattr(tr, name)(**words)
-    assert not asked.keys() & SHARED.keys()
-    expected = {key: value for key, value in words.items() if key not in SHARED} | given
-    assert {key: asked[key] for key in expected} == expected
+                # An option takes away what holds by default: --no-figures.
+                assert parameter.default == (options[key] or parameter.default is True), (name, key)
 
 
 def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path, tmp_path: Path) -> None:

@@ -18,12 +18,13 @@ FLOORS = [
     {"physics"},
     {"simulation", "configuration"},
     {"results"},
+    {"studies"},
     {"experiments", "dataset"},
     {"analysis", "monte_carlo"},
     {"evidence", "identification", "tuning", "verdicts"},
     {"validation"},
     {"reporting"},
-    {"api"},
+    {"commands"},
     {"cli"},
     {"__main__"},
 ]
@@ -31,11 +32,11 @@ FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 
 OWNERS = {
     "llvmlite": ["simulation/codegen/machine.py"],
-    "matplotlib": ["results/figures/*", "*/figure*.py", "api/result.py"],
+    "matplotlib": ["results/figures/*", "*/figure*.py", "studies/result.py"],
     "pydantic": ["configuration/*", "dataset/mapping.py"],
     "yaml": ["configuration/strict_yaml.py"],
     "h5netcdf": ["results/traces.py"],
-    "xarray": ["results/traces.py", "api/result.py"],
+    "xarray": ["results/traces.py", "studies/result.py"],
     "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
     "pandas": [
         "dataset/runs.py",
@@ -45,7 +46,7 @@ OWNERS = {
         "dataset/workbook.py",
         "dataset/matlab.py",
         "results/traces.py",
-        "api/result.py",
+        "studies/result.py",
     ],
     "pyarrow": ["results/traces.py"],
     "matio": ["dataset/matlab.py"],

@@ -1,1 +1,1 @@
-"""The sampled loop, linear; enter by `command.run_explain`."""
+"""The sampled loop, linear; enter by `commands.explain`."""

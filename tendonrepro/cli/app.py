@@ -1,4 +1,4 @@
-"""The command line: parse, call one function, print."""
+"""The command line: its commands, its streams, its errors and exit codes."""
 
 from __future__ import annotations
 
@@ -7,25 +7,22 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from typer import Option
 from typer.core import TyperGroup
 
 from tendonrepro import __version__
-from tendonrepro.cli.options import Terminal, command
-from tendonrepro.cli.study import data_app, study_app
-from tendonrepro.configuration.request import Request, formats_of
-from tendonrepro.console import columns
+from tendonrepro.cli.adapter import add_command
+from tendonrepro.commands import COMMANDS
 from tendonrepro.errors import TendonreproError, UsageError
-
-if TYPE_CHECKING:
-    from tendonrepro.experiments.command import Order
+from tendonrepro.experiments.configurations import ABOUT
+from tendonrepro.studies.command import EXPLORE
 
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
@@ -65,10 +62,10 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help="Configurations: list, show, copy, check, schema.", invoke_without_command=True)
-app.add_typer(config_app, name="config", rich_help_panel=study_app.rich_help_panel)
-app.add_typer(study_app)
-app.add_typer(data_app)
+config_app = typer.Typer(help=ABOUT, invoke_without_command=True)
+app.add_typer(config_app, name="config", rich_help_panel=EXPLORE)
+for entry in COMMANDS.values():
+    add_command(config_app if entry.name.startswith("config ") else app, entry)
 
 
 def _print_version(wanted: bool) -> None:
@@ -107,292 +104,6 @@ def _root(
 def _help_if_alone(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
-
-
-@command(app, "tendonrepro reproduce --out reports", without=("config", "controllers"))
-def reproduce(request: Request, terminal: Terminal, *, config: Path | None = None) -> int:
-    """Every figure and table of section 5, and the fitted plant.
-
-    Beside them live.html runs the comparison in a browser.
-
-    Parameters
-    ----------
-    config
-        Folder with decouple.yaml and compare.yaml.
-    """
-    from tendonrepro.experiments.command import paper_orders
-
-    return _carry_out(paper_orders(config, request), terminal, live=not request.dry_run)
-
-
-@command(app, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', without=())
-def compare(
-    request: Request,
-    terminal: Terminal,
-    *,
-    law: list[str] | None = None,
-    solver: Literal["scipy", "compiled"] = "scipy",
-) -> int:
-    """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
-
-    Parameters
-    ----------
-    law : FILE:NAME
-        Run your own controller too; repeatable. FILE is executed.
-    solver
-        SciPy, or the one of ensembles.
-    """
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("compare", request, law or (), solver)], terminal)
-
-
-@command(app, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
-def decouple(request: Request, terminal: Terminal) -> int:
-    """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.experiments.command import Order
-
-    return _carry_out([Order("decouple", request)], terminal)
-
-
-def _carry_out(orders: Sequence[Order], terminal: Terminal, *, live: bool = False) -> int:
-    """Print what orders found, and return the exit code; `live` writes the page that runs them, too."""
-    from tendonrepro.experiments.command import diverged, run_experiments, summary_of
-
-    if live:
-        from tendonrepro.reporting.live.command import PAGE, check_target, live_text, page_beside
-
-        path = orders[0].folder.parent / PAGE
-        check_target(path, force=orders[0].request.force)
-    found = run_experiments(orders, terminal.talk)
-    data: dict[str, Any] = {"schema_version": 1} | found if len(found) > 1 else next(iter(found.values()))
-    texts = [*(one["text"] for one in found.values()), summary_of(found)]
-    if live:
-        page = page_beside(path, orders, terminal.talk)
-        data, texts = data | {"live": page["path"]}, [*texts, live_text(page)]
-    terminal.show(data, "\n\n".join(filter(None, texts)))
-    return 5 if any(map(diverged, found.values())) else 0
-
-
-@command(app, "tendonrepro figures 14 15")
-def figures(
-    terminal: Terminal,
-    names: list[str] | None = None,
-    *,
-    out: Path = Path("reports"),
-    formats: str | None = None,
-    force: bool = False,
-) -> None:
-    """Draw figures again from stored traces.
-
-    Parameters
-    ----------
-    names
-        The paper's numbers, or names [default: all].
-    out
-        Results folder, or the one above several.
-    force
-        Overwrite files changed since, or your own.
-    """
-    from tendonrepro.experiments.command import redraw
-
-    terminal.list_files(redraw(out, names, force=force, formats=formats_of(formats)))
-
-
-@command(app, "tendonrepro tables --out reports/compare")
-def tables(terminal: Terminal, *, out: Path = Path("reports"), force: bool = False) -> None:
-    """Write tables again from stored traces.
-
-    Parameters
-    ----------
-    out
-        Results folder, or the one above several.
-    force
-        Overwrite files changed since, or your own.
-    """
-    from tendonrepro.experiments.command import rewrite_tables
-
-    terminal.list_files(rewrite_tables(out, force=force))
-
-
-@command(app, "tendonrepro animate reports/decouple --speed 2")
-def animate(
-    terminal: Terminal,
-    file: Path,
-    *,
-    run: str | None = None,
-    speed: float = 1.0,
-    out: Path | None = None,
-    force: bool = False,
-) -> None:
-    """The arm in motion, its tendons coloured by tension.
-
-    Parameters
-    ----------
-    run
-        Run to show [default: the first].
-    speed
-        Seconds of the run in a second of film.
-    out
-        File to write [default: beside the traces].
-    """
-    from tendonrepro.results.figures.animation import animate as make
-
-    found = make(file, terminal.talk, run=run, speed=speed, out=out, force=force)
-    terminal.show(found, "\n".join(found["files"]))
-
-
-@command(app, "tendonrepro export reports/compare --format mat")
-def export(
-    terminal: Terminal, file: Path, *, format: str = "csv", out: Path | None = None, force: bool = False
-) -> None:
-    """Write stored traces for other programs.
-
-    Parameters
-    ----------
-    format
-        csv, parquet or mat.
-    out
-        File to write [default: beside it].
-    """
-    from tendonrepro.results.traces import export_traces
-
-    terminal.list_files([export_traces(file, format, out, force=force)])
-
-
-@command(app, "tendonrepro diff reports/compare reports/extrapolating")
-def diff(terminal: Terminal, first: Path, second: Path) -> int:
-    """What differs between two results.
-
-    Ends with exit code 1 if anything does.
-
-    Parameters
-    ----------
-    first
-        Results folder or trace file.
-    second
-        Another one.
-    """
-    from tendonrepro.results.difference import difference, difference_text
-
-    found = difference(first, second)
-    terminal.show(found, difference_text(found))
-    return 0 if found["same"] else 1
-
-
-@command(app, "tendonrepro doctor --json")
-def doctor(terminal: Terminal) -> int:
-    """Environment, versions, and whether all that is needed is there."""
-    found = _examined()
-    terminal.show(found, _examined_text(found))
-    return 0 if found["well"] else 1
-
-
-def _examined() -> dict[str, Any]:
-    """Environment, and of each check ``ok``, a remark, or what is wrong."""
-    from tendonrepro.configuration.load import load_config
-    from tendonrepro.configuration.published import published
-    from tendonrepro.results.store import environment
-    from tendonrepro.simulation.codegen.machine import assembled, vector_code
-
-    loads: dict[str, Callable[[], Any]] = {
-        "configurations": lambda: [load_config(None, "compare"), load_config(None, "decouple")],
-        "published numbers": published,
-        "compiler": lambda: assembled(vector_code("nothing", {}, {}), "nothing"),
-    }
-    checks = dict.fromkeys(loads, "ok")
-    for name, load in loads.items():
-        try:
-            load()
-        except Exception as error:
-            checks[name] = f"wrong: {type(error).__name__}: {error}"
-    well = {*checks.values()} == {"ok"}
-    head = {"schema_version": 1, "tendonrepro_version": __version__, "environment": environment()}
-    return head | {"checks": checks, "well": well}
-
-
-def _examined_text(found: Mapping[str, Any]) -> str:
-    here = found["environment"]
-    git = here["git"]
-    commit = "not a checkout" if git is None else git["commit"][:12] + (" (changed)" if git["dirty"] else "")
-    rows = {
-        "tendonrepro": found["tendonrepro_version"],
-        "git": commit,
-        "python": here["python"],
-        "platform": here["platform"],
-        "cpu": f"{here['cpu']} x {here['cpu_count']}",
-        **here["versions"],
-        **found["checks"],
-    }
-    return columns(rows.items())
-
-
-@command(config_app, "tendonrepro config list", name="list")
-def config_list(terminal: Terminal) -> None:
-    """Names of the shipped configurations."""
-    from tendonrepro.configuration.load import shipped_folder, shipped_names
-
-    names = shipped_names()
-    terminal.talk.detail(f"in {shipped_folder()}")
-    terminal.show({"schema_version": 1, "configs": names}, "\n".join(names))
-
-
-@command(config_app, "tendonrepro config show compare", name="show")
-def config_show(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.configuration.command import shown
-
-    tree, text = shown(config, set or ())
-    terminal.show(tree, text.rstrip())
-
-
-@command(config_app, "tendonrepro config init --joints 2 --out mine/my_arm.yaml", name="init")
-def config_init(
-    terminal: Terminal, name: str | None = None, *, joints: int | None = None, out: Path = Path()
-) -> None:
-    """Begin an arm of your own, or copy a shipped configuration.
-
-    Parameters
-    ----------
-    name
-        A shipped configuration; what it names is copied too.
-    joints
-        Write an arm with so many joints, and compare.yaml.
-    out
-        Folder, or the file of the arm.
-    """
-    from tendonrepro.configuration.command import init_config
-    from tendonrepro.configuration.own_arm import init_arm
-
-    if (name is None) == (joints is None):
-        message = "either the name of a shipped configuration, or --joints"
-        raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
-    terminal.list_files(init_arm(joints, out) if name is None and joints else init_config(name or "", out))
-
-
-@command(config_app, "tendonrepro config check my_experiment/compare.yaml", name="check")
-def config_check(terminal: Terminal, config: str, *, set: list[str] | None = None) -> None:
-    """Check a configuration, and list all its mistakes."""
-    from tendonrepro.experiments.command import check
-
-    found = check(config, set or (), terminal.talk)
-    terminal.show(found, f"{found['config']}: valid {found['kind']}")
-
-
-@command(config_app, "tendonrepro config schema > schema.json", name="schema")
-def config_schema(terminal: Terminal, kind: str | None = None) -> None:
-    """JSON schema of configuration files, for editors.
-
-    Parameters
-    ----------
-    kind
-        compare, decouple, ensemble or manipulator [default: any].
-    """
-    from tendonrepro.configuration.command import json_schema
-    from tendonrepro.files import to_json
-
-    schema = json_schema(kind)
-    terminal.show(schema, to_json(schema).rstrip())
 
 
 def _keep_settings_of_matplotlib() -> None:

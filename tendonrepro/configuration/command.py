@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 
-from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, is_of_base, load_ensemble
 from tendonrepro.configuration.load import (
     MANIPULATOR,
     MODELS,
@@ -19,6 +18,7 @@ from tendonrepro.configuration.load import (
     shipped_file,
 )
 from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.overrides import Overrides, overrides_of
 from tendonrepro.configuration.strict_yaml import dump, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
@@ -33,19 +33,20 @@ _COMPLETED = {
 Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 
 
-def checked(source: str, overrides: Sequence[str]) -> Held:
+def checked(source: str, overrides: Overrides) -> Held:
     """Read and validate whatever a source holds."""
+    changes = overrides_of(overrides)
     found = find_source(source, None)  # standard input can be read only once
     # Those of the base are no keys of the ensemble's own file.
-    draft = Draft(found, None, [text for text in overrides if not text.startswith("base.")])
+    draft = Draft(found, None, [change for change in changes if not is_of_base(change)])
     if draft.kind == MANIPULATOR:
-        return Draft(found, MANIPULATOR, overrides).validate(Manipulator)
+        return Draft(found, MANIPULATOR, changes).validate(Manipulator)
     if draft.kind == "ensemble":
-        return load_ensemble(found, overrides=overrides)
-    return load_config(found, None, overrides=overrides)
+        return load_ensemble(found, overrides=changes)
+    return load_config(found, None, overrides=changes)
 
 
-def shown(source: str, overrides: Sequence[str]) -> tuple[Any, str]:
+def shown(source: str, overrides: Overrides) -> tuple[Any, str]:
     """Values and YAML text of a configuration as it is used."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text

@@ -21,7 +21,7 @@ from tendonrepro.configuration.from_base import complete_arm, complete_experimen
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.overrides import apply_overrides, parse_override
+from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model, describe, explain
 from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, holds, load, read_text
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
@@ -89,7 +89,7 @@ class Draft:
     `kind` is one of `KINDS`, the `wanted` one unless None.
     """
 
-    def __init__(self, source: Source, wanted: str | None, overrides: Sequence[str] = ()) -> None:
+    def __init__(self, source: Source, wanted: str | None, overrides: Sequence[Override] = ()) -> None:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
@@ -107,8 +107,7 @@ class Draft:
         base = None
         if self.kind in MODELS and "base" in tree:
             base = self._take_from_base(tree.pop("base"))
-        changes = [parse_override(text) for text in overrides]
-        naming = [change for change in changes if change[0] == (MANIPULATOR,)]
+        naming = [change for change in overrides if change.path == (MANIPULATOR,)]
         apply_overrides(self._document, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
             held = self._named_document(name, MANIPULATOR)
@@ -121,7 +120,7 @@ class Draft:
             self._complete_arm(Document(inside, self._document.places_below((MANIPULATOR,))), path)
         if base:
             complete_experiment(self._document, *base)
-        apply_overrides(self._document, [change for change in changes if change not in naming])
+        apply_overrides(self._document, [change for change in overrides if change not in naming])
         self._take_motions_here()
 
     def _complete_arm(self, arm: Document, path: Path | None, below: tuple[Path, ...] = ()) -> None:
@@ -135,7 +134,7 @@ class Draft:
         found = self._file_beside(name, path)
         if found is None or found in (*below, path):
             message = f"base: {'is itself' if found else f'no file {name!r}'}"
-            raise ConfigError(message, where=where, hint="The shipped arm is lumidouce_ii.")
+            raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
         self.files.append(found)
         base = load(read_text(found), str(found))
         self._complete_arm(base, found, (*below, *([path] if path else [])))
@@ -229,7 +228,8 @@ class LoadedConfig:
 
     `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
-    reference. `unread` has a sentence about each override that changes nothing.
+    reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
+    a sentence about each override that changes nothing.
     """
 
     config: Config
@@ -237,6 +237,7 @@ class LoadedConfig:
     yaml_text: str
     sha256: str
     origin: str
+    changes: tuple[Override, ...]
     overrides: tuple[str, ...]
     inputs: tuple[Path, ...]
     folder: Path
@@ -248,9 +249,9 @@ def load_config(
     source: Source,
     experiment: ExperimentName | None,
     *,
-    overrides: Sequence[str] = (),
+    overrides: Overrides | None = (),
     seed: int | None = None,
-    controllers: Sequence[int] | None = None,
+    controllers: str | Sequence[int] | None = None,
 ) -> LoadedConfig:
     """Read, complete and validate a configuration.
 
@@ -258,10 +259,11 @@ def load_config(
     ----------
     experiment : {'compare', 'decouple'} or None
         None for either.
-    overrides : sequence of str
-        ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the value of a quantity.
-    controllers : sequence of int, optional
-        Keep only the runs of these.
+    overrides : mapping or sequence of str, optional
+        Values by dotted key, or texts ``dotted.key=VALUE``, VALUE in YAML; a bare number or list sets the
+        value of a quantity.
+    controllers : sequence of int or str, optional
+        Keep only the runs of these, such as ``1,3``.
 
     Raises
     ------
@@ -270,12 +272,14 @@ def load_config(
     UsageError
         When the command line asks for something impossible.
     """
-    recorded = with_seed(overrides, seed)
-    draft = Draft(source, experiment, recorded)
+    changes = overrides_of(overrides, seed)
+    recorded = [change.text for change in changes]
+    draft = Draft(source, experiment, changes)
     config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
-        config = _only(config, draft.tree, controllers)
-        recorded.append(f"controllers={','.join(map(str, controllers))}")
+        numbers = numbers_of(controllers)
+        config = _only(config, draft.tree, numbers)
+        recorded.append(f"controllers={','.join(map(str, numbers))}")
     references = references_of(config)
     trajectories = [
         draft.named_file(held.file, *path, "file", shipped=False)
@@ -294,26 +298,33 @@ def load_config(
         yaml_text=dump(draft.tree),
         sha256=config_digest(content),
         origin=draft.origin,
+        changes=tuple(changes),
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
         places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
-        unread=tuple(_unread(config, recorded)),
+        unread=tuple(_unread(config, changes)),
     )
 
 
-def _unread(config: Config, overrides: Sequence[str]) -> Iterator[str]:
+def _unread(config: Config, changes: Sequence[Override]) -> Iterator[str]:
     """What the command line sets and no reading reads; a file may keep such a key for another time."""
-    named = {text.partition("=")[0].strip().removesuffix(".value") for text in overrides}
+    named = {".".join(map(str, change.path)).removesuffix(".value") for change in changes}
     if isinstance(config, CompareConfig):
         for key, reading in config.control.unread().items():
             if f"control.{key}" in named:
                 yield f"control.{key} changes nothing here: it is read only under {reading}"
 
 
-def with_seed(overrides: Sequence[str], seed: int | None) -> list[str]:
-    """Overrides, the seed's among them."""
-    return [*overrides, *([] if seed is None else [f"seed={seed}"])]
+def numbers_of(controllers: str | Sequence[int]) -> list[int]:
+    """Numbers of controllers, a text being as ``1,3``."""
+    if not isinstance(controllers, str):
+        return list(controllers)
+    try:
+        return [int(part) for part in controllers.split(",")]
+    except ValueError as error:
+        message = f"must be numbers like 1,3, found {controllers!r}"
+        raise UsageError(message, where="--controllers") from error
 
 
 def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> CompareConfig:

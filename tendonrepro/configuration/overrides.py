@@ -1,28 +1,79 @@
-"""Overrides from the command line: ``dotted.key=VALUE`` put into a document before validation."""
+"""New values of single keys, put into a document before validation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, TypeAlias
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, holds, load
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 COMMAND_LINE = "assumed: set on the command line"
 
-Override: TypeAlias = tuple[Key, Node]
-"""Where, and which value; a number in the path is an index of a list, from 0."""
+
+class Override(NamedTuple):
+    """A new value, and the words that a manifest keeps of it.
+
+    A number in the path is an index of a list, from 0.
+    """
+
+    path: Key
+    value: Node
+    text: str
 
 
-def parse_override(text: str) -> Override:
-    """Read ``key=VALUE``, VALUE in YAML; a UsageError or ConfigError where that fails."""
+Overrides: TypeAlias = Sequence[str | Override] | Mapping[str, Any]
+"""Texts ``dotted.key=VALUE`` as of the command line, VALUE in YAML; or values by dotted key, as of Python."""
+
+
+def overrides_of(given: Overrides | None, seed: int | None = None) -> list[Override]:
+    """Read overrides, that of the seed behind the others.
+
+    Raises
+    ------
+    UsageError, ConfigError
+        For a text that is not of the form, or whose value is no YAML.
+    """
+    if isinstance(given, Mapping):
+        found = [override(key, value) for key, value in given.items()]
+    else:
+        found = [_read(text) if isinstance(text, str) else text for text in given or ()]
+    return found if seed is None else [*found, override("seed", seed)]
+
+
+def override(key: str, value: Any) -> Override:
+    """A value by dotted key; arrays become lists, and paths text."""
+    plain = _plain(value)
+    text = f"{key}={json.dumps(plain)}"
+    return Override(_path(key, text), plain, text)
+
+
+def _read(text: str) -> Override:
     key, equals, value = text.partition("=")
+    path = _path(key if equals else "", text)
+    return Override(path, load(value, _option(path)).tree, text)
+
+
+def _path(key: str, text: str) -> Key:
     parts = key.strip().split(".")
-    if not equals or not all(parts):
+    if not all(parts):
         message = f"{text!r} is not of the form key=VALUE"
         raise UsageError(message, where="--set", hint='For example --set "control.gains.lam=[8, 8]"')
-    path = tuple(int(part) if part.isdecimal() else part for part in parts)
-    return path, load(value, _option(path)).tree
+    return tuple(int(part) if part.isdecimal() else part for part in parts)
+
+
+def _plain(value: Any) -> Node:
+    """A value as YAML has it."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, Path):
+        return str(value)
+    plain: Node = value.tolist() if hasattr(value, "tolist") else value
+    return plain
 
 
 def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
@@ -31,7 +82,7 @@ def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
     Only the last part of a key may be new.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
-    for path, value in sorted(overrides, key=lambda override: override[0][-1] == "source"):
+    for path, value, _ in sorted(overrides, key=lambda override: override.path[-1] == "source"):
         _apply(document, path, value)
 
 

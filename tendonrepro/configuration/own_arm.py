@@ -11,7 +11,8 @@ from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
-BASE = "lumidouce_ii"
+BASE = "plain_arm"
+"""Without the effects of the typical arm, which are of its sample alone."""
 ARM_FILE = "my_arm.yaml"
 
 DAMPING_FACTOR = {1: 5, 2: 5, 3: 5, 4: 10, 5: 20, 6: 20}
@@ -46,7 +47,7 @@ COMPARE = """\
 # Controllers 1 to 3 on your arm: tendonrepro compare --config {compare} --out reports/mine
 schema_version: 1
 experiment: compare
-base: compare  # the shipped comparison; what is not here comes from it
+base: plain  # the shipped comparison on the plain arm; what is not here comes from it
 title: Controllers 1 to 3 on {name}
 manipulator: {file}
 joints: {joints}  # these move; the others are held at the posture

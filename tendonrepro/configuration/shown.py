@@ -50,3 +50,14 @@ KEPT = AS_PUBLISHED | BEYOND
 """Those that keep every equation as published."""
 SHOWN = KEPT | CHANGED
 """All of them; their name among readings is ``shown``."""
+
+CHOICES = ("motion", "starts", "reference_acceleration", "run_friction")
+"""Axes of readings that change no equation: motion, starts and friction of a run, which are not published.
+
+As published every run starts on its reference and gets its acceleration, and friction is equal in all.
+"""
+
+
+def is_choice(reading: str) -> bool:
+    """Whether a reading changes some of `CHOICES` and nothing else."""
+    return all(setting.partition("=")[0] in CHOICES for setting in reading.split("+"))

@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -27,10 +26,10 @@ from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.studies.outcome import Outcome
 
 SCHEMA_VERSION = 1
 FIRST, SECOND, THIRD, LOADED = "controller_1", "controller_2", "controller_3", "controller_1_payload"
@@ -205,29 +204,25 @@ class Prediction:
     high: float
 
 
-def run_predict(request: Request, talk: Talk, *, draws: int, readings: str = READINGS) -> dict[str, Any]:
-    """Predict every experiment, write tables and picture, and return what ``--json`` prints.
+def identity_of(loaded: LoadedEnsemble, draws: int, readings: str) -> str:
+    """Digest of all that decides a prediction."""
+    return hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
 
-    ``request`` has the configuration of an ensemble; ``draws`` plants; ``readings`` with commas between.
-    """
+
+def asked_for(draws: int, readings: str) -> None:
+    """Raise a UsageError for too few or many draws, or an unknown interpretation."""
     if not LEAST <= draws <= MOST_DRAWS:
         raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
+    named_readings(readings)
+
+
+def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Outcome:
+    """Predict every experiment under interpretations, their names with commas between."""
+    from tendonrepro.evidence.figure_predictions import draw_predictions
+
     if draws & (draws - 1):
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
-    named_readings(readings)
-    loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
-    digest = hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
-    base = replace(loaded.base, sha256=digest, origin=loaded.origin)
-    return run_study(
-        "predict", base, request, lambda _: study_predict(loaded, talk, draws=draws, readings=readings), talk
-    )
-
-
-def study_predict(loaded: LoadedEnsemble, talk: Talk, *, draws: int, readings: str = READINGS) -> Outcome:
-    """Predict every experiment; see :func:`run_predict`."""
-    from tendonrepro.evidence.figure_predictions import draw_predictions
-
     chosen, joints = named_readings(readings), loaded.compare.joints
     found = list(predictions(loaded, chosen, draws, talk))
     names = [held.name for held in chosen]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
@@ -23,9 +21,8 @@ from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, withou
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import read_traces
+from tendonrepro.studies.outcome import Outcome
 
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
 FAITHFUL = 1e-3
@@ -352,36 +349,29 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
     return [_data(one) for one in recovered(both, paper, talk)]
 
 
-def study_recover(path: Path, talk: Talk) -> Outcome:
-    """Find which controller made each run of a trace file, or of a results folder with one.
+def identity_of(file: TraceFile, paper: LoadedConfig) -> str:
+    """Digest of a log and of the configuration whose gains are expected."""
+    return hashlib.sha256(f"{paper.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
+
+
+def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, talk: Talk) -> Outcome:
+    """Find which controller made each run of a log that is called `name`.
 
     Raises
     ------
-    DataMissingError
-        If the log cannot be read.
     UsageError
         If no run has torque, desired and measured angles.
     """
-    paper = load_config(None, "compare")
-    held = recovered(read_traces(path), paper, talk)
+    held = recovered(file, paper, talk)
     own = held[0].expected is not paper.config
     data = {
         "schema_version": 1,
-        "log": str(path),
+        "log": name,
         "gains_from": "configuration" if own else "paper",
         "runs": [_data(one) for one in held],
     }
     sentences = "\n".join(one.sentence for one in held)
     return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(held)])
-
-
-def run_recover(path: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """Read the controllers off a log, write tables and manifest; what ``--json`` prints."""
-    file, loaded = read_traces(path), load_config(None, "compare")
-    digest = hashlib.sha256(f"{loaded.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
-    return run_study(
-        "recover", replace(loaded, sha256=digest), request, lambda _: study_recover(path, talk), talk
-    )
 
 
 def _data(one: Recovered) -> dict[str, Any]:

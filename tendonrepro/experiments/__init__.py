@@ -1,1 +1,1 @@
-"""The paper's own runs; enter by `command.run_experiments`."""
+"""The paper's own runs; enter by `commands`."""

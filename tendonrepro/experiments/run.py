@@ -21,9 +21,9 @@ from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.study import Outcome
 from tendonrepro.results.summary import USER_LAW, fitted_under
 from tendonrepro.simulation.loop import Loop, TimeDelayController
+from tendonrepro.studies.outcome import Outcome
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""

@@ -1,10 +1,11 @@
-"""Tensions at rest over the working half-plane, for every course of tendon 4."""
+"""Tensions at rest over the working half-plane, for every course of the tensioning tendon, the paper's 4."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,15 +14,9 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import Config, LoadedConfig
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
-from tendonrepro.results.paper import is_arm_of_paper
-from tendonrepro.results.study import Outcome, run_study
-from tendonrepro.results.tables import Table
 
 COURSES = tuple(statics.TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
@@ -97,84 +92,118 @@ class Maps(NamedTuple):
     room: Array
 
 
-class Survey(NamedTuple):
-    """Numbers by the keys of ``--json``, and maps by course of tendon 4."""
+@dataclass(frozen=True)
+class Extremes:
+    """One case of a course over all postures of the half-plane.
 
-    data: dict[str, Any]
-    maps: Mapping[str, Maps]
-    origin: str
+    `least` is the smallest tension of any tendon, N, at `tendon` and at the link angles `phi` (n,), rad.
+    `share` of the postures is tense. `pull` (2,), N, is the range of the force of tendon 4. `window` (2,), N,
+    is that of the forces under which every tendon pulls everywhere.
+    """
+
+    least: float
+    tendon: int
+    phi: Array
+    share: float
+    pull: Array
+    window: Array
 
 
-def run_statics(request: Request, talk: Talk) -> dict[str, Any]:
-    """Survey the tensions, and write the results."""
-    loaded = request.load("decouple")
-    return run_study("statics", loaded, request, lambda _: study_statics(loaded), talk)
+@dataclass(frozen=True)
+class Course:
+    """A course of tendon 4: what a newton of it adds to each tendon, (n,), and the range of its length, m.
+
+    There are maps where two joints or more move.
+    """
+
+    per_newton: Array
+    travel: float
+    maps: Maps | None
+    half_plane: Mapping[str, Extremes]
 
 
-def study_statics(loaded: LoadedConfig) -> Outcome:
-    """Survey the tensions of a configuration."""
-    from tendonrepro.experiments.figures import draw_margin
+@dataclass(frozen=True)
+class Survey:
+    """Tensions at rest over the working half-plane.
 
-    found = survey(loaded)
-    figures = {"margin": lambda: draw_margin(found.data, found.maps, found.origin)}
-    return Outcome(found.data, _parts(found), figures, {"solver": None})
+    `force`, N, pulls the tensioning tendon, and a share `loss` of it is lost at each pulley; these and
+    `payload`, kg, have their source beside them. `half_plane` (n, P), rad, are link angles of the postures.
+    `weight_alone` (n,), N, is the least tension that the weight leaves to each tendon.
+    """
+
+    loaded: LoadedConfig
+    force: tuple[float, str]
+    loss: tuple[float, str]
+    payload: tuple[float, str]
+    half_plane: Array
+    weight_alone: Array
+    courses: Mapping[str, Course]
+
+    @property
+    def joints(self) -> list[int]:
+        """The moving joints."""
+        return list(self.loaded.config.joints)
+
+    @property
+    def tensioning_tendon(self) -> int:
+        """Number of the tendon that is led past all joints."""
+        return self.loaded.config.manipulator.joints + 1
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether there are two links over whose angles maps can be."""
+        return len(self.joints) > 1
+
+    @property
+    def origin(self) -> str:
+        """Configuration, for captions."""
+        return f"{self.loaded.origin} (sha256 {self.loaded.sha256[:12]})"
 
 
 def survey(loaded: LoadedConfig) -> Survey:
-    """Work out tensions over the half-plane; a ConfigError if fewer than two joints move."""
+    """Work out tensions over the half-plane, and maps where two joints or more move."""
     config = loaded.config
-    n, joints = len(config.joints), list(config.joints)
-    if n < 2:
-        message = f"maps are over the angles of two links, but {n} joint moves"
-        raise ConfigError(message, where="joints")
-    force, force_source = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
-    loss, loss_source = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
-    payload = published().number("hardware.payload")
-    arm, motor = build_arm(config, 0.0), statics.Spring(force, 0.0)
+    force = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
+    loss = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
+    payload = _payload(config)
+    arm, motor = build_arm(config, 0.0), statics.Spring(force[0], 0.0)
     cases: dict[str, Case] = {
         "motor": (arm, motor),
-        "payload": (build_arm(config, payload), motor),
-        "spring": (arm, statics.Spring(force, force / STRETCH)),
+        "payload": (build_arm(config, payload[0]), motor),
+        "spring": (arm, statics.Spring(force[0], force[0] / STRETCH)),
     }
-    grid, everywhere = map_postures(config), half_plane(n)
+    everywhere = half_plane(len(config.joints))
+    grid = map_postures(config) if len(config.joints) > 1 else None
     routes = {course: mechanism(config, course) for course in COURSES}
-    maps = {course: _maps(grid, cases, route, loss) for course, route in routes.items()}
-    courses = {course: _course(everywhere, cases, routes[course], maps[course], joints) for course in COURSES}
     # Without its pull the course of tendon 4 does not matter.
-    weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE)
-    data = {
-        "schema_version": 1,
-        "command": "statics",
-        "of_paper": is_arm_of_paper(config.manipulator),
-        "joints": joints,
-        "held_joints": [k for k in range(1, config.manipulator.joints + 1) if k not in joints],
-        "start_link_angles_deg": np.rad2deg(np.cumsum(config.posture.si)).tolist(),
-        "map": {
-            "across": f"link {joints[-2]}",
-            "upright": f"link {joints[-1]}",
-            "held_link_angles_deg": np.rad2deg(start_angles(config)[:-2]).tolist(),
-        },
-        "postures": everywhere.shape[1],
-        "nearest_edge_deg": float(np.rad2deg(everywhere.min())),
-        "tensioner_force_N": force,
-        "pulley_loss": loss,
-        "payload_kg": payload,
-        "sources": {"force": force_source, "loss": loss_source, "payload": "printed: section 5.4"},
-        "reserve_N": RESERVE,
-        "spring_stretch_mm": 1e3 * STRETCH,
-        "least_tension_of_weight_alone_N": weight_alone.min(axis=1).tolist(),
-        "courses": courses,
+    weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE).min(axis=1)
+    courses = {
+        name: Course(
+            per_newton=route.per_newton(),
+            travel=route.travel(),
+            maps=None if grid is None else _maps(grid, cases, route, loss[0]),
+            half_plane={case: _over_all(everywhere, *cases[case], route, config.joints) for case in cases},
+        )
+        for name, route in routes.items()
     }
-    return Survey(data, maps, f"{loaded.origin} (sha256 {loaded.sha256[:12]})")
+    return Survey(loaded, force, loss, payload, everywhere, weight_alone, courses)
 
 
 def _value_or_box(configured: float, row: str) -> tuple[float, str]:
     """A value and its source; where the configuration has it off, the nominal of the box."""
     if configured > 0.0:
         return configured, "as configured"
-    held = dict(load_ensemble(None).config.box)[row]
-    assert isinstance(held, BoxRange)
-    return held.nominal, f"off in the configuration; nominal of the box, {held.low:g} to {held.high:g}"
+    values = dict(load_ensemble(None).config.box)[row]
+    assert isinstance(values, BoxRange)
+    return values.nominal, f"off in the configuration; nominal of the box, {values.low:g} to {values.high:g}"
+
+
+def _payload(config: Config) -> tuple[float, str]:
+    """The heaviest of the runs, kg, or the paper's where none has any; and its source."""
+    heaviest = max((run.payload for run in config.runs.values()), key=lambda payload: payload.si)
+    if heaviest.si > 0.0:
+        return heaviest.si, heaviest.source
+    return published().number("hardware.payload"), "printed: section 5.4"
 
 
 def mechanism(config: Config, course: str) -> Mechanism:
@@ -195,8 +224,8 @@ def mechanism(config: Config, course: str) -> Mechanism:
 def map_postures(config: Config) -> Array:
     """Link angles of a map, (n, A, A), rad: the last two links, the others held."""
     last, before = np.meshgrid(MAP_ANGLES, MAP_ANGLES, indexing="ij")
-    held = start_angles(config)[:-2]
-    return np.stack([*(np.full_like(last, angle) for angle in held), before, last])
+    others = start_angles(config)[:-2]
+    return np.stack([*(np.full_like(last, angle) for angle in others), before, last])
 
 
 def half_plane(n: int) -> Array:
@@ -230,63 +259,24 @@ def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Ar
     smallest = []
     for senses in product((-1.0, 1.0), repeat=route.side.shape[1]):
         passed_on = 1.0 + loss * np.array(senses)
-        found = statics.tension_with_losses(weight, pull, route.side, route.diameter, passed_on)
-        smallest.append(found.min(axis=0))
+        tension = statics.tension_with_losses(weight, pull, route.side, route.diameter, passed_on)
+        smallest.append(tension.min(axis=0))
     return np.stack([np.min(smallest, axis=0), np.max(smallest, axis=0)])
 
 
-def _course(
-    everywhere: Array, cases: Mapping[str, Case], route: Mechanism, maps: Maps, joints: list[int]
-) -> dict[str, Any]:
-    return {
-        "tension_per_newton": route.per_newton().tolist(),
-        "change_of_length_mm": 1e3 * route.travel(),
-        "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
-        "map_least_tension_with_friction_N": float(maps.band[0].min()),
-        "map_force_for_reserve_N": float(maps.needed.max()),
-        "map_share_where_a_force_leaves_reserve": float((maps.room >= 0.0).mean()),
-        "half_plane": {name: _over_all(everywhere, case, route, joints) for name, case in cases.items()},
-    }
-
-
-def _over_all(phi: Array, case: Case, route: Mechanism, joints: list[int]) -> dict[str, Any]:
-    """Smallest tension over postures (n, P), and share of them that are tense."""
-    arm, spring = case
+def _over_all(
+    phi: Array, arm: Arm, spring: statics.Spring, route: Mechanism, joints: Sequence[int]
+) -> Extremes:
+    """Smallest tension over postures (n, P)."""
     tension, pull = route.tension(phi, arm, spring), statics.spring_force(route.stretch(phi), spring)
     lowest, highest = statics.force_window(route.tension(phi, arm, WEIGHT_ALONE), route.per_newton())
     least = tension.min(axis=0)
     place = int(least.argmin())
-    return {
-        "least_tension_N": float(least[place]),
-        "tendon": joints[int(tension[:, place].argmin())],
-        "link_angles_deg": np.rad2deg(phi[:, place]).round(6).tolist(),
-        "share_tense": float((least > 0.0).mean()),
-        "pull_N": [float(pull.min()), float(pull.max())],
-        "force_window_N": [float(lowest.max()), float(highest.min())],
-    }
-
-
-def _parts(found: Survey) -> list[str | Table]:
-    data = found.data
-    alone = ", ".join(f"{tension:.2f}" for tension in data["least_tension_of_weight_alone_N"])
-    tendons = ", ".join(map(str, data["joints"]))
-    named = [{"course": name} | course for name, course in data["courses"].items()]
-    courses = [{key: x for key, x in course.items() if not isinstance(x, dict)} for course in named]
-    tensions = [
-        {"course": course["course"], "case": case} | over
-        for course in named
-        for case, over in course["half_plane"].items()
-    ]
-    everywhere = (
-        f"Tensions at rest over the working half-plane, {data['postures']} postures ({found.origin}). "
-        f"Tendon 4 pulls with {data['tensioner_force_N']:g} N ({data['sources']['force']})."
+    return Extremes(
+        least=float(least[place]),
+        tendon=joints[int(tension[:, place].argmin())],
+        phi=phi[:, place],
+        share=float((least > 0.0).mean()),
+        pull=np.array([pull.min(), pull.max()]),
+        window=np.array([lowest.max(), highest.min()]),
     )
-    on_maps = (
-        f"The courses of tendon 4. On the maps: the force that leaves {data['reserve_N']:g} N, and friction "
-        f"of {100 * data['pulley_loss']:g} % at each guide pulley ({data['sources']['loss']})."
-    )
-    return [
-        f"The weight alone leaves tendons {tendons} at least {alone} N at rest.",
-        Table("statics", everywhere, tensions, suffixes=("csv", "md")),
-        Table("courses", on_maps, courses, suffixes=("csv", "md")),
-    ]

@@ -1,39 +1,40 @@
-"""The comparison over values of one or two keys."""
+"""The comparison over values of one or two keys: its configurations, and what their runs give."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tendonrepro.configuration.load import LoadedConfig, config_digest, find_source, load_config
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import LoadedConfig, Source, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig, errors_from
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.overrides import Overrides, override, overrides_of
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.results.tables import Table
-from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.resolution import COMPILED_STEPPER
+
+Statuses: TypeAlias = NDArray[np.str_]
 
 OPTION = "--over"
 
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
-Axes: TypeAlias = Mapping[str, Sequence[Node]]
-"""Values by dotted key."""
+Over: TypeAlias = Sequence[str] | Mapping[str, Sequence[Any]]
+"""Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
 """Ratios by their keys, and the runs they compare."""
@@ -43,6 +44,20 @@ IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "ove
 
 IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "saturated", "fast_share")
 """What else is kept, under the batch's names."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key and its values.
+
+    `unit` is that of the quantity, if it is one. `numbers` are the values as numbers of each moving joint,
+    (values, n), or None where they are words.
+    """
+
+    key: str
+    values: Sequence[Node]
+    unit: str | None
+    numbers: list[list[float]] | None
 
 
 class Point(NamedTuple):
@@ -55,82 +70,160 @@ class Point(NamedTuple):
     loops: Mapping[str, Loop]
 
 
-class Sweep(NamedTuple):
-    """A sweep ready to run; `base` is unchanged but for the digest and inputs of the whole."""
+@dataclass(frozen=True)
+class Grid:
+    """Configurations of a sweep, checked.
+
+    `base` is unchanged but for the digest and inputs of the whole. `words` are what was asked for.
+    """
 
     base: LoadedConfig
-    axes: Axes
-    points: list[Point]
+    words: list[str]
+    axes: Sequence[Axis]
+    points: Sequence[Point]
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The moving joints."""
+        return self.points[0].loaded.config.joints
+
+    @property
+    def runs(self) -> list[str]:
+        """Names of the runs of every point."""
+        return list(self.points[0].loops)
 
 
-def run_sweep(request: Request, over: Sequence[str], talk: Talk) -> dict[str, Any]:
-    """Run the comparison over one or two of ``dotted.key=a,b,c``, and write the results."""
-    sweep = load_sweep(request, over)
-    return run_study("sweep", sweep.base, request, lambda _: study_sweep(sweep, over, talk), talk)
+class Ratio(NamedTuple):
+    """Ratio of two runs' MAE, (P, n), NaN where one did not last; and as a slow load would give it."""
+
+    simulated: Array
+    predicted: Array
 
 
-def study_sweep(sweep: Sweep, over: Sequence[str], talk: Talk) -> Outcome:
-    """Simulate a sweep."""
-    from tendonrepro.experiments.figures import draw_sweep
+@dataclass(frozen=True)
+class Sweep:
+    """What the runs of a sweep gave: P points, R runs, n joints.
 
-    data = simulate_sweep(sweep, talk)
-    manifest = {"solver": {"name": COMPILED_STEPPER}, "over": list(over), "points": len(sweep.points)}
-    return Outcome(data, sweep_tables(data), {"sweep": lambda: draw_sweep(data)}, manifest)
+    Attributes
+    ----------
+    status : array of str (P, R)
+    status_time : array (P, R)
+        End of each run, s.
+    steps : array of int (P, R)
+        Integrator's steps in a sampling period.
+    sizes : mapping of str to array (P, R, n)
+        By the names of `IN_DEGREES`, deg, and of `IN_SI`. A diverged run has its sizes up to its end.
+    ratios : mapping of str to Ratio
+        By the names of `PAIRS`, those whose runs are there.
+    """
+
+    grid: Grid
+    status: Statuses
+    status_time: Array
+    steps: NDArray[np.int64]
+    sizes: Mapping[str, Array]
+    ratios: Mapping[str, Ratio]
+
+    def named(self, status: str) -> list[str]:
+        """Points and runs that ended so."""
+        places = np.argwhere(self.status == status)
+        return [f"{self.grid.points[p].label} {self.grid.runs[r]}" for p, r in places]
 
 
-def load_sweep(request: Request, over: Sequence[str]) -> Sweep:
-    """Configurations of all points; the last key's values change fastest."""
-    axes = parse_over(over)
-    if request.seed is not None and not {"seed", "seed.value"}.isdisjoint(axes):
+def load_grid(
+    over: Over,
+    source: Source = None,
+    *,
+    overrides: Overrides | None = None,
+    seed: int | None = None,
+    controllers: str | Sequence[int] | None = None,
+) -> Grid:
+    """Read and check the configurations of all points; the last key's values change fastest.
+
+    Raises
+    ------
+    UsageError
+        If it is not over one or two keys with two values or more, or its points cannot be compared.
+    ConfigError
+        If a point is no configuration; names the point.
+    """
+    values_of = parse_over(over)
+    if seed is not None and not {"seed", "seed.value"}.isdisjoint(values_of):
         raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
+    changes = overrides_of(overrides)
     # Standard input can be read only once.
-    source = find_source(request.config, "compare")
-    load_one = partial(load_config, source, "compare", seed=request.seed, controllers=request.controllers)
-    base = load_one(overrides=request.overrides)
+    load_one = partial(
+        load_config, find_source(source, "compare"), "compare", seed=seed, controllers=controllers
+    )
+    base = load_one(overrides=changes)
     points = []
-    for places in product(*(range(len(listed)) for listed in axes.values())):
-        values = {key: axes[key][place] for key, place in zip(axes, places, strict=True)}
-        label = " ".join(f"{key}={text_of(value)}" for key, value in values.items())
-        changed = _following_step(values, base.config.sampling_period.unit) | values
-        changes = [f"{key}={json.dumps(value)}" for key, value in changed.items()]
+    for places in product(*(range(len(values)) for values in values_of.values())):
+        chosen = {key: values_of[key][place] for key, place in zip(values_of, places, strict=True)}
+        label = " ".join(f"{key}={text_of(value)}" for key, value in chosen.items())
+        changed = _following_step(chosen, base.config.sampling_period.unit) | chosen
         try:
-            loaded = load_one(overrides=[*request.overrides, *changes])
-            points.append(Point(label, values, [*places], loaded, all_loops(loaded)))
+            loaded = load_one(overrides=[*changes, *(override(key, value) for key, value in changed.items())])
+            points.append(Point(label, chosen, [*places], loaded, all_loops(loaded)))
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
+    _check_comparable(points)
+    words = _words_of(over)
+    base = replace(
+        base,
+        sha256=config_digest({"over": words, "points": [point.loaded.sha256 for point in points]}),
+        inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
+        # Of a key that is read at one point, the sweep shows what it does.
+        unread=tuple(set.intersection(*(set(point.loaded.unread) for point in points))),
+    )
+    config = points[0].loaded.config
+    n, total = len(config.joints), config.manipulator.joints
+    axes = [
+        Axis(key, values, unit_of(key, base.tree), numbers_per_joint(values, n, total))
+        for key, values in values_of.items()
+    ]
+    return Grid(base, words, axes, points)
+
+
+def _check_comparable(points: Sequence[Point]) -> None:
     if len({(tuple(point.loaded.config.joints), tuple(point.loops)) for point in points}) > 1:
         message = "all points of a sweep must move the same joints and have the same runs"
         raise UsageError(message, where=OPTION)
     if any(errors_from(point.loaded.config) > 0.0 for point in points):
         hint = "say --set errors_from=0, or run compare for each value"
         raise UsageError("a sweep averages whole runs, so errors_from must be 0", where=OPTION, hint=hint)
-    base = replace(
-        base,
-        sha256=config_digest({"over": list(over), "points": [point.loaded.sha256 for point in points]}),
-        inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
-        # Of a key that is read at one point, the sweep shows what it does.
-        unread=tuple(set.intersection(*(set(point.loaded.unread) for point in points))),
-    )
-    return Sweep(base, axes, points)
 
 
-def parse_over(over: Sequence[str]) -> Axes:
-    """Read ``key=a,b,c``, once or twice."""
-    axes = dict(map(_axis, over))
-    if not 1 <= len(axes) == len(over) <= 2:
-        message = f"a sweep is over one or two keys, each given once, not {len(over)}"
+def parse_over(over: Over) -> dict[str, list[Node]]:
+    """Values by key; a UsageError where it is not over one or two keys."""
+    if isinstance(over, Mapping):
+        pairs = [(key, _checked(str(key), override(key, values).value)) for key, values in over.items()]
+    else:
+        pairs = [_parsed(text) for text in over]
+    values_of = dict(pairs)
+    if not 1 <= len(values_of) == len(pairs) <= 2:
+        message = f"a sweep is over one or two keys, each given once, not {len(pairs)}"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
-    return axes
+    return values_of
 
 
-def _axis(text: str) -> tuple[str, list[Node]]:
+def _parsed(text: str) -> tuple[str, list[Node]]:
     key, equals, listed = text.partition("=")
     key = key.strip()
-    values = load(f"[{listed}]", f"{OPTION} {key}").tree
-    if not equals or not isinstance(values, list) or len(values) < 2:
+    return key, _checked(text, load(f"[{listed}]", f"{OPTION} {key}").tree if equals else None)
+
+
+def _checked(text: str, values: Node) -> list[Node]:
+    if not isinstance(values, list) or len(values) < 2:
         message = f"{text!r} is not of the form key=a,b,c with two values or more"
         raise UsageError(message, where=OPTION, hint=_EXAMPLE)
-    return key, values
+    return values
+
+
+def _words_of(over: Over) -> list[str]:
+    """What was asked for, as on the command line."""
+    if not isinstance(over, Mapping):
+        return list(over)
+    return [f"{key}={','.join(map(text_of, values))}" for key, values in parse_over(over).items()]
 
 
 def text_of(value: Node) -> str:
@@ -170,98 +263,50 @@ def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[f
     return numbers if distinct else None
 
 
-def simulate_sweep(sweep: Sweep, talk: Talk) -> dict[str, Any]:
-    """Simulate every run of every point; what does not exist is NaN."""
-    total = sum(len(point.loops) for point in sweep.points)
+def simulate(grid: Grid, talk: Talk) -> Sweep:
+    """Simulate every run of every point."""
+    total = sum(len(point.loops) for point in grid.points)
     with talk.bar(f"simulating {count_of(total, 'run')}", total) as progress:
-        points = [_simulate_point(point, progress) for point in sweep.points]
-    status = {f"{p['label']} {run}": found["status"] for p in points for run, found in p["runs"].items()}
-    config = sweep.points[0].loaded.config
-    return {
-        "schema_version": 1,
-        "experiment": "sweep",
-        "config": sweep.base.origin,
-        "config_sha256": sweep.base.sha256,
-        "joints": list(config.joints),
-        "runs": list(config.runs),
-        "keys": [
-            {
-                "key": key,
-                "unit": unit_of(key, sweep.base.tree),
-                "values": values,
-                "texts": [text_of(value) for value in values],
-                "numbers": numbers_per_joint(values, len(config.joints), config.manipulator.joints),
-            }
-            for key, values in sweep.axes.items()
-        ],
-        "points": points,
-        "status": status,
-        "diverged": [name for name, ended in status.items() if ended == "diverged"],
-    }
+        batches = [_simulate_point(point, progress) for point in grid.points]
+    status = np.array(STATUSES)[np.array([batch.status for batch in batches])]
+
+    def stacked(name: str) -> Array:
+        return np.stack([batch.statistics[name] for batch in batches])
+
+    sizes = {name: np.rad2deg(stacked(statistic)) for name, statistic in IN_DEGREES.items()}
+    return Sweep(
+        grid=grid,
+        status=status,
+        status_time=np.array([batch.status_time for batch in batches]),
+        steps=np.array([batch.steps for batch in batches]),
+        sizes=sizes | {name: stacked(name) for name in IN_SI},
+        ratios={
+            pair: Ratio(
+                ratio_of(sizes["mae_deg"], status, [grid.runs.index(run) for run in both]),
+                np.array([_predicted(point, both) for point in grid.points]),
+            )
+            for pair, both in PAIRS.items()
+            if set(both) <= set(grid.runs)
+        },
+    )
 
 
-def _simulate_point(point: Point, progress: Callable[[int], None]) -> dict[str, Any]:
+def _simulate_point(point: Point, progress: Callable[[int], None]) -> Batch:
+    return simulate_batch([*point.loops.values()], point.loaded.config.status, progress=progress)
+
+
+def ratio_of(mae: Array, status: Statuses, pair: Sequence[int]) -> Array:
+    """Ratio (P, n) of MAE (P, R, n) of two of the runs, NaN where one of them did not last."""
+    first, second = (mae[:, run] for run in pair)
+    lasted = np.isin(status[:, pair], ("ok", "ringing")).all(axis=1, keepdims=True)
+    unknown = np.full_like(first, np.nan)
+    return np.divide(first, second, out=unknown, where=(second > 0.0) & lasted)
+
+
+def _predicted(point: Point, pair: Sequence[str]) -> Array:
+    """Ratio of two runs' errors under a slow load, (n,)."""
     config = point.loaded.config
     assert isinstance(config, CompareConfig)
-    batch = simulate_batch([*point.loops.values()], config.status, progress=progress)
-    runs = {
-        run: {
-            "status": STATUSES[batch.status[k]],
-            "status_time_s": float(batch.status_time[k]),
-            "steps_per_sample": int(batch.steps[k]),
-        }
-        | {name: np.rad2deg(batch.statistics[key][k]).tolist() for name, key in IN_DEGREES.items()}
-        | {name: batch.statistics[name][k].tolist() for name in IN_SI}
-        for k, run in enumerate(point.loops)
-    }
-    found = {"label": point.label, "values": point.values, "places": point.places, "runs": runs}
-    return found | _ratios(runs, config)
-
-
-def _ratios(runs: Mapping[str, Mapping[str, Any]], config: CompareConfig) -> dict[str, Any]:
-    """Ratios of MAE where both runs lasted, and under a slow load."""
-    e, delay = float(np.deg2rad(TYPICAL_ERROR_DEG)), int(config.manipulator.actuator.output_delay.si)
-    ratio, predicted = {}, {}
-    for pair, names in PAIRS.items():
-        if not config.runs.keys() >= set(names):
-            continue
-        one, other = (build_law(config, config.runs[name].law) for name in names)
-        predicted[pair] = error_ratio(one, other, e, delay).tolist()
-        first, second = (np.array(runs[name]["mae_deg"]) for name in names)
-        lasted = all(runs[name]["status"] in {"ok", "ringing"} for name in names)
-        unknown = np.full_like(first, np.nan)
-        ratio[pair] = np.divide(first, second, out=unknown, where=(second > 0.0) & lasted).tolist()
-    return {"ratio": ratio, "predicted_ratio": predicted}
-
-
-def sweep_tables(data: Mapping[str, Any]) -> list[Table]:
-    """A short table for the terminal, and one of everything."""
-    swept = f"{data['config']} over {' and '.join(axis['key'] for axis in data['keys'])}"
-    points = f"{swept}: MAE of each run, deg, and ratios of MAE."
-    every = f"{swept}, sweep {data['config_sha256'][:12]}. A diverged run has its numbers up to its end."
-    return [
-        Table("points", points, list(point_rows(data))),
-        Table("sweep", every, list(run_rows(data)), terminal=()),
-    ]
-
-
-def point_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """MAE of every run, ratios, and the runs that are not ok."""
-    for point in data["points"]:
-        runs, ratios = point["runs"].items(), point["ratio"].items()
-        bad = [f"{run} {found['status']}" for run, found in runs if found["status"] != "ok"]
-        for k, joint in enumerate(data["joints"]):
-            row = {"point": point["label"], "joint": joint}
-            row |= {run: found["mae_deg"][k] for run, found in runs} | {x: r[k] for x, r in ratios}
-            yield row | {"status": bad or "ok"}
-
-
-def run_rows(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Values of the keys, then all numbers of a run and joint."""
-    for point in data["points"]:
-        texts = {key: text_of(value) for key, value in point["values"].items()}
-        for run, found in point["runs"].items():
-            for k, joint in enumerate(data["joints"]):
-                row = texts | {"run": run, "joint": joint}
-                row |= {name: found[name] for name in ("status", "status_time_s")}
-                yield row | {name: found[name][k] for name in (*IN_DEGREES, *IN_SI)}
+    one, other = (build_law(config, config.runs[run].law) for run in pair)
+    delay = int(config.manipulator.actuator.output_delay.si)
+    return error_ratio(one, other, float(np.deg2rad(TYPICAL_ERROR_DEG)), delay)

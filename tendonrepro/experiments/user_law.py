@@ -91,16 +91,17 @@ class UserLaw:
             raise TendonreproError(message, where=where, hint=hint) from error
 
 
-def laws_of(specs: Sequence[str], given: Mapping[str, Callable[..., Any]] | None = None) -> list[UserLaw]:
-    """Laws named as ``FILE:NAME``, then those given by name."""
+def laws_of(given: Sequence[str] | Mapping[str, Callable[..., Any]] | None) -> list[UserLaw]:
+    """Laws named as ``FILE:NAME``, or given by name."""
     laws = []
-    for spec in specs:
+    own = given if isinstance(given, Mapping) else {}
+    for spec in () if own else given or ():
         file, _, name = spec.rpartition(":")
         if not name.isidentifier() or not Path(file).is_file():
             message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
             raise UsageError(message, where="--law")
         laws.append(UserLaw(name, Path(file)))
-    laws += [UserLaw(name, given=law) for name, law in (given or {}).items()]
+    laws += [UserLaw(name, given=law) for name, law in own.items()]
     for law in laws:
         if "/" in law.name or law.name.endswith(PAYLOAD):
             message = f"a law cannot be called {law.name!r}"

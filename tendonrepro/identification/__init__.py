@@ -1,1 +1,1 @@
-"""Plants closest to the print; enter by `command.run_identify`."""
+"""Plants closest to the print; enter by `commands.identify`."""

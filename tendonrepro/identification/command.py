@@ -14,13 +14,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
@@ -28,7 +27,6 @@ from tendonrepro.files import digest_of
 from tendonrepro.identification import report
 from tendonrepro.identification.misfit import Bench, Printed, Window, printed_numbers, rounding_misfit
 from tendonrepro.identification.search import (
-    UNKNOWNS,
     Effort,
     Found,
     Plants,
@@ -41,9 +39,12 @@ from tendonrepro.monte_carlo.held import held_at
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.study import Outcome, foretell, run_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.lifecycle import folder_of
+from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.study import Study
 
 Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
@@ -111,40 +112,42 @@ class Task:
 
     def identity(self) -> str:
         """SHA-256 of all of it, and of the code."""
-        content = {
+        readings = [held.name for held in self.readings]
+        return digest_of(self._content() | {"readings": readings})
+
+    def of_searches(self) -> str:
+        """SHA-256 of what each search depends on: all of it but which other readings are searched."""
+        return digest_of({name: held for name, held in self._content().items() if name != "searches"})
+
+    def _content(self) -> dict[str, Any]:
+        return self.outline() | {
             "version": __version__,
-            "code": code_digest("physics", "simulation"),
+            "code": code_digest("physics", "simulation", "identification"),
             "config": self.loaded.sha256,
-            "readings": [held.name for held in self.readings],
             "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
         }
-        return digest_of(self.outline() | content)
 
 
-def run_identify(
-    request: Request,
-    talk: Talk,
+def identification(
+    loaded: LoadedEnsemble,
+    effort: Effort,
     *,
-    fit: Target = "controller_2",
-    readings: str = "printed",
-    window: Window = "whole",
-    generations: int = 60,
-    population: int = 48,
-    seeds: int = 3,
-    unknowns: int = UNKNOWNS,
-    rows: str = "",
-    jobs: int = -1,
-) -> dict[str, Any]:
-    """Search, and write numbers, tables, figures and the best plant's configuration.
+    fit: Target,
+    readings: str,
+    window: Window,
+    unknowns: int,
+    rows: str,
+    jobs: int,
+    folder: Folder,
+) -> Study:
+    """Check and prepare a search.
 
     Parameters
     ----------
-    request : Request
-        Of an ensemble, whose box is searched.
+    loaded : LoadedEnsemble
+        Its box is searched.
     readings : str
         ``printed``, ``default``, those that pictures and tables show as ``shown``, or names joined by commas.
-    generations, population, seeds : int
-        Effort of each search; the population is of one seed.
     unknowns : int
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
@@ -153,59 +156,61 @@ def run_identify(
     Raises
     ------
     UsageError
-        For an unknown reading or row, no effort, or a folder with other results.
+        For an unknown reading or row, or no effort.
     """
-    folder = request.folder("identify")
-    _check_at_least_one(
-        generations=generations, population=population, seeds=seeds, unknowns=unknowns, jobs=abs(jobs)
-    )
-    loaded = load_ensemble(request.config, overrides=request.overrides, seed=request.seed)
-    base = loaded.base
+    check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
     named = _named(readings, loaded)
-    jobs = jobs if jobs > 0 else processors()
+    box = make_box(loaded.config)
     task = Task(
         loaded=loaded,
         fit=fit,
         readings=named,
-        effort=Effort(generations, population, seeds),
+        effort=effort,
         unknowns=unknowns,
-        rows=_named_rows(rows, make_box(loaded.config).names),
+        rows=_named_rows(rows, box.names),
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
-        bench=Bench(base, held_at(make_box(loaded.config), loaded.compare), window, simulate_batch),
+        bench=Bench(loaded.base, held_at(box, loaded.compare), window, simulate_batch),
     )
-    identity = task.identity()
-    head = task.outline() | {"out": str(folder), "config": str(folder / report.CONFIG)}
-    if request.dry_run:
-        foretell(folder, identity, "identify", request, talk)
-        searches = count_of(len(head["searches"]), "search", "searches")
-        text = f"identify would make {searches} of {head['evaluations']} plants"
-        plan = {"dry_run": True, "config_sha256": loaded.sha256, "readings": [held.name for held in named]}
-        return head | plan | {"text": f"{text}\nwould write to {folder}"}
-    states = f"search-{identity[:16]}"  # those of another search are not taken up
+    out, identity = folder_of("identify", folder), task.identity()
+    head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
+    states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
 
-    def study(made_in: Path) -> Outcome:
-        found = _searches(task, made_in / states, jobs, talk)
-        data = head | {"readings": [found[held.name][0] for held in named]}
-        data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-        _write_plants(made_in, found, data)
-        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        config = {
-            "origin": base.origin,
-            "sha256": identity,
-            "tree": base.tree,
-            "ensemble_sha256": loaded.sha256,
-        }
-        made = {"experiment": "identify", "seed": task.seed, "solver": solver, "config": config}
-        return replace(report.outcome(data), manifest=made)
+    def run(talk: Talk, files: Path) -> Outcome:
+        return _outcome(task, head, _searches(task, files / states, jobs, talk), files)
 
-    return run_study("identify", replace(base, sha256=identity), request, study, talk, keep=states)
+    base = replace(loaded.base, sha256=identity)
+    return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
+
+
+def _plan(task: Task, head: Mapping[str, Any]) -> dict[str, Any]:
+    """What ``--json`` of a dry run says."""
+    searches = count_of(len(head["searches"]), "search", "searches")
+    text = f"identify would make {searches} of {head['evaluations']} plants\nwould write to {head['out']}"
+    readings = [reading.name for reading in task.readings]
+    return {**head, "config_sha256": task.loaded.sha256, "readings": readings, "text": text}
+
+
+def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -> Outcome:
+    """Numbers, tables and figures, and the best plant's configuration as a file."""
+    loaded = task.loaded
+    data = {**head, "readings": [found[reading.name][0] for reading in task.readings]}
+    data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
+    _write_plants(files, found, data)
+    config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
+    manifest = {
+        "experiment": "identify",
+        "seed": task.seed,
+        "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
+        "config": config | {"ensemble_sha256": loaded.sha256},
+    }
+    return replace(report.outcome(data), manifest=manifest)
 
 
 def _write_plants(folder: Path, found: Results, data: Mapping[str, Any]) -> None:
     """The best plant under each reading as a configuration, and the best of all."""
-    for name, (held, best) in found.items():
-        report.write_config(folder / report.PLANTS / f"{name}.yaml", best, data, held)
+    for name, (reading, best) in found.items():
+        report.write_config(folder / report.PLANTS / f"{name}.yaml", best, data, reading)
     first = report.best_of(data)["name"]
     report.write_config(folder / report.CONFIG, found[first][1], data, found[first][0])
 
@@ -216,7 +221,7 @@ def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     return named_readings(",".join(SHOWN) if readings == "shown" else readings)
 
 
-def _check_at_least_one(**options: int) -> None:
+def check_at_least_one(**options: int) -> None:
     """Refuse an option below 1, or a UsageError."""
     for option, value in options.items():
         if value < 1:
@@ -225,7 +230,7 @@ def _check_at_least_one(**options: int) -> None:
 
 def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
-    cases = list(task.cases())
+    cases, jobs = list(task.cases()), jobs if jobs > 0 else processors()
     processes = min(jobs, len(cases))
     simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
@@ -248,7 +253,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
     def plants(bench: Bench, most: int, name: str) -> Plants:
         misfit = partial(bench.evaluated, reading=case, runs=task.fitted, goal=goal)
         told = progress or (lambda _: None)
-        return Plants(misfit, len(box.names), most, states / f"{place}-{name}.npy", told)
+        return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])

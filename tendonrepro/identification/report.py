@@ -20,9 +20,9 @@ from tendonrepro.files import write_atomically
 from tendonrepro.identification.misfit import METRICS, Printed, Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.results.study import Outcome
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
+from tendonrepro.studies.outcome import Outcome
 
 CONFIG = "identified.yaml"
 """The best plant of all."""
@@ -34,7 +34,9 @@ AT_BOUND = 0.01
 """Share of a row's range within which the best plant counts as at its bound."""
 
 _DRAWN = "assumed: draw from the box, "
-_HELD = "identified: not searched, of the arm that the search began with, "
+_HELD = "not searched but of the arm at the start, "
+_OF_JOINT = re.compile("(_joint)?_[23]$")
+"""End of a row's name that a source leaves out."""
 _CAPTIONS = {
     "numbers": "Printed numbers, the best plant's, and the range of the seeds' plants that come near.",
     "best_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
@@ -91,12 +93,12 @@ def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], hel
     """Write the best plant under a reading as a configuration, and read it back as a check."""
     numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2 of Table 2"
     source = f"identified: {numbers}, misfit {held['misfit_log']:.2g}, "
-    searched = held["rows_searched"]
+    searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in held["rows_searched"])
 
     def told(drawn: re.Match[str]) -> str:
         """Where a number comes from: a row that was searched, or one that kept what the arm has."""
-        is_searched = any(row.removesuffix("_2").removesuffix("_3") in drawn[1] for row in searched)
-        return (source if is_searched else _HELD) + drawn[1]
+        is_searched = re.search(rf"\b({searched})\b", drawn[1])
+        return source + ("" if is_searched else _HELD) + drawn[1]
 
     text = re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True))
     tree = json.loads(text, parse_float=_whole)

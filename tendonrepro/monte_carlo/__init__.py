@@ -1,1 +1,1 @@
-"""Many plausible plants under many readings; enter by `command.run_ensemble`."""
+"""Many plausible plants under many readings; enter by `commands.ensemble`."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import Source
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
-from tendonrepro.configuration.request import FORMATS, Request
+from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
@@ -24,82 +26,21 @@ from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import make_manifest, refuse_others, replaced, take_over
-from tendonrepro.results.study import Outcome, figure_formats
+from tendonrepro.results.store import make_manifest, take_over
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.lifecycle import folder_of
+from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.study import Study as Runnable
 
 
-def run_ensemble(
-    request: Request,
-    talk: Talk,
-    *,
-    draws: int,
-    jobs: int = 1,
-    dask: str | None = None,
-    readings: str = "default",
-) -> dict[str, Any]:
-    """Simulate many plausible plants under many readings; what ``--json`` prints.
+def load_study(source: Source, overrides: Overrides | None, seed: int | None, readings: str) -> Study:
+    """Read an ensemble's configuration; `readings` are names with commas between.
 
-    Parameters
-    ----------
-    request : Request
-        `force` gives up the blocks of another configuration or version.
-    draws : int
-        A power of two.
-    jobs : int
-        Processes; -1 is one for each processor.
-    dask : str or None
-        Address of a dask.distributed scheduler.
-    readings : str
-        ``default``: as printed, alternatives and the configuration's pairs. Else names with commas between;
-        the printed reading is added.
-
-    Raises
-    ------
-    UsageError
-        For impossible draws, jobs or readings, or results of another configuration.
-    TendonreproError
-        When results cannot be written; whole blocks stay.
+    ``default`` stands for the text as printed, alternatives and the pairs of the configuration. The printed
+    reading is added to others. A UsageError for an unknown one.
     """
-    if not jobs:
-        message = "must be a number of processes, or -1 for one for each processor, found 0"
-        raise UsageError(message, where="--jobs")
-    study = load_study(request.config, request.overrides, request.seed, readings)
-    folder = request.folder("ensemble")
-    if request.dry_run:
-        return _plan(study, draws, folder, force=request.force)
-    return run_study(
-        study,
-        draws,
-        folder,
-        jobs=jobs,
-        force=request.force,
-        dask=dask,
-        talk=talk,
-        formats=request.formats,
-    )
-
-
-def _plan(study: Study, draws: int, folder: Path, *, force: bool) -> dict[str, Any]:
-    refuse_others(folder, study.identity, command="ensemble", force=force)
-    blocks = study.blocks(draws)
-    cost = study.cost(blocks)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "experiment": "ensemble",
-        "dry_run": True,
-        "config_sha256": study.loaded.sha256,
-        "draws": draws,
-        "cost": cost,
-        "blocks": len(blocks),
-        "out": str(folder),
-        "text": f"ensemble: {draws} draws, {count_of(len(study.readings), 'reading')}: {cost_text(cost)}",
-    }
-
-
-def load_study(source: str | None, overrides: Sequence[str], seed: int | None, readings: str) -> Study:
-    """Read an ensemble's configuration; `readings` as for :func:`run_ensemble`."""
     loaded = load_ensemble(source, overrides=overrides, seed=seed)
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
@@ -116,31 +57,47 @@ def load_study(source: str | None, overrides: Sequence[str], seed: int | None, r
     )
 
 
-def run_study(
+def ensemble_study(
     study: Study,
     draws: int,
-    folder: Path,
     *,
-    jobs: int,
-    talk: Talk,
-    force: bool = False,
+    jobs: int = 1,
     dask: str | None = None,
     simulate: Simulate = simulate_batch,
-    formats: Sequence[str] = FORMATS,
-) -> dict[str, Any]:
-    """Compute missing blocks, then tables and figures of all."""
+    folder: Folder,
+) -> Runnable:
+    """Prepare an ensemble: missing blocks are computed, then come tables and figures of all.
+
+    Parameters
+    ----------
+    draws : int
+        A power of two.
+    jobs : int
+        Processes; -1 is one for each processor.
+    dask : str, optional
+        Address of a dask.distributed scheduler.
+
+    Raises
+    ------
+    UsageError
+        For impossible draws or jobs.
+    """
+    if not jobs:
+        message = "must be a number of processes, or -1 for one for each processor, found 0"
+        raise UsageError(message, where="--jobs")
     blocks = study.blocks(draws)
-    with replaced(folder, study.identity, command="ensemble", force=force, keep=SHARDS, talk=talk) as result:
-        shards = result.path / SHARDS
-        _take_over(folder / SHARDS, shards, study, force=force)
+    earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
+
+    def run(talk: Talk, files: Path) -> Outcome:
+        shards = files / SHARDS
+        _take_over(earlier, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
         missing = [block for block, path in paths.items() if not path.exists()]
-        resumed = len(blocks) - len(missing)
+        resumed, ahead = len(blocks) - len(missing), study.cost(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
         make = partial(make_block, study, simulate=simulate)
         stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
-        ahead = study.cost(missing)
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
@@ -150,17 +107,33 @@ def run_study(
                 write_atomically(paths[block], image)
                 progress(1)
         seconds = time.perf_counter() - started
-        result.write(PLAN, to_json(study.plan(draws)))
+        (files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
         speed = {
             "experiments_per_second": ahead["experiments"] / seconds if missing else None,
             "resumed_from": resumed,
             "blocks": len(blocks),
         }
-        outcome = _outcome(study, draws, result.path, speed)
-        outcome.save(result, "summary", formats)
-        result.manifest = _manifest(study, seconds) | figure_formats(formats)
-    text = f"{outcome.text()}\n\nResults are in {folder}"
-    return {**outcome.data, "text": text, "out": str(folder)}
+        return replace(_outcome(study, draws, files, speed), manifest=_manifest(study, seconds))
+
+    base = replace(study.loaded.base, sha256=study.identity)
+    plan = _plan(study, draws)
+    return Runnable(base, run, folder, keep=SHARDS, stays=True, stored=True, numbers="summary", plan=plan)
+
+
+def _plan(study: Study, draws: int) -> dict[str, Any]:
+    """What ``--json`` of a dry run says."""
+    blocks = study.blocks(draws)
+    cost = study.cost(blocks)
+    readings = count_of(len(study.readings), "reading")
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "experiment": "ensemble",
+        "config_sha256": study.loaded.sha256,
+        "draws": draws,
+        "cost": cost,
+        "blocks": len(blocks),
+        "text": f"ensemble: {draws} draws, {readings}: {cost_text(cost)}",
+    }
 
 
 def on_cluster(

@@ -63,7 +63,9 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     found = stored_under(folder)
     content = page(found).encode()
     write_atomically(path, content)
-    told = {"parts": found.origins, "left_out": found.left_out}
+    # What the package stores is of the paper's arm.
+    parts = {name: origin for name, origin in found.origins.items() if not found.own_arm or origin == "run"}
+    told = {"parts": parts, "left_out": found.left_out}
     return {"schema_version": 1, "path": str(path), "bytes": len(content), **told}
 
 

@@ -12,6 +12,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
+from tendonrepro.verdicts.rules import ByChoice, changing
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -20,6 +21,7 @@ ROBUSTNESS_HEADS = (
     "plants",
     "published order",
     "Controller 1 first",
+    "Controller 1 last",
     "reverse order",
     "error 1 / 2",
 )
@@ -98,7 +100,8 @@ def robustness(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _cells(label: str, reading: Mapping[str, Any]) -> tuple[str, ...]:
-    shares = (percent(reading[key]["share"]) for key in ("in_order", "first_best", "in_reverse"))
+    orders = ("in_order", "first_best", "first_worst", "in_reverse")
+    shares = (percent(reading.get(key, {}).get("share")) for key in orders)
     ratio = reading["c1_c2"]["joint_2"]["median"] if "c1_c2" in reading else None
     return label, f"{reading['in_order']['plants']:,}", *shares, "–" if ratio is None else f"{ratio:.2f}"
 
@@ -141,6 +144,13 @@ def ours(entry: Mapping[str, Any]) -> str:
     if value is None:
         return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
     return f"{value:.4g}{unit}"
+
+
+def unless(entry: Mapping[str, Any]) -> str:
+    """Motions and starts under which the verdict is another one, and which."""
+    choices = [ByChoice(**one) for one in entry.get("by_choice", ())]
+    found = changing(entry["verdict"], choices)
+    return ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in found)
 
 
 def in_words(statement: str) -> str:

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.reporting.contents import by_name
 from tendonrepro.results.on_disk import read_result
+from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
 
 PARTS = {
@@ -51,6 +53,15 @@ class Stored:
     ledger: Mapping[str, Any]
     origins: Mapping[str, str]
     left_out: Mapping[str, str]
+
+    @property
+    def own_arm(self) -> str | None:
+        """Name of the arm where all that was run is of another one than the paper's."""
+        trees = [held["config"]["tree"] for held in self.manifests.values()]
+        arms = [tree["manipulator"] for tree in trees if tree.get("manipulator")]
+        if not arms or any(is_arm_of_paper(Manipulator.model_validate(arm)) for arm in arms):
+            return None
+        return ", ".join(dict.fromkeys(arm["name"] for arm in arms))
 
 
 _SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}

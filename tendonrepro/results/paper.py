@@ -25,8 +25,8 @@ METRICS = ("mae", "rmse")
 """What Tables 2 and 3 print."""
 
 OTHER_BASE = (
-    "The base has not the paper's arm, gains and payload, so nothing here speaks of the paper, although its "
-    "numbers stand beside."
+    "The base has not the paper's arm, gains and payload, or its runs start apart or with other friction. So "
+    "nothing here speaks of the paper, although its numbers stand beside."
 )
 """Conclusion of an ensemble or a search where `base_of_paper` does not hold."""
 
@@ -52,7 +52,19 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 
 
 def base_of_paper(config: CompareConfig) -> bool:
-    """Whether the plants of an ensemble are drawn around the paper's arm, gains and payload."""
+    """Whether plants that are drawn around a comparison speak of the paper.
+
+    It has the paper's arm, gains and payload, and its runs start on their reference with equal friction:
+    what is said of interpretations that leave starts and friction alone rests on that.
+    """
+    scales = [run.friction_scale.si for run in config.runs.values() if run.friction_scale]
+    starts = [run.start_offset.si for run in config.runs.values() if run.start_offset]
+    alike = all(scale == 1.0 for scale in scales) and not any(np.any(start) for start in starts)
+    return alike and compares_as_paper(config)
+
+
+def compares_as_paper(config: CompareConfig) -> bool:
+    """Whether a comparison has the paper's arm, gains and payload."""
     if config.joints != COMPARED:
         return False
     gains = {name: held.si for name, held in config.control.gains if held}

@@ -80,16 +80,18 @@ def made_tables(file: TraceFile) -> list[Table]:
         joints = "/".join(map(str, next(iter(part.runs.values())).joint))
         seconds = left_out(part)
         over = f"from {seconds:g} s on" if seconds else "over the whole run"
+        captions = {} if of_paper(part) else _OWN_CAPTIONS
         for name, (make, caption) in tables.items():
             rows = list(make(part))
             columns = {
                 column: (heading.format(joints=joints, seconds=seconds or START), form)
                 for column, (heading, form) in COLUMNS.items()
-                if any(column in row for row in rows)
+                if any(row.get(column) is not None for row in rows)
             }
             terminal = None if name in _IN_THE_TERMINAL else ()
             if rows:
-                about = caption.format(over=over)
+                about = captions.get(name, caption).format(over=over)
+                about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
                 found.append(Table(name, f"{about} ({origin}).", rows, columns, terminal))
     return found
 
@@ -235,7 +237,7 @@ def load_rows(file: TraceFile) -> Iterator[TableRow]:
 
 def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
     """Table 2 as the paper lays it out; see `_as_printed`."""
-    proposed = {CONTROLLERS[0]: "Proposed (Controller 1)"}
+    proposed = {CONTROLLERS[0]: "Proposed (Controller 1)"} if of_paper(file) else {}
     runs = summary.compared_runs(file).values()
     return _as_printed(file, {proposed.get(run.name, summary.run_title(run)): run for run in runs})
 
@@ -291,6 +293,8 @@ def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
 
 
 _PLAUSIBLE = "; plausible: central 90 % of the stable plants"
+_OF_RANGES = {f"{metric}_{column}" for metric in METRICS for column in ("plausible_pair", "low_deg")}
+"""Columns that a caption explains so."""
 _RANKING = "Controllers by size of error; between two that diverged there is no order"
 _LOADS = "tracking errors of Controller 1 without and with payload"
 _MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
@@ -302,16 +306,26 @@ _TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow
         "decoupling_torque": (motor_rows, _MOTORS),
     },
     "compare": {
-        "table2": (controller_rows, f"Table 2, tracking errors {{over}}{_PLAUSIBLE}"),
-        "table2_paper": (paper_controller_rows, f"Table 2 as the paper lays it out, {{over}}{_PLAUSIBLE}"),
-        "table3": (load_rows, f"Table 3, {_LOADS}, {{over}}{_PLAUSIBLE}"),
-        "table3_paper": (paper_load_rows, f"Table 3 as the paper lays it out, {{over}}{_PLAUSIBLE}"),
+        "table2": (controller_rows, "Table 2, tracking errors {over}"),
+        "table2_paper": (paper_controller_rows, "Table 2 as the paper lays it out, {over}"),
+        "table3": (load_rows, f"Table 3, {_LOADS}, {{over}}"),
+        "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out, {over}"),
         "without_start": (start_rows, "Tracking errors of the whole run, and without its start"),
         "ranking": (ranking_rows, f"{_RANKING}; errors {{over}}"),
         "torque": (motor_rows, _MOTORS),
     },
 }
 """How a table is made, and its caption, by experiment and name."""
+
+_OWN_CAPTIONS = {
+    "table1": "Ratios of diameters, and the coupling matrices",
+    "decoupling_errors": "Calculated minus measured joint angles",
+    "table2": "Tracking errors {over}",
+    "table2_paper": "Tracking errors, a row for each controller, {over}",
+    "table3": f"{_LOADS.capitalize()}, {{over}}",
+    "table3_paper": f"{_LOADS.capitalize()}, a row for each load, {{over}}",
+}
+"""Captions where the arm is not the paper's; the names of files stay."""
 
 _IN_THE_TERMINAL = {
     "table1",

@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.physics.metrics import START, mae, max_abs, mean, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import changed_readings, of_paper
@@ -46,7 +47,15 @@ def fitted_under(file: TraceFile) -> str | None:
     """Reading under which the plant was fitted to the print; None where it was not."""
     if not _IDENTIFIED.search(file.config_yaml):
         return None
-    return "+".join(changed_readings(next(iter(file.runs.values())))) or PRINTED
+    changed = changed_readings(next(iter(file.runs.values())))
+    held = [trace.attributes for trace in file.runs.values()]
+    if load(file.config_yaml, "configuration").tree.get("reference", {}).get("kind") == "ramp":
+        changed.append("motion=ramp")
+    if any(np.any(run.get("start_offset", 0.0)) for run in held):
+        changed.append("starts=apart")
+    if any(run.get("friction_scale", 1.0) != 1.0 for run in held):
+        changed.append("run_friction=drawn")
+    return "+".join(changed) or PRINTED
 
 
 def sizes_deg(e: Array) -> Sizes:

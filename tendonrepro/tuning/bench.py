@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
@@ -12,10 +12,11 @@ from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
-from tendonrepro.experiments.rig import build_plant
+from tendonrepro.experiments.rig import build_plant, start_angles
 from tendonrepro.monte_carlo.box import Box, configured
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.control import Law
@@ -30,16 +31,36 @@ from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 # What is known beforehand along the desired motion: nothing, the weight, or all but dry friction.
 CLASSES = ("none", "gravity", "full")
 
-PAYLOAD, HELD_OUT_PAYLOAD = 0.2, 0.1  # kg; the first as in section 5.4
+PAYLOAD = 0.2  # kg, as in section 5.4, where no run has one
+HELD_OUT_SHARE = 0.5  # of the payload, in the held-out run
 LESS_DAMPING = 0.5  # of the tendons, over the plant's own, in the run that the stability margin asks for
 COUNTS = 2.0  # fast error, RMS in encoder counts, up to which a run is not ringing but counting
 
 TUNED, ALL_RUNS = 3, 4  # loops of a plant that are tuned on, and all; the last is the held-out one
 
-# Up and down by 33 deg as shipped, a fifth faster than the box allows, so that a run is short.
-TUNING = minimum_jerk(np.radians(33.0), 1.2, 0.0), 2.4
+# Up and down by 33 deg as the plain arm, a fifth faster than the box allows, so that a run is short.
+_STROKE = np.radians(33.0)
 # Held out is another shape: a sine between 0 and 40 deg that begins softly.
-HELD_OUT = smooth_sine(np.radians(20.0), np.radians(20.0), 2.5, 1.25), 5.0
+_HALF_SINE = np.radians(20.0)
+
+
+def _tuning(most: float) -> Shape:
+    return minimum_jerk(min(_STROKE, most), 1.2, 0.0)
+
+
+def _held_out(most: float) -> Shape:
+    half = min(_HALF_SINE, most / 2.0)
+    return smooth_sine(half, half, 2.5, 1.25)
+
+
+# Shape for the largest stroke that an arm allows, rad, and period, s.
+TUNING: tuple[Callable[[float], Shape], float] = (_tuning, 2.4)
+HELD_OUT: tuple[Callable[[float], Shape], float] = (_held_out, 5.0)
+
+
+def _largest_stroke(config: CompareConfig) -> float:
+    """Stroke of every joint with which no link comes near upright, rad."""
+    return float(0.9 * (np.pi - start_angles(config).max()) / len(config.joints))
 
 
 def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
@@ -89,10 +110,18 @@ class Measured(NamedTuple):
 
 def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
     """One draw (P,) of the box, with the motions and loads of the tuning."""
-    config = configured(loaded.base, box, row)
-    motions = [_motion(*posed, config.sampling_period.si, len(config.joints)) for posed in (TUNING, HELD_OUT)]
+    return posed(loaded, configured(loaded.base, box, row))
+
+
+def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
+    """A configuration with the motions and loads of the tuning; its own motion is not looked at."""
+    n, most = len(config.joints), _largest_stroke(config)
+    motions = [
+        _motion(shape(most), period, config.sampling_period.si, n) for shape, period in (TUNING, HELD_OUT)
+    ]
     own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
-    bare, carrying, other = (build_plant(config, mass) for mass in (0.0, PAYLOAD, HELD_OUT_PAYLOAD))
+    payload = max(run.payload.si for run in config.runs.values()) or PAYLOAD
+    bare, carrying, other = (build_plant(config, mass) for mass in (0.0, payload, HELD_OUT_SHARE * payload))
     weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))
     loops = [replace(own, plant=plant) for plant in (bare, carrying, weak)]
     filtering = under(parse_reading("error_rate=low_pass"), config, {})

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.request import Request
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.user_law import laws_of, with_user_laws
+from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
@@ -31,70 +31,72 @@ from tendonrepro.tuning.search import Task
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
 
-def run_tune(
-    request: Request,
-    talk: Talk,
-    *,
-    plants: int = 16,
-    searches: int = 4,
-    generations: int = 4,
-    population: int = 6,
-    laws: Sequence[str] = (),
-    given: Mapping[str, Callable[..., Any]] | None = None,
-    any_plant: bool = False,
-    jobs: int = -1,
-) -> dict[str, Any]:
-    """Tune every law on the same plants, and write the results.
+@dataclass(frozen=True)
+class Effort:
+    """How much is tuned: plants, searches of each law and plant, generations of each, members of these."""
 
-    Parameters
-    ----------
-    request : Request
-        Its configuration is that of an ensemble.
-    searches, generations, population : int
-        Of each law under each condition; of each search; of each generation.
-    laws : sequence of str
-        A user's, ``FILE:NAME``; more by name in `given`.
-    any_plant : bool
-        Also draws on which the published gains are unstable.
-    jobs : int
-        Processes; -1 is one for each processor.
+    plants: int
+    searches: int
+    generations: int
+    population: int
+
+    def check(self) -> None:
+        """Raise a UsageError for too little: the scatter of a law is that of two searches at least."""
+        for name, least in {"plants": 1, "searches": 2, "generations": 2, "population": 4}.items():
+            if (value := getattr(self, name)) < least:
+                raise UsageError(f"must be at least {least}, found {value}", where=f"--{name}")
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A tuning that is ready to run; `base` tells of it in the manifest."""
+
+    task: Task
+    base: LoadedConfig
+    plants: int
+    any_plant: bool
+    jobs: int
+
+    @property
+    def states(self) -> str:
+        """Folder of finished plants; those of another tuning are not taken up."""
+        return f"plants-{self.base.sha256[:16]}"
+
+    def outcome(self, talk: Talk, folder: Path) -> Outcome:
+        """Find usable plants, tune on them, and compare the laws."""
+        task = self.task
+        numbers = _usable(task, self.plants, every=self.any_plant)
+        drawn = _tuned(task, numbers, folder / self.states, self.jobs, talk)
+        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+        head = {"experiment": "tune", "seed": task.seed, "solver": solver}
+        return replace(outcome(task, drawn), manifest=head | {"ensemble_sha256": task.loaded.sha256})
+
+
+def tuning(
+    loaded: LoadedEnsemble, users: Sequence[UserLaw], effort: Effort, *, any_plant: bool, seed: int, jobs: int
+) -> Tuned:
+    """Check a tuning of every law, a user's too, on the same plants.
 
     Raises
     ------
     UsageError
         For too little effort, or a law that has no bounds or cannot run on lanes.
     """
-    effort = {"searches": searches, "generations": generations, "population": population}
-    # The scatter of a law is that of two searches at least.
-    least = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
-    for name, value in {"plants": plants, **effort}.items():
-        if value < least[name]:
-            raise UsageError(f"must be at least {least[name]}, found {value}", where=f"--{name}")
-    loaded = load_ensemble(request.config, overrides=request.overrides)
-    users = laws_of(laws, given)
+    effort.check()
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = Task(loaded, LAWS | {law.name: law for law in own}, effort, request.seed or 0)
+    of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
+    task = Task(loaded, LAWS | {law.name: law for law in own}, of_search, seed)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    inputs = loaded.sha256, base.sha256, effort, task.seed, plants, any_plant
+    inputs = loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant
     identity = digest_of({"made_by": made_by, "inputs": inputs})
-    states = f"plants-{identity[:16]}"
-
-    def study(folder: Path) -> Outcome:
-        numbers = _usable(task, plants, every=any_plant)
-        drawn = _tuned(task, numbers, folder / states, jobs, talk)
-        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        head = {"experiment": "tune", "seed": task.seed, "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(outcome(task, drawn), manifest=head)
-
-    return run_study(
-        "tune", replace(base, sha256=identity, origin=loaded.origin), request, study, talk, keep=states
-    )
+    base = replace(base, sha256=identity, origin=loaded.origin)
+    return Tuned(task, base, effort.plants, any_plant, jobs)
 
 
 def _try(task: Task, law: TunedLaw) -> None:
@@ -116,7 +118,9 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(found) < wanted:
         message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
-        raise UsageError(message, where="--plants", hint="ask for fewer, or say --any-plant")
+        narrower = ", or a smaller --spread" if task.loaded.around else ""
+        hint = f"ask for fewer, or say --any-plant{narrower}"
+        raise UsageError(message, where="--plants", hint=hint)
     return found
 
 

@@ -18,8 +18,13 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 
 @style.journal_style()
-def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> style.Drawing:
-    """Draw medians of error against torque roughness: a column for what is known, a row for the velocity."""
+def draw_tuning(
+    laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str], on: str = "the plants"
+) -> style.Drawing:
+    """Draw medians of error against torque roughness: a column for what is known, a row for the velocity.
+
+    `on` says of which plants, for whoever made the picture.
+    """
     figure = style.open_figure(style.PAGE_MM, 134.0)
     grid = figure.subplots(len(VELOCITY), len(KNOWN), sharex=True, sharey=True)
     drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
@@ -39,7 +44,9 @@ def draw_tuning(laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) ->
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
         "changes. What is known is the arm's weight, its model, or nothing."
     )
-    return style.Drawing("tune", figure, list(grid.flat), caption, origin="Simulated, tendonrepro tune")
+    return style.Drawing(
+        "tune", figure, list(grid.flat), caption, origin=f"Simulated, tendonrepro tune, {on}"
+    )
 
 
 def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 
 from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.results.study import Outcome
 from tendonrepro.results.tables import Table
+from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.tuning.search import CAPS, CONDITIONS, Row, Task
 
@@ -125,6 +125,8 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     )
     found, at_best = [*comparisons(rows, [*QUESTIONS, *own], task.seed)], [*law_rows(rows, joints)]
     questions = [*question_rows(found, titles)]
+    around = task.loaded.around
+    on = count_of(len(drawn), "plant") + (f" {around.told}" if around else "")
     data = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "tune",
@@ -134,13 +136,13 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),
         "joints": list(joints),
+        "around": around and {"arm": around.arm, "spread": around.spread},
         "questions": questions,
         "comparisons": found,
         "laws": at_best,
         "lost_to_special_case": lost,
         "by_plant": rows,
     }
-    on = count_of(len(drawn), "plant")
     about = f"Two laws at their best on {on}: the first one's error under so many conditions."
     tables = [
         Table("questions", about, questions),
@@ -149,4 +151,4 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     ]
     cases = count_of(len(lost), "case")
     warning = [f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."]
-    return Outcome(data, [*warning[: len(lost)], *tables], {"tune": lambda: draw_tuning(at_best, titles)})
+    return Outcome(data, [*warning[: len(lost)], *tables], {"tune": lambda: draw_tuning(at_best, titles, on)})

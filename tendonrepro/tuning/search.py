@@ -18,8 +18,18 @@ from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
-from tendonrepro.tuning.bench import ALL_RUNS, CLASSES, Candidate, Plants, measure, plants_of, published
+from tendonrepro.tuning.bench import (
+    ALL_RUNS,
+    CLASSES,
+    Candidate,
+    Plants,
+    measure,
+    plants_of,
+    posed,
+    published,
+)
 from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
@@ -179,7 +189,9 @@ class Task:
     seed: int
 
     def draw(self, number: int) -> Plants:
-        """Draw of a number from the box."""
+        """Draw of a number from the box, or around a user's arm."""
+        if self.loaded.around:
+            return posed(self.loaded, AroundArm(self.loaded, self.loaded.around).draw(number))
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
         return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
 

@@ -1,1 +1,1 @@
-"""A measurement beside print and model; enter by `command.run_validate`."""
+"""A measurement beside print and model; enter by `commands.validate`."""

@@ -119,7 +119,7 @@ def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Pa
     if trace is None or trace.joint != (1, 2, 3):
         raise DataMissingError("joints 1 to 3 of the run decouple")
     if base.config.experiment != "decouple":
-        both = [text for text in base.overrides if text.startswith(("manipulator.", "seed="))]
+        both = [change for change in base.changes if change.path[0] in {"manipulator", "seed"}]
         base = load_config(None, "decouple", overrides=both)
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")

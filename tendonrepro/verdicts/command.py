@@ -3,31 +3,37 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tendonrepro import __version__
-from tendonrepro.configuration.request import FORMATS
+from tendonrepro.configuration.load import load_config
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
+from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.store import NewResult, environment, read_manifest, replaced
-from tendonrepro.results.study import figure_formats
+from tendonrepro.results.store import NewResult, environment, make_manifest, read_manifest, replaced
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.results.traces import TRACES, read_traces
+from tendonrepro.studies.outcome import Outcome, figure_formats
+from tendonrepro.studies.result import Result
+from tendonrepro.studies.study import Answer
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
-from tendonrepro.verdicts.rules import EDITION, FAILURES
+from tendonrepro.verdicts.rules import EDITION, FAILURES, ByChoice
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
 
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
+AGAINST = 3
+"""Exit code of a check that fails."""
 
 
 class Ledger(NamedTuple):
@@ -42,22 +48,57 @@ class Ledger(NamedTuple):
     data: dict[str, Any]
 
 
-def run_claims(
-    out: Path,
-    ids: Sequence[str],
-    baseline: Path | None,
-    talk: Talk,
-    measured: Path | None = None,
-    *,
-    force: bool = False,
-    every: bool = False,
-    formats: Sequence[str] = FORMATS,
-) -> Ledger:
-    """Judge the claims from what lies under `out`, and write the ledger.
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of the ledger.
 
-    With `ids` it shows all their evidence, and writes nothing. `baseline` is an earlier ``claims.json``;
-    `measured` is by default ``data/measured.h5``. `force` overwrites what no ledger wrote; `every` shows more
-    than the main claims. `formats` are those of the picture.
+    Attributes
+    ----------
+    out : Path
+        Folder above the results.
+    ids : sequence of str
+        Claims to show with all their evidence; nothing is written then.
+    baseline : Path, optional
+        An earlier ``claims.json``; only changes fail a check then.
+    measured : Path, optional
+        By default ``data/measured.h5``.
+    every : bool
+        Show more than the main claims.
+    force : bool
+        Overwrite what no ledger wrote.
+    formats : sequence of str
+        Of the picture.
+    """
+
+    out: Path
+    ids: Sequence[str] = ()
+    baseline: Path | None = None
+    measured: Path | None = None
+    check: bool = False
+    every: bool = False
+    force: bool = False
+    formats: Sequence[str] = FORMATS
+
+
+def carry_out(name: str, asked: Asked, talk: Talk) -> Answer[Result | None]:
+    """Judge, write the ledger and print it."""
+    del name
+    ledger = run_claims(asked, talk)
+    return Answer(ledger.data, ledger.text, None, AGAINST if asked.check and ledger.failed else 0)
+
+
+def result_of(name: str, asked: Asked) -> Result:
+    """Judge for Python, where nothing is written."""
+    started = time.perf_counter()
+    _, verdicts, judged_by = judged(asked.out, asked.measured, asked.ids, Talk())
+    shown = map(details_text, verdicts) if asked.ids else [table_text(verdicts, every=True)]
+    outcome = Outcome(as_data(verdicts, judged_by), ["\n\n".join(shown)])
+    manifest = make_manifest(load_config(None, "compare"), time.perf_counter() - started, name)
+    return Result(name, outcome, manifest)
+
+
+def run_claims(asked: Asked, talk: Talk) -> Ledger:
+    """Judge the claims from what lies under `out`, and write the ledger.
 
     Raises
     ------
@@ -66,9 +107,10 @@ def run_claims(
     UsageError
         For an unknown id, a baseline with ids, or where something would be overwritten.
     """
+    out, ids = asked.out, asked.ids
     refuse_file(out)
-    before = None if baseline is None else _baseline(baseline, ids)
-    sources, verdicts, judged_by = judged(out, measured, ids, talk)
+    before = None if asked.baseline is None else _baseline(asked.baseline, ids)
+    sources, verdicts, judged_by = judged(out, asked.measured, ids, talk)
     changes = {} if before is None else changed(before, verdicts)
     failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
     failed = tuple(failing if before is None else changes)
@@ -76,10 +118,10 @@ def run_claims(
     if ids:
         return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
     ensemble = sources.ensemble
-    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=force, talk=talk) as result:
+    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=asked.force, talk=talk) as result:
         write_claims(verdicts, result.path, judged_by)
         if ensemble is not None:
-            _write_influences(ensemble, result, formats)
+            _write_influences(ensemble, result, asked.formats)
         # Whatever lies under the results, the ledger is the same command's.
         result.manifest = {
             "schema_version": SCHEMA_VERSION,
@@ -88,12 +130,12 @@ def run_claims(
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "environment": environment(),
             "config": {"sha256": FOLDER},
-            **figure_formats(formats),
+            **figure_formats(asked.formats),
             "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
         }
     data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
     since = [] if before is None else [changes_text(changes)]
-    parts = [table_text(verdicts, every=every), *since, f"The ledger is in {out / FOLDER}"]
+    parts = [table_text(verdicts, every=asked.every), *since, f"The ledger is in {out / FOLDER}"]
     return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
 
 
@@ -179,7 +221,7 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list
 
 
 def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
-    # The run of the nominal plant and the measurement are those that are here, or none.
+    # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
     evidence = {**entry["evidence"], **here, "ensemble": origin}
     return replace(
@@ -189,5 +231,6 @@ def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]
         borderline=entry["borderline"],
         evidence={name: value for name, value in evidence.items() if value is not None},
         readings_that_change_it=tuple(entry["readings_that_change_it"]),
+        by_choice=tuple(ByChoice(**one) for one in entry.get("by_choice", ())),
         shipped=True,
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, PrintedText, Published, published
+from tendonrepro.configuration.shown import is_choice
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
@@ -20,7 +21,7 @@ from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, ErrorOf, formula_of
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import VERDICTS, Judged, missing
+from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Judged, changing, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
@@ -43,7 +44,8 @@ class Verdict:
     """One line of the ledger, with the keys of ``claims --json``.
 
     `ours` is a claim's share, or the number of the nominal run, else its median over the box. What `repeats`
-    another entry is not counted. `shipped` is from the package's ensemble.
+    another entry is not counted. `shipped` is from the package's ensemble. `by_choice` has the verdict under
+    each other choice of motion, starts, reference and friction of a run that was run.
     """
 
     id: str
@@ -60,6 +62,12 @@ class Verdict:
     readings_that_change_it: tuple[str, ...]
     repeats: str | None = None
     shipped: bool = False
+    by_choice: tuple[ByChoice, ...] = ()
+
+    @property
+    def unless(self) -> tuple[ByChoice, ...]:
+        """Choices with another verdict, each with no more in it than that takes."""
+        return changing(self.verdict, self.by_choice)
 
 
 def judge_all(
@@ -117,7 +125,10 @@ def _over_the_box(
         if reading != PRINTED:
             plants = Plants(data, reading)
             for name in names:
-                found[name].other_readings[reading] = judge(plants, paper, name).decision.verdict
+                one = judge(plants, paper, name)
+                found[name].other_readings[reading] = one.decision.verdict
+                if is_choice(reading):
+                    found[name].by_choice.append(ByChoice(reading, one.decision.verdict, one.ours))
             progress(1)
     return found
 
@@ -154,6 +165,7 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
         readings_that_change_it=tuple(
             name for name, other in others.items() if other not in {verdict, "not_testable"}
         ),
+        by_choice=tuple(found.by_choice),
         **rule.model_dump(exclude={"ids"}),
     )
 

@@ -19,6 +19,12 @@ from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
+JUDGED_ON = (
+    "judged where every run starts on its reference and gets its acceleration; a line below a claim has "
+    "another choice that gives another verdict"
+)
+"""What the verdicts rest on that the paper does not say."""
+
 MAIN = (
     "K1",
     "K3",
@@ -86,6 +92,7 @@ def _row(verdict: Verdict) -> dict[str, Any]:
     box = evidence.get("box", {})
     row |= {name: box.get(name) for name in ("low", "high")}
     row |= {name: evidence.get(name) for name in ("also_passing", "missing")}
+    row["by_choice"] = unless_text(verdict)
     return row | {"measured": _measured(verdict)}
 
 
@@ -101,6 +108,10 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
         for one in under:
             verdict = f"{VERDICTS[one.verdict]}{_marks(one)}"
             rows.append([f"  {in_words(one.id)}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
+            rows += [
+                [f"    with {held.reading}", _size(one, held.ours), VERDICTS[held.verdict], "", ""]
+                for held in one.unless
+            ]
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
     more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]
@@ -116,10 +127,24 @@ def headline(verdicts: Sequence[Verdict]) -> str:
     return f"All claims: {', '.join(words)}. Left out: {left_out} whose range would hold most values."
 
 
+def unless_text(verdict: Verdict) -> str:
+    """Which choice of what the paper leaves open gives another verdict, and which."""
+    return "; ".join(f"{one.reading}: {one.verdict}" for one in verdict.unless)
+
+
+def _size(verdict: Verdict, ours: float | None) -> str:
+    """Our share, or our number in its unit."""
+    if ours is None:
+        return NOTHING
+    return f"holds on {100.0 * ours:.3g} %" if verdict.unit == SHARE else f"{ours:.4g}{_unit(verdict)}"
+
+
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
     notes += [*shipped_note(verdicts), "one statement counts once, whatever the numbers under it"]
+    if any(verdict.by_choice for verdict in verdicts):
+        notes.append(JUDGED_ON)
     if any(verdict.borderline for verdict in verdicts):
         notes.append("* a threshold lies inside the interval")
     return notes
@@ -151,6 +176,7 @@ def details_text(verdict: Verdict) -> str:
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
         f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
+        f"other motions or starts with another verdict: {unless_text(verdict) or 'none of those run'}",
         f"readings with another verdict: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
     ]
     plain = to_json({"evidence": verdict.evidence})

@@ -38,7 +38,7 @@ INSIDE = frozenset({"compatible", "no_power"})
 FAILURES = frozenset({"not_reproduced", "contradicted", "not_met", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
-EDITION = 3
+EDITION = 4
 """Of the rules."""
 
 SIMILAR = 0.05
@@ -61,13 +61,30 @@ class Decision:
 
 
 @dataclass(frozen=True)
+class ByChoice:
+    """A verdict under another choice of what the paper leaves open, and our share or number under it."""
+
+    reading: str
+    verdict: str
+    ours: float | None
+
+
+def changing(verdict: str, choices: Sequence[ByChoice]) -> tuple[ByChoice, ...]:
+    """Choices with another verdict, each with no more in it than that takes; `not_testable` is none."""
+    found = [one for one in choices if one.verdict not in {verdict, "not_testable"}]
+    parts = {one.reading: set(one.reading.split("+")) for one in found}
+    return tuple(one for one in found if not any(part < parts[one.reading] for part in parts.values()))
+
+
+@dataclass(frozen=True)
 class Judged:
-    """Outcome of a rule."""
+    """Outcome of a rule; `by_choice` are the other readings that change no equation."""
 
     decision: Decision
     ours: float | None = None
     evidence: Evidence = field(default_factory=dict)
     other_readings: dict[str, str] = field(default_factory=dict)
+    by_choice: list[ByChoice] = field(default_factory=list)
 
 
 def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:

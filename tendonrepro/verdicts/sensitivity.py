@@ -39,6 +39,8 @@ SHOWN = 12
 """Unknowns in the picture."""
 LEAST_FITTED = 300
 """Plants below which no surrogate is fitted."""
+MOST_TOTAL = 2.0
+"""Total index beyond which a surrogate is no fit; it is at most 1 where it is one."""
 SURROGATE = 8
 """The strongest unknowns, which have a total index."""
 
@@ -140,10 +142,12 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
     with warnings.catch_warnings():
         # What SALib would have instead fails on unknowns that are choices.
         warnings.simplefilter("ignore", DeprecationWarning)
+        # Its fit runs away where two choices that are rare together meet in few plants.
+        warnings.simplefilter("ignore", RuntimeWarning)
         found = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
     totals = np.zeros(len(chosen))
     totals[free] = found["ST"][: X.shape[1]]
-    return totals.tolist()
+    return totals.tolist() if (np.abs(totals) <= MOST_TOTAL).all() else []
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from support.overrides import SMOOTH
 
-from tendonrepro.analysis.command import run_explain
+import tendonrepro as tr
 from tendonrepro.analysis.explain import explain, first_views, load_to_error, loads, run_margins, worst
 from tendonrepro.analysis.margins import ChannelMargins, border_distance, with_tendons
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.files import to_json
@@ -30,7 +28,7 @@ DEGREES = "control.readings.gain_unit=law_in_degrees"
 
 @cache
 def loaded(*overrides, controllers=None):
-    return load_config(None, "compare", overrides=overrides, controllers=controllers)
+    return load_config("plain", "compare", overrides=overrides, controllers=controllers)
 
 
 @cache
@@ -117,7 +115,7 @@ class TestLoads:
     @cache
     def smooth():
         limit = "manipulator.actuator.torque_limit=[99, 99, 99]"
-        held = load_config(None, "compare", overrides=(*SMOOTH, limit))
+        held = load_config("plain", "compare", overrides=(*SMOOTH, limit))
         return held, first_views(run_views(held.config))
 
     def test_of_slow_loads_the_ratio_is_that_of_the_ages_and_slopes(self):
@@ -153,7 +151,7 @@ class TestLoads:
 
 class TestFiles:
     def test_an_unstable_loop_has_no_margins(self, tmp_path):
-        data = run_explain(Request(None, tmp_path, [DEGREES], controllers=[2]), Talk(quiet=True))
+        data = tr.explain("plain", set=[DEGREES], controllers=[2], out=tmp_path).data
         stored = json.loads(to_json(data))
         assert stored["gain_margin"] == {"controller_2": [None, None]}
         assert stored["spectral_radius"]["controller_2"] > 1.0
@@ -167,9 +165,9 @@ class TestFiles:
         assert {"figures/explain_map.pdf", "explain.json", "tables/explain.csv"} <= outputs.keys()
 
     def test_an_arm_that_numbers_cannot_hold_is_told_in_a_sentence(self, tmp_path):
-        heavy = Request(out=tmp_path / "out", overrides=["manipulator.links.mass.value.2=1e17"])
+        heavy = ["manipulator.links.mass.value.2=1e17"]
         with pytest.raises(TendonreproError, match="Singular"):
-            run_explain(heavy, Talk(quiet=True))
+            tr.explain("plain", set=heavy, out=tmp_path / "out")
         assert not (tmp_path / "out").exists()
 
     def test_decoupling_has_no_controllers(self):

@@ -14,7 +14,7 @@ from tendonrepro.results.figures.style import journal_style, stroke_of
 @cache
 def found():
     delayed = "manipulator.actuator.output_delay=1", "control.readings.stored_torque=applied"
-    return explain(load_config(None, "compare", overrides=delayed, controllers=(1, 2)))
+    return explain(load_config("plain", "compare", overrides=delayed, controllers=(1, 2)))
 
 
 @cache
@@ -61,6 +61,6 @@ class TestMap:
 
     def test_nothing_stable(self):
         overrides = ("control.readings.torque_coordinates=motor_shaft",)
-        lost = explain(load_config(None, "compare", overrides=overrides, controllers=(2,)))
+        lost = explain(load_config("plain", "compare", overrides=overrides, controllers=(2,)))
         with journal_style():
             draw_map(lost).draw_without_rendering()

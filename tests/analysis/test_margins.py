@@ -30,7 +30,7 @@ both_joints = pytest.mark.parametrize("joint", [0, 1])
 
 @cache
 def config(*overrides):
-    return load_config(None, "compare", overrides=overrides).config
+    return load_config("plain", "compare", overrides=overrides).config
 
 
 @cache
@@ -196,7 +196,9 @@ class TestSlowError:
     )
     def test_nonlinear_simulation_agrees(self, changes, pair, tolerance):
         """One slow stroke of the full plant with an ideal encoder and viscous friction."""
-        found = load_config(None, "compare", overrides=(*SMOOTH, *changes, one_stroke(8)), controllers=pair)
+        found = load_config(
+            "plain", "compare", overrides=(*SMOOTH, *changes, one_stroke(8)), controllers=pair
+        )
         loops = dict(build_loops(found.config, found.folder))
         names = [f"controller_{k}" for k in pair]
         a, b = (simulate(loops[name])["e"][1000:] for name in names)

@@ -33,7 +33,7 @@ def trace(law, period, differencing="lagging"):
     """One period of a raised cosine, 5 degrees of joint 2 and 20 degrees of joint 3."""
     run, weights, _ = LAWS[law]
     readings = f"control.readings.weights={weights}", f"control.readings.differencing={differencing}"
-    found = load_config(None, "compare", overrides=(*SMOOTH, one_stroke(period), *readings))
+    found = load_config("plain", "compare", overrides=(*SMOOTH, one_stroke(period), *readings))
     values = simulate(dict(build_loops(found.config, found.folder))[run])
     assert len(values["time"]) == round(period / L) + 1
     return values

@@ -315,7 +315,7 @@ def test_config_errors_name_file_and_line(tmp_path: Path) -> None:
     path = tmp_path / "mine" / "compare.yaml"
     text = path.read_text()
     line = text[: text.index("    lam:")].count("\n") + 2
-    path.write_text(text.replace("[8, 8]", "[8, -8]"))
+    path.write_text(text.replace("      value:  [8, 8]", "      value:  [8, -8]"))
     done = run("compare", "--config", "mine/compare.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert f"compare.yaml:{line}: control.gains.lam" in done.stderr
@@ -362,7 +362,7 @@ def test_dry_run_writes_nothing(tmp_path: Path) -> None:
     assert "other/traces.h5" in done.stderr
     shutil.rmtree(tmp_path / "other")
     plan = answer("reproduce", "--dry-run", cwd=tmp_path)
-    assert plan["compare"]["samples"]["controller_1"] == 15201
+    assert plan["compare"]["samples"]["controller_1"] == 22001
     assert plan["closest"]["out"] == "reports/closest"
     changed = answer("reproduce", "--dry-run", "--set", "sampling_period=2", cwd=tmp_path)
     assert "closest" not in changed

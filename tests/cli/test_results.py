@@ -8,26 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import SHORT, SHORT_DECOUPLE, answer, run, with_out
+from support.command import SMALL, answer, run, with_out
 
 import tendonrepro as tr
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.results.traces import read_traces, write_traces
-
-SMALL = {
-    "compare": ["--controllers", "1", *SHORT],
-    "decouple": SHORT_DECOUPLE,
-    "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
-    "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
-    "ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
-    "predict": ["--draws", "20", "--readings", "printed"],
-    "recover": ["measured.h5"],
-    "sweep": ["--over", "control.gains.lam=4,5", *SHORT],
-    "tune": ["--plants", "1", "--searches", "2", "--generations", "2", "--population", "4", "--jobs", "1"],
-    "validate": ["measured.h5"],
-}
-"""Words with which a command does as little as it can."""
 
 NO_RESULT = {"animate", "config init", "export", "fetch", "figures", "live", "report", "tables"}
 """They leave a film, a page, files for other programs, a configuration, or data of others."""

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import json
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.command import SHORT, answer, run
-
-from tendonrepro.cli.options import Terminal
-from tendonrepro.errors import UsageError
-from tendonrepro.evidence.predict import READINGS
 
 
 def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
@@ -25,57 +19,6 @@ def test_sweep_prints_what_it_found(tmp_path: Path) -> None:
     assert "--over" in missing["error"]["message"]
     words[2] = "control.gains.b=[0.9,0.9],[1.5,0.9]"
     assert "1.5" in answer(*words, cwd=tmp_path, code=2)["error"]["message"]
-
-
-M = Path("m")
-
-
-def test_a_diverged_run_is_exit_code_5() -> None:
-    quiet = Terminal(as_json=False, quiet=True, verbose=False)
-    assert [quiet.show({"diverged": runs}) for runs in ([], ["controller_1"])] == [0, 5]
-
-
-@pytest.mark.parametrize(
-    ("module", "words", "given"),
-    [
-        ("evidence.predict", "predict --draws 3", {"draws": 3, "readings": READINGS}),
-        ("evidence.predict", "predict --readings printed", {"draws": 256, "readings": "printed"}),
-        ("validation.command", "validate x.h5", {"measured": Path("x.h5")}),
-        ("monte_carlo.command", "ensemble --jobs 3 --dask a:1", {"jobs": 3, "dask": "a:1"}),
-        ("identification.command", "identify --window late --seeds 2", {"window": "late", "seeds": 2}),
-        ("tuning.command", "tune --law a.py:f --any-plant", {"laws": ["a.py:f"], "any_plant": True}),
-        ("verdicts.command", "claims --all", {"every": True, "force": False, "measured": None}),
-        ("verdicts.command", "claims --force --measured m", {"every": False, "force": True, "measured": M}),
-        ("reporting.command", "report a --force", {"force": True}),
-        ("dataset.command", "inspect a --mapping m --force", {"mapping": None, "force": True}),
-        ("dataset.command", "inspect a --mapping m --suggest", {"mapping": M, "force": False}),
-        ("dataset.command", "ingest a --confirm", {"confirm": True, "dry_run": False, "force": False}),
-        ("dataset.command", "ingest a --dry-run --force", {"confirm": False, "dry_run": True, "force": True}),
-        ("dataset.fetch", "fetch 7 --dry-run", {"record": "7", "dry_run": True, "force": False}),
-    ],
-)
-def test_options_reach_their_function(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, module: str, words: str, given: dict[str, Any]
-) -> None:
-    held, name = import_module(f"tendonrepro.{module}"), f"run_{words.split(maxsplit=1)[0]}"
-    parameters = inspect.signature(getattr(held, name))
-    asked: dict[str, Any] = {}
-
-    def stub(*args: Any, **others: Any) -> None:
-        asked.update(parameters.bind(*args, **others).arguments)
-        raise UsageError("enough")
-
-    monkeypatch.setattr(held, name, stub)
-    assert run(*words.split(), cwd=tmp_path).returncode == 2
-    assert {key: asked[key] for key in given} == given
-
-
-def test_a_diverged_rerun_of_a_measurement_is_exit_code_5(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    stub = "tendonrepro.validation.command.run_validate"
-    monkeypatch.setattr(stub, lambda *_: {"diverged": True, "text": ""})
-    assert run("validate", cwd=tmp_path).returncode == 5
 
 
 def test_dry_runs_write_nothing_and_ensemble_says_what_it_would_cost(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from tendonrepro.experiments.loops import run_views
 from tendonrepro.physics.linear_loop import loop_matrix
 
 ARM = """\
-base: lumidouce_ii
+base: plain_arm
 joints: 2
 links: {length: [0.3, 0.25], mass: [0.8, 0.4]}
 routing: {winch_diameter: 40, pulley_diameter: [[60, 30], [0, 40]], sign: 1}
@@ -26,7 +26,7 @@ tendons: {axial_stiffness: 3.0e4}
 COMPARE = """\
 schema_version: 1
 experiment: compare
-base: compare
+base: plain
 manipulator: my_arm.yaml
 joints: [1, 2]
 """
@@ -67,9 +67,9 @@ def test_bare_numbers_take_the_units_of_the_base(folder: Path) -> None:
 def test_what_is_left_out_is_marked_as_taken_over(folder: Path) -> None:
     tree, _ = shown(str(folder / "my_arm.yaml"), ())
     assert tree["winches"]["viscous"] == {
-        "value": [1.0, 1.0], "unit": "N m s rad-1", "source": "assumed: from lumidouce_ii",
+        "value": [1.0, 1.0], "unit": "N m s rad-1", "source": "assumed: from plain_arm",
     }  # fmt: skip
-    assert tree["actuator"]["output_delay"]["source"] == "assumed: from lumidouce_ii"
+    assert tree["actuator"]["output_delay"]["source"] == "assumed: from plain_arm"
     assert tree["name"] == "my_arm"
 
 
@@ -83,7 +83,7 @@ def test_centres_and_inertias_follow_lengths_and_masses(folder: Path) -> None:
 
 
 def test_more_joints_than_the_base_repeat_its_last_one(folder: Path) -> None:
-    arm = arm_of(folder, "base: lumidouce_ii\njoints: 5\n")
+    arm = arm_of(folder, "base: plain_arm\njoints: 5\n")
     np.testing.assert_allclose(arm.links.length.si, [0.3, 0.28, 0.2, 0.2, 0.2])
     # A tendon passes further joints as the base's last one passes those before its own.
     np.testing.assert_allclose(arm.routing.pulley_diameter.si[:, 4], [0.035, 0.035, 0.035, 0.035, 0.037])
@@ -108,10 +108,10 @@ def test_an_arm_based_on_ones_own(folder: Path) -> None:
         ("joints: 2", "joints: two", "my_arm.yaml:2"),
         ("mass: [0.8, 0.4]", "inertia: -1", "my_arm.yaml:3: links.inertia.value.0"),
         ("sign: 1", "sign: [[1, 1], [0, 0]]", "my_arm.yaml:4: routing.sign.value.1.1"),
-        ("base: lumidouce_ii", "base: my_arm.yaml", "my_arm.yaml:1"),
-        ("base: lumidouce_ii", "base: lumidouce", "my_arm.yaml:1"),
-        ("base: lumidouce_ii", "base: [1]", "my_arm.yaml:1"),
-        ("base: lumidouce_ii", "base: compare.yaml", "my_arm.yaml:1"),
+        ("base: plain_arm", "base: my_arm.yaml", "my_arm.yaml:1"),
+        ("base: plain_arm", "base: plain_arms", "my_arm.yaml:1"),
+        ("base: plain_arm", "base: [1]", "my_arm.yaml:1"),
+        ("base: plain_arm", "base: compare.yaml", "my_arm.yaml:1"),
         ("mass: [0.8", "masss: [0.8", "my_arm.yaml:3: links: unknown key 'masss'"),
         ("mass: [0.8, 0.4]", "mass: heavy", "my_arm.yaml:3: links.mass"),
     ],

@@ -19,7 +19,16 @@ from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.errors import ConfigError, UsageError
 
 EXPERIMENTS = ("compare", "decouple")
-SHIPPED_FILES = ("closest", "compare", "compare_cosine", "decouple", "ensemble", "lumidouce_ii", "typical")
+SHIPPED_FILES = (
+    "closest",
+    "compare",
+    "compare_cosine",
+    "decouple",
+    "ensemble",
+    "lumidouce_ii",
+    "plain",
+    "plain_arm",
+)
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +96,11 @@ def test_hash_sees_values_and_sources_but_not_layout(tmp_path: Path) -> None:
     path = tmp_path / "compare.yaml"
     before = load_config(path, "compare").sha256
     text = path.read_text()
-    path.write_text("# a remark\n" + text.replace("value:  [33, 33]", "value: [33.0, 3.3e1]"))
+    path.write_text("# a remark\n" + text.replace("value:  [8, 8]", "value: [8.0, 0.8e1]"))
     assert load_config(path, "compare").sha256 == before
-    path.write_text(text.replace("value:  [33, 33]", "value:  [33, 31]"))
+    path.write_text(text.replace("value:  [8, 8]", "value:  [8, 7]"))
     assert load_config(path, "compare").sha256 != before
-    path.write_text(text.replace("equal angles from", "angles from"))
+    path.write_text(text.replace("whose half it is", "half of it"))
     assert load_config(path, "compare").sha256 != before
 
 
@@ -99,7 +108,7 @@ def test_sampled_trajectory_counts_by_its_content_and_is_missed_with_its_line(tm
     init_config("compare", tmp_path)
     path, csv = tmp_path / "compare.yaml", tmp_path / "motion.csv"
     text = path.read_text()
-    before, after = text.index("  kind: minimum_jerk"), text.index("# ---- Control laws")
+    before, after = text.index("  kind: sine"), text.index("# ---- Control laws")
     path.write_text(f"{text[:before]}  kind: sampled\n  file: motion.csv\n\n{text[after:]}")
     with pytest.raises(ConfigError, match="no file") as raised:
         load_config(path, "compare")
@@ -190,6 +199,13 @@ def test_a_base_has_the_keys_that_a_file_leaves_out(compare: CompareConfig) -> N
     ]
 
 
+def test_plain_is_compare_but_for_arm_motion_and_disturbance(compare: CompareConfig) -> None:
+    config = load_config("plain", None).config
+    own = ("title", "manipulator", "posture", "reference", "disturbance")
+    assert all(getattr(config, name) != getattr(compare, name) for name in own)
+    assert config.model_copy(update={name: getattr(compare, name) for name in own}) == compare
+
+
 def with_base(folder: Path, text: str) -> Path:
     for name in ("compare", "decouple"):
         init_config(name, folder)
@@ -202,8 +218,8 @@ def test_mistakes_of_a_base_have_its_own_lines(tmp_path: Path) -> None:
     path = with_base(tmp_path, "base: compare.yaml\ntitle: ''\n")
     base = tmp_path / "compare.yaml"
     text = base.read_text(encoding="utf-8")
-    base.write_text(text.replace("value:  [8, 8]", "value:  [-8, 8]"), encoding="utf-8")
-    line = text[: text.index("value:  [8, 8]")].count("\n") + 1
+    base.write_text(text.replace("      value:  [8, 8]", "      value:  [-8, 8]"), encoding="utf-8")
+    line = text[: text.index("      value:  [8, 8]")].count("\n") + 1
     with pytest.raises(ConfigError) as raised:
         load_config(path, "compare")
     assert f"{path}:4: title: must not be empty" in str(raised.value)

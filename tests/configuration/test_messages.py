@@ -22,6 +22,14 @@ TEXTS = {
     name: read_text(shipped_folder() / f"{name}.yaml") for name in ("compare", "decouple", "lumidouce_ii")
 }
 
+DISTURBANCE = TEXTS["compare"][TEXTS["compare"].index("  kind: noise") : TEXTS["compare"].index("\nsolver:")]
+RAMP = """\
+  kind: ramp
+  amplitude: {value: [33, 33], unit: deg, source: "assumed: x"}
+  rise: {value: 2.3, unit: s, source: "assumed: x"}
+  hold: {value: 1.5, unit: s, source: "assumed: x"}
+  periods: {value: 2, unit: "1", source: "assumed: x"}
+"""
 PER_JOINT = """\
   kind: per_joint
   references:
@@ -61,7 +69,7 @@ class Files:
 
     def replace_reference(self, new: str) -> None:
         text = TEXTS["compare"]
-        start, end = text.index("  kind: minimum_jerk"), text.index("\n# ---- Control laws")
+        start, end = text.index("  kind: sine"), text.index("\n# ---- Control laws")
         self.replace("compare", text[start:end], new)
 
     def mistakes(self, experiment: Any = "compare") -> list[str]:
@@ -88,20 +96,20 @@ CHANGED_LINE = [
     ("compare", "joints: [2, 3]", "joints: 3", "joints"),
     ("compare", "schema_version: 1", "schema_version: 2", "schema_version"),
     ("compare", "phi_branch:          printed", "phi_branch: pwoer", "control.readings.phi_branch"),
-    ("compare", "kind: minimum_jerk", "kind: min_jerk", "reference.kind"),
+    ("compare", "kind: sine", "kind: sin", "reference.kind"),
     ("compare", "  controller_1_payload:", "  plant:", "runs.plant"),
     ("compare", "law: controller_3", "law: controller_4", "runs.controller_3.law"),
     ("compare", "controller_1: {surface: ntsm", "controller_1: {surface: tsm", "control.laws.controller_1"),
     # units, sources, ranges
     ("compare", '"printed: section 5.1"', "measured", "sampling_period.source: must begin with printed:"),
     ("compare", "value:  [0.9, 0.9]", "value: [0.9, 1]", "control.gains.b.value.1"),
-    ("compare", "value:  [8, 8]", "value: [8, 8, 8]", "control.gains.lam.value"),
-    ("lumidouce_ii", "[0.77, 0.47, 0.22]", "[0.7, -0.47, 0.2]", "manipulator.links.mass.value.1"),
+    ("compare", "      value:  [8, 8]", "      value: [8, 8, 8]", "control.gains.lam.value"),
+    ("lumidouce_ii", "[0.74, 0.74, 0.11]", "[0.7, -0.74, 0.1]", "manipulator.links.mass.value.1"),
     # singular or impossible mechanisms
     ("lumidouce_ii", "[ 0,  0, 37]", "[ 0,  0, 0]", "manipulator.routing.pulley_diameter.value.2.2"),
     ("lumidouce_ii", "[ 0, 77, 35]", "[ 1, 77, 35]", "manipulator.routing.pulley_diameter.value.1.0"),
     ("lumidouce_ii", "[0, 1,  1]", "[0, 0,  1]", "manipulator.routing.sign.value.1.1"),
-    ("compare", "  value:  0\n  unit:   s\n", "  value: 15.2\n  unit:   s\n", "errors_from.value"),
+    ("compare", "  value:  0\n  unit:   s\n", "  value: 22\n  unit:   s\n", "errors_from.value"),
     # a run of its own
     ("compare", "    law: controller_2",
      "    start_offset: {value: [-50, 0], unit: deg, source: 'assumed: x'}"
@@ -129,13 +137,13 @@ def test_mistake_on_the_changed_line(files: Files, name: str, old: str, new: str
 OTHER_LINE = [
     ("compare", "seed:\n  value:  1\n", "seed:\n", "seed:", "seed: missing key 'value'"),
     ("compare", "    law: controller_3\n", "", "  controller_3:\n", "runs.controller_3: missing key 'law'"),
-    ("compare", "  kind: none ", "  kind: step ", "disturbance:", "disturbance: missing key 'torque'"),
-    ("compare", "    value:  2.3\n", "    value:  2.3001\n", "reference:", "reference: lasts 15.2004 s"),
+    ("compare", "  kind: noise ", "  kind: step ", "disturbance:", "disturbance: missing key 'start'"),
+    ("compare", "    value:  11\n", "    value:  11.0001\n", "reference:", "reference: lasts 22.0002 s"),
     ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  1e-6\n", "    value:  1e-6",
      "solver.max_step.value"),
-    ("compare", "  kind: none ", STEP.replace("1.5", "1.0005"), "  start: {", "disturbance.start.value"),
-    ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 1]"), "  band:", "disturbance.band.value"),
-    ("compare", "  kind: none ", NOISE.replace("[1, 9]", "[9, 9]"), "  band:", "disturbance.band.value"),
+    ("compare", DISTURBANCE, STEP.replace("1.5", "1.0005"), "  start: {", "disturbance.start.value"),
+    ("compare", DISTURBANCE, NOISE.replace("[1, 9]", "[9, 1]"), "  band:", "disturbance.band.value"),
+    ("compare", DISTURBANCE, NOISE.replace("[1, 9]", "[9, 9]"), "  band:", "disturbance.band.value"),
     ("compare", "  max_step:\n    value:  1\n", "  max_step:\n    value:  0.3\n", "    value:  0.3",
      "solver.max_step.value"),
 ]  # fmt: skip
@@ -182,21 +190,22 @@ def test_late_rates_need_their_lag(files: Files) -> None:
 
 
 def test_a_ramp_takes_time(files: Files) -> None:
-    files.replace("compare", "kind: minimum_jerk ", "kind: ramp ")
+    files.replace_reference(RAMP)
     assert load_config(files.path("compare"), "compare").config.reference.kind == "ramp"
-    files.replace("compare", "    value:  2.3\n", "    value:  0\n")
-    line = TEXTS["compare"][: TEXTS["compare"].index("    value:  2.3\n")].count("\n") + 1
+    files.replace("compare", "  rise: {value: 2.3,", "  rise: {value: 0,")
+    text = files.path("compare").read_text(encoding="utf-8")
+    line = text[: text.index("  rise:")].count("\n") + 1
     (mistake,) = files.mistakes()
     assert mistake.startswith(f"compare.yaml:{line}: reference.rise.value")
 
 
 def test_a_step_may_be_there_from_the_start(files: Files) -> None:
-    files.replace("compare", "  kind: none ", STEP.replace("1.5", "0"))
+    files.replace("compare", DISTURBANCE, STEP.replace("1.5", "0"))
     assert load_config(files.path("compare"), "compare").config.disturbance.kind == "step"
 
 
 def test_all_mistakes_at_once_in_reading_order(files: Files) -> None:
-    files.replace("lumidouce_ii", "[0.77, 0.47, 0.22]", "[-0.7, 0.45, -0.2]")
+    files.replace("lumidouce_ii", "[0.74, 0.74, 0.11]", "[-0.7, 0.74, -0.1]")
     files.replace("lumidouce_ii", "side: negative", "side: left")
     files.replace("compare", "    alpha:", "    alhpa:")
     files.replace("compare", "value:  [0.9, 0.9]", "value:  [1.9]")
@@ -214,9 +223,10 @@ def test_gains_a_law_needs(files: Files) -> None:
     text = TEXTS["compare"]
     start, end = text.index("    K_d:"), text.index("  laws:")
     files.replace("compare", text[start:end], "")
+    line = text[: text.index("  gains:")].count("\n") + 1
     assert files.mistakes() == [
-        "compare.yaml:53: control.gains: missing key 'K_d', which the law 'tdc' needs",
-        "compare.yaml:53: control.gains: missing key 'K_p', which the law 'tdc' needs",
+        f"compare.yaml:{line}: control.gains: missing key 'K_d', which the law 'tdc' needs",
+        f"compare.yaml:{line}: control.gains: missing key 'K_p', which the law 'tdc' needs",
     ]
     files.replace("compare", "    tdc:          {surface: pd,   estimator: tde}\n", "")
     config = load_config(files.path("compare"), "compare").config

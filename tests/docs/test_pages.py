@@ -23,12 +23,15 @@ import tendonrepro
 from tendonrepro.cli.app import app
 from tendonrepro.configuration.command import json_schema
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config, shipped_folder
+from tendonrepro.configuration.load import (
+    ExperimentName,
+    LoadedConfig,
+    load_config,
+    shipped_folder,
+    shipped_names,
+)
 from tendonrepro.configuration.quantity import UNITS
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.command import Order, run_experiments
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
@@ -44,7 +47,7 @@ pytestmark = NEEDS_DOCS
 PAGES = sorted(DOCS.glob("*.md"))
 TEXTS = {path: path.read_text(encoding="utf-8") for path in [*PAGES, ROOT / "README.md"] if path.exists()}
 EXPERIMENTS: tuple[ExperimentName, ...] = ("compare", "decouple")
-SHORT = ("reference.periods=1", "reference.rise=1.0", "reference.hold=0.25")
+SHORT = ("reference.periods=1", "reference.period=2.5", "reference.blend=1.25")
 
 
 def page(name: str) -> str:
@@ -194,16 +197,18 @@ def test_settings_in_commands_are_valid(tmp_path: Path, monkeypatch: pytest.Monk
         context = parse(program, words(command))
         wrong = any(word in command for word in MISTAKES)
         assert name == "cli.md" or not wrong, command
-        overrides = tuple(context.params["overrides"])
+        overrides = tuple(context.params["set"])
         kind = context.info_name if context.info_name in {"ensemble", "identify", "decouple"} else "compare"
-        if (kind, overrides) in seen:
+        # Files of the page's own are not there.
+        source = context.params.get("config") if context.params.get("config") in shipped_names() else None
+        if (kind, source, overrides) in seen:
             continue
-        seen.add((kind, overrides))
+        seen.add((kind, source, overrides))
         with pytest.raises(TendonreproError) if wrong else contextlib.nullcontext():
             _ = (
                 load_ensemble(None, overrides=overrides)
                 if kind in {"ensemble", "identify"}
-                else load_config(None, kind, overrides=overrides)
+                else load_config(source, kind, overrides=overrides)
             )
 
 
@@ -227,7 +232,7 @@ def test_options_named_in_messages_exist() -> None:
 
 
 def test_configuration_keys_in_the_text_exist(shipped: dict[str, LoadedConfig]) -> None:
-    trees = [loaded.tree for loaded in shipped.values()]
+    trees = [*(loaded.tree for loaded in shipped.values()), load_config("plain", None).tree]
     tops = {key for tree in trees for key in tree}
     for name, token in ((path.name, token) for path in PAGES for token in inline(TEXTS[path])):
         key = re.split(r"[:=]", token)[0]
@@ -247,14 +252,15 @@ def test_every_unit_is_listed() -> None:
     assert sorted(listed) == sorted(UNITS)
 
 
-def test_effects_that_are_off_are_off(shipped: dict[str, LoadedConfig]) -> None:
-    known = dict(quantities(shipped["compare"].tree))
-    table = rows(section(page("configs.md"), "## Effects that are off by default"))
-    keys = [key for row in table for key in inline(row[0])]
+def test_effects_are_as_shipped_and_off_on_the_plain_arm(shipped: dict[str, LoadedConfig]) -> None:
+    known, plain = (dict(quantities(held.tree)) for held in (shipped["compare"], load_config("plain", None)))
+    _, _, *table = rows(section(page("configs.md"), "## Effects beyond the equations"))
+    keys = {key: row[2] for row in table for key in inline(row[0])}
     assert len(keys) >= 10
-    for key in set(keys) & known.keys():
+    for key in keys.keys() & known.keys():
+        assert np.all(np.asarray(known[key]["value"]) == float(keys[key].split()[0])), key
         off = 1 if key.endswith("efficiency") else 0
-        assert np.all(np.asarray(known[key]["value"]) == off), key
+        assert np.all(np.asarray(plain[key]["value"]) == off), key
 
 
 def examples(key: str) -> list[str]:
@@ -283,7 +289,7 @@ def test_examples_load_and_build(key: str, tmp_path: Path) -> None:
 
 
 def decay_rates(factor: str) -> dict[str, float]:
-    loaded = load_config(None, "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"])
+    loaded = load_config("plain", "compare", overrides=[f"manipulator.tendons.damping_factor={factor}"])
     found = {}
     for name, loop in build_loops(loaded.config, loaded.folder):
         stroke = loop.reference.q_d.max(axis=0)
@@ -292,7 +298,7 @@ def decay_rates(factor: str) -> dict[str, float]:
     return found
 
 
-def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, LoadedConfig]) -> None:
+def test_decay_rates_and_the_rule_for_the_damping_factor() -> None:
     head, _, *body = rows(section(page("assumptions.md"), "## The damping factor"))
     first = None
     for factor, *cells in body:
@@ -302,18 +308,18 @@ def test_decay_rates_and_the_rule_for_the_damping_factor(shipped: dict[str, Load
         if first is None and min(rates.values()) >= 1.0:
             first = float(factor)
     assert [float(row[0]) for row in body] == [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10]
-    assert shipped["compare"].config.manipulator.tendons.damping_factor.value == first
+    assert load_config("plain", "compare").config.manipulator.tendons.damping_factor.value == first
 
 
 def settings() -> list[tuple[str, list[str]]]:
     table = rows(section(page("slips.md"), "## What each interpretation does")) if DOCS.is_dir() else []
-    return [(name.strip("`"), cells) for name, *cells in table if name[0] == "`" or name == "as shipped"]
+    return [(name.strip("`"), cells) for name, *cells in table if name[0] == "`" or name == "plain arm"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("setting", "cells"), settings(), ids=[name for name, _ in settings()])
 def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
-    data = tables_of("compare", *[setting] * (setting != "as shipped"))
+    data = tables_of("plain", *[setting] * (setting != "plain arm"))
     found = []
     for name in CONTROLLERS:
         status, sizes = data["status"][name], data["table2"][name]["mae_deg"]
@@ -348,8 +354,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     law = folder / "my_law.py"
     law.write_text(example("python.md", "def steep"), encoding="utf-8")
     out = folder / "reports" / "compare"
-    order = Order("compare", Request(out=out, overrides=SHORT, controllers=[1]), laws=[f"{law}:steep"])
-    found = run_experiments([order], Talk(quiet=True))[order.experiment]
+    found = tendonrepro.compare(set=SHORT, controllers=[1], laws=[f"{law}:steep"], out=out).data
     assert list(found["table2"]) == ["controller_1", "steep"]
     assert found["status"]["steep"] == "ok"
     return out

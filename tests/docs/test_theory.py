@@ -49,7 +49,7 @@ def test_white_noise_factors_quoted() -> None:
 )
 def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
     cells = cells_of("docs/theory.md", f"Controller 1 / Controller 2, {row}")
-    config = load_config(None, "compare", overrides=[f"control.readings.{one}" for one in settings]).config
+    config = load_config("plain", "compare", overrides=[f"control.readings.{one}" for one in settings]).config
     assert isinstance(config, CompareConfig)
     first, second = (build_law(config, name) for name in CONTROLLERS[:2])
     assert cells[1:] == [f"{ratio:.2f}" for ratio in error_ratio(first, second, 1e-3, delay)]
@@ -66,7 +66,7 @@ def test_a_delay_changes_little_unless_the_applied_torque_is_stored() -> None:
 
 def slowest(name: str, *overrides: str, delay: int) -> float:
     """Slowest decay of a law at the start posture, s⁻¹."""
-    config = load_config(None, "compare", overrides=overrides).config
+    config = load_config("plain", "compare", overrides=overrides).config
     assert isinstance(config, CompareConfig)
     return decay_rate([np.zeros(2)], build_plant(config, 0.0), build_law(config, name), delay=delay)
 
@@ -93,7 +93,7 @@ def set_in(line: str) -> list[str]:
 
 def batch_errors(metric: str, *overrides: str) -> np.ndarray:
     """MAE or RMSE of Controllers 1 to 3 in degrees, (3, joints)."""
-    loaded = load_config(None, "compare", overrides=overrides)
+    loaded = load_config("plain", "compare", overrides=overrides)
     loops = dict(build_loops(loaded.config, loaded.folder))
     batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
     assert not batch.status.any()
@@ -102,7 +102,7 @@ def batch_errors(metric: str, *overrides: str) -> np.ndarray:
 
 def test_the_references_own_error() -> None:
     """Closed forms of the error equation, of the slope of φ at zero."""
-    config, theory = load_config(None, "compare").config, "docs/theory.md"
+    config, theory = load_config("plain", "compare").config, "docs/theory.md"
     assert isinstance(config, CompareConfig)
     law = build_law(config, "controller_2")
     lam, k = float(law.lam[0]), float(law.eta[0] * phi_slope(0.0, law, 0))

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.command import answer
 
+import tendonrepro as tr
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import predict
@@ -29,7 +30,7 @@ from tendonrepro.evidence.predict import (
     gaps_between,
     law_of,
     never_told_apart,
-    run_predict,
+    predict_outcome,
     told_apart,
     with_alpha,
 )
@@ -96,11 +97,15 @@ def test_what_is_changed_and_nothing_else() -> None:
 
 def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     """Runs from one start are equal to the last bit. Starts a degree apart show in the first period alone."""
-    together = BY_NAME["repeat"].change(COMPARE, LOADED.base.folder, LOOPS)
-    apart = COMPARE.model_copy(update={"runs": {**COMPARE.runs, SECOND: _beside(COMPARE.runs[SECOND])}})
-    loops = dict(build_loops(apart, LOADED.base.folder))
-    elsewhere = BY_NAME["repeat"].change(apart, LOADED.base.folder, loops)
-    found = simulate_batch([loops[FIRST], together, elsewhere], COMPARE.status).statistics
+    loaded = load_config("plain", "compare")
+    compare, folder = loaded.config, loaded.folder
+    assert isinstance(compare, CompareConfig)
+    at_rest = dict(build_loops(compare, folder))
+    together = BY_NAME["repeat"].change(compare, folder, at_rest)
+    apart = compare.model_copy(update={"runs": {**compare.runs, SECOND: _beside(compare.runs[SECOND])}})
+    loops = dict(build_loops(apart, folder))
+    elsewhere = BY_NAME["repeat"].change(apart, folder, loops)
+    found = simulate_batch([loops[FIRST], together, elsewhere], compare.status).statistics
     first, same, other = found["mae"]
     assert (same == first).all()
     assert (abs(other / first - 1.0) > 0.02).all()
@@ -123,7 +128,7 @@ def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.Mon
 
 def test_ramps_keep_their_corners_at_half_the_speed() -> None:
     changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
-    loaded = load_config(None, "compare", overrides=changed)
+    loaded = load_config("plain", "compare", overrides=changed)
     loops = dict(build_loops(loaded.config, loaded.folder))
     slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
     assert not slow.reference.ddq_d.any()
@@ -187,22 +192,19 @@ def test_interpretations_of_the_default_look_different() -> None:
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
-    answer = run_predict(Request(out=tmp_path / "out"), QUIET, draws=20, readings="printed")
-    assert [one["name"] for one in answer["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
+    found = tr.predict(20, readings="printed", out=tmp_path / "out").data
+    assert [one["name"] for one in found["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
     assert stored["draws"] == 20
     assert stored["never_told_apart"] == []
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()
-    few = Request(out=tmp_path / "few", dry_run=True)
-    for draws, readings in ((4, "printed"), (10**9, "printed"), (32, "nonsense")):
-        with pytest.raises(UsageError):
-            run_predict(few, QUIET, draws=draws, readings=readings)
+    for words in (["--draws", "4"], ["--draws", "1000000000"], ["--readings", "nonsense"]):
+        answer("predict", *words, "--dry-run", cwd=tmp_path, code=2)
 
 
-def test_a_number_that_is_no_power_of_two_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     for draws in (32, 20):
-        run_predict(Request(out=tmp_path / "out", dry_run=True), Talk(), draws=draws)
+        with pytest.raises(UsageError):
+            predict_outcome(load_ensemble(None), draws, "nonsense", Talk())
         assert ("32" in capsys.readouterr().err) == (draws == 20)

@@ -44,7 +44,7 @@ def run(*readings: str, controller: int = 1, more: tuple[tuple[str, Any], ...] =
     """One short run under readings ``axis=value``, and with more keys set."""
     pairs = (one.split("=") for one in readings)
     changed = dict(more) | {f"control.readings.{axis}": value for axis, value in pairs}
-    file = tr.compare(set=SHORT | changed, controllers=[controller])._file
+    file = tr.compare("plain", set=SHORT | changed, controllers=[controller])._file
     assert file is not None
     return replace(file, runs={f"controller_{controller}": file.runs[f"controller_{controller}"]})
 
@@ -131,7 +131,7 @@ def test_an_acceleration_that_is_absent_is_found_where_the_reference_has_one(kin
     """Of a ramp, which has none, the simplest answer is named."""
     small = {"reference.kind": kind, "reference.amplitude": 4}
     absent = {"control.readings.reference_acceleration": "absent"}
-    file = tr.compare(set=SHORT | small | absent, controllers=[1])._file
+    file = tr.compare("plain", set=SHORT | small | absent, controllers=[1])._file
     assert file is not None
     one = joint_3(replace(file, runs={"controller_1": file.runs["controller_1"]}))
     assert (one.answer, one.weights) == (RECOVERED, "interpolating")
@@ -260,7 +260,7 @@ def of_last_two(node: Any) -> Any:
 @pytest.fixture(scope="module")
 def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     """A run of an arm with two joints, both moving, with another M_bar than the paper's."""
-    tree = load_config(None, "compare").tree
+    tree = load_config("plain", "compare").tree
     arm = {key: of_last_two(tree[key]) for key in ("manipulator", "posture")}
     arm["posture"]["value"] = [45, 0]
     path = tmp_path_factory.mktemp("arm") / "two.yaml"

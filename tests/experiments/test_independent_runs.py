@@ -1,12 +1,9 @@
 """Ramps and starts beside the reference, against a table that another program made.
 
-Its author had its own plant and laws, written from the published equations. The arm is a copy of the nominal
-one of that day, kept beside the tests.
+Its author had its own plant and laws, written from the published equations, and the plain arm.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +13,6 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
 
-ARM = Path(__file__).parents[1] / "support" / "nominal_arm.yaml"
 TABLE = {  # MAE and RMSE of joints 2 and 3, deg
     "controller_1": ((0.321, 0.216), (0.381, 0.258)),
     "controller_2": ((0.347, 0.237), (0.430, 0.292)),
@@ -39,12 +35,10 @@ def errors(offsets: dict[str, list[float]]) -> dict[str, np.ndarray]:
     """MAE and RMSE of every run on ramps of 10.8 degrees, deg, (2, 2)."""
     times = f"rise: {quantity(2.07, 's')}, hold: {quantity(1.13, 's')}, periods: {quantity(2, '1')}"
     changes = [
-        f"manipulator={ARM}",
-        f"posture={quantity([45, 0, 0], 'deg')}",
         f"reference={{kind: ramp, amplitude: {quantity([10.8, 10.8], 'deg')}, {times}}}",
         *(f"runs.{run}.start_offset={quantity(offset, 'deg')}" for run, offset in offsets.items()),
     ]
-    loaded = load_config(None, "compare", overrides=changes)
+    loaded = load_config("plain", "compare", overrides=changes)
     assert isinstance(loaded.config, CompareConfig)
     loops = dict(build_loops(loaded.config, loaded.folder))
     batch = simulate_batch([*loops.values()], loaded.config.status)

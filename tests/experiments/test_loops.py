@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.overrides import quantity
+from support.overrides import on_plain_arm, quantity
 
 from tendonrepro.configuration.command import init_config
 from tendonrepro.configuration.load import load_config
@@ -38,7 +38,7 @@ SHORT = "reference=" + motion("raised_cosine", [8, 8], period=0.4)
 
 @cache
 def loaded(*overrides, experiment="compare"):
-    return load_config(None, experiment, overrides=overrides)
+    return on_plain_arm(experiment, *overrides)
 
 
 def loops_of(*overrides, experiment="compare"):
@@ -186,9 +186,9 @@ class TestPlants:
         for loop in built.values():
             assert isinstance(loop.controller, PositionController)
             np.testing.assert_array_equal(loop.controller.law.S_inv, S_inv)
-        # Motor 1 alone turns by 69 degrees; the joints' reference is what S makes of it.
+        # Motor 1 alone turns by 58 degrees; the joints' reference is what S makes of it.
         motors = built["pull_tendon_1"].reference.q_d @ S_inv.T
-        np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [69.0, 0.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(np.rad2deg(np.abs(motors).max(axis=0)), [58.0, 0.0, 0.0], atol=1e-9)
         joints = np.rad2deg(built["pull_tendon_1"].reference.q_d)
         np.testing.assert_allclose(joints, joints[:, :1] / S[0, 0] * S[:, 0], atol=1e-9)
 
@@ -248,14 +248,15 @@ class TestReference:
         assert (rates[2001] < 0.0).all()
 
     @pytest.mark.parametrize(
-        ("experiment", "key"), [("compare", "reference"), ("decouple", "runs.decouple.reference")]
+        ("experiment", "key", "amplitude"),
+        [("compare", "reference", "[8,"), ("decouple", "runs.decouple.reference", "[28,")],
     )
-    def test_a_motion_that_cannot_be_built_is_placed(self, experiment, key, tmp_path):
+    def test_a_motion_that_cannot_be_built_is_placed(self, experiment, key, amplitude, tmp_path):
         init_config(experiment, tmp_path)
         path = tmp_path / f"{experiment}.yaml"
-        text = path.read_text(encoding="utf-8").replace("[33, 33", "[300, 33", 1)
+        text = path.read_text(encoding="utf-8").replace(amplitude, "[300,", 1)
         path.write_text(text, encoding="utf-8")
-        line = text[: text.index("[300, 33")].count("\n") + 1
+        line = text[: text.index("[300,")].count("\n") + 1
         option = f"{key}.amplitude"
         changed = f"{option}={[200] * (2 if experiment == 'compare' else 3)}"
         for overrides, where in (((), f"{path}:{line}"), ((changed,), f"--set {option}")):

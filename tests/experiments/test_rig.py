@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from support.overrides import quantity
+from support.overrides import on_plain_arm, quantity
 
-from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments import rig
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.disturbance import disturbance_torque
@@ -12,7 +11,8 @@ from tendonrepro.physics.kinematics import to_joint_matrix
 
 
 def config_of(experiment, *overrides):
-    return load_config(None, experiment, overrides=overrides).config
+    """On the plain arm, whose numbers are worked by hand here."""
+    return on_plain_arm(experiment, *overrides).config
 
 
 def arm_with(*keys):

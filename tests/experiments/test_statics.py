@@ -7,19 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.oracles import ROPE, TENDON_4
+from support.overrides import on_plain_arm
 
+import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
-from tendonrepro.errors import ConfigError
-from tendonrepro.experiments.statics import RESERVE, half_plane, run_statics, survey
+from tendonrepro.experiments.statics import RESERVE, half_plane, survey
+from tendonrepro.experiments.statics_report import statics_outcome
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
 
 
 @pytest.fixture(scope="module")
 def found():
-    return survey(load_config(None, "decouple"))
+    return survey(on_plain_arm("decouple"))
 
 
 def tension_by_hand(course, deg, payload=0.0, force=17.0):
@@ -41,21 +41,30 @@ def tension_by_hand(course, deg, payload=0.0, force=17.0):
 @pytest.mark.parametrize("course", TENDON_4)
 def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
     """17 N in the start posture, stretched by 0.1 m there."""
-    start, radius = found.data["start_link_angles_deg"], TENDON_4[course]
+    start, radius = np.rad2deg(np.cumsum(found.loaded.config.posture.si)), TENDON_4[course]
     for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
         deg = [45.0, 2.0 * before, 2.0 * last]
         drawn = -radius @ np.diff(np.deg2rad(np.subtract(deg, start)), prepend=0.0)
         smallest = tension_by_hand(course, deg, force=max(17.0 + 170.0 * drawn, 0.0)).min()
-        assert found.maps[course].least["spring"][last, before] == pytest.approx(smallest, abs=1e-6)
+        assert found.courses[course].maps.least["spring"][last, before] == pytest.approx(smallest, abs=1e-6)
     # By the links' own angles; each turns from 0 to pi.
     travel = 1e3 * np.pi * np.abs(np.diff(radius, append=0.0)).sum()
-    assert found.data["courses"][course]["change_of_length_mm"] == pytest.approx(travel)
+    assert 1e3 * found.courses[course].travel == pytest.approx(travel)
 
 
-def test_one_moving_joint_is_refused():
-    loaded = load_config(None, "compare")
-    with pytest.raises(ConfigError):
-        survey(replace(loaded, config=loaded.config.model_copy(update={"joints": (3,)})))
+def test_one_moving_joint_has_tensions_but_no_map():
+    loaded = load_config("plain", "compare")
+    config = loaded.config.model_copy(update={"joints": (3,)})
+    found = survey(replace(loaded, config=config))
+    assert not found.has_maps
+    # At level, its weight has the lever of its centre of mass, and its tendon that of the pulley.
+    # The smallest tension is nearest to hanging or upright, half a cell of 5 deg away.
+    smallest = [9.81 * 0.22 * 0.096 * np.sin(np.radians(2.5)) / 0.0185]
+    assert found.weight_alone == pytest.approx(smallest)
+    assert set(found.courses["negative"].half_plane) == {"motor", "payload", "spring"}
+    shown = statics_outcome(found)
+    assert shown.data["map"] is None
+    assert not shown.figures
 
 
 @pytest.mark.parametrize("course", TENDON_4)
@@ -64,12 +73,12 @@ def test_maps_are_tensions_of_single_postures(found, course, case, payload):
     for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
         deg = [45.0, 2.0 * before, 2.0 * last]
         smallest = tension_by_hand(course, deg, payload).min()
-        assert found.maps[course].least[case][last, before] == pytest.approx(smallest, abs=1e-6)
+        assert found.courses[course].maps.least[case][last, before] == pytest.approx(smallest, abs=1e-6)
 
 
 def test_force_for_the_reserve_leaves_it(found):
     for course in TENDON_4:
-        needed, room = found.maps[course].needed, found.maps[course].room
+        needed, room = found.courses[course].maps.needed, found.courses[course].maps.room
         for last, before in ((2, 1), (0, 45), (90, 90)):
             deg = [45.0, 2.0 * before, 2.0 * last]
             left = tension_by_hand(course, deg, force=needed[last, before]).min()
@@ -77,43 +86,44 @@ def test_force_for_the_reserve_leaves_it(found):
                 assert left == pytest.approx(RESERVE, abs=1e-6) or needed[last, before] == 0.0
             else:
                 assert left < RESERVE
-    assert (found.maps["alternating"].room < 0.0).any()
+    assert (found.courses["alternating"].maps.room < 0.0).any()
 
 
 def test_whole_half_plane(found):
     grid = half_plane(3)
     assert grid.min() > 0.0
     assert grid.max() < np.pi
-    for name, course in found.data["courses"].items():
-        over = course["half_plane"]["motor"]
-        by_hand = tension_by_hand(name, over["link_angles_deg"])
-        assert by_hand.min() == pytest.approx(over["least_tension_N"], abs=1e-6)
-        assert by_hand.argmin() + 1 == over["tendon"]
-        low, high = over["force_window_N"]
-        assert low <= found.data["tensioner_force_N"] <= high
-        assert over["share_tense"] == 1.0
+    for name, course in found.courses.items():
+        over = course.half_plane["motor"]
+        by_hand = tension_by_hand(name, np.rad2deg(over.phi))
+        assert by_hand.min() == pytest.approx(over.least, abs=1e-6)
+        assert by_hand.argmin() + 1 == over.tendon
+        low, high = over.window
+        assert low <= found.force[0] <= high
+        assert over.share == 1.0
 
 
 def test_friction_band_holds_the_frictionless_tension(found):
-    for maps in found.maps.values():
+    for maps in (course.maps for course in found.courses.values()):
         assert (maps.band[0] <= maps.least["motor"] + 1e-9).all()
         assert (maps.least["motor"] <= maps.band[1] + 1e-9).all()
-    without = survey(load_config(None, "decouple", overrides=["manipulator.friction.per_pulley=1e-9"]))
-    assert without.maps["negative"].band[0] == pytest.approx(without.maps["negative"].least["motor"])
+    without = survey(on_plain_arm("decouple", "manipulator.friction.per_pulley=1e-9"))
+    maps = without.courses["negative"].maps
+    assert maps.band[0] == pytest.approx(maps.least["motor"])
 
 
 def test_courses_that_differ(found):
-    per_newton = {name: course["tension_per_newton"] for name, course in found.data["courses"].items()}
+    per_newton = {name: course.per_newton for name, course in found.courses.items()}
     assert min(per_newton["negative"]) > 0.0
     assert np.sign(per_newton["distal_only"]).tolist() == [-1.0, 1.0, 1.0]
-    assert per_newton["alternating"] == pytest.approx([0.0, 0.0, 1.0])
+    assert per_newton["alternating"].tolist() == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_files(tmp_path):
-    data = run_statics(Request(out=tmp_path), Talk(quiet=True))
+    text = str(tr.statics(out=tmp_path))
     stored = json.loads((tmp_path / "statics.json").read_text())
     assert stored["courses"]["alternating"]["half_plane"]["motor"]["force_window_N"] == [0.0, None]
-    assert all(course in data["text"] for course in TENDON_4)
+    assert all(course in text for course in TENDON_4)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     names = {f"figures/statics_margin.{suffix}" for suffix in ("pdf", "svg", "png", "txt")}
     names |= {f"tables/{name}.{suffix}" for name in ("statics", "courses") for suffix in ("csv", "md")}

@@ -1,21 +1,24 @@
 """Sweeps: against the theory, single runs, and what the command line was asked for."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pandas as pd
 import pytest
+from support.command import answer
 from support.overrides import SMOOTH, one_stroke, quantity
 
+import tendonrepro as tr
 from tendonrepro.configuration.load import load_config, shipped_folder
-from tendonrepro.configuration.request import Request
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import sweep
-from tendonrepro.experiments.figures import draw_sweep
+from tendonrepro.experiments.figures_sweep import draw_sweep
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.sweep_report import point_rows, run_rows, sweep_data
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import read_manifest
 from tendonrepro.simulation.batch import simulate_batch
@@ -32,36 +35,34 @@ QUIET = Talk(quiet=True)
 
 @cache
 def swept(*over, overrides=(ONE,), controllers=(1, 2)):
-    return sweep.simulate_sweep(
-        sweep.load_sweep(Request(overrides=overrides, controllers=controllers), over), QUIET
-    )
+    return sweep.simulate(sweep.load_grid(over, "plain", overrides=overrides, controllers=controllers), QUIET)
 
 
-def ratios(data, pair="c1_c2"):
-    return np.array([point["ratio"][pair] for point in data["points"]])
+def ratios(found):
+    return found.ratios["c1_c2"].simulated
 
 
-def mae(data, run):
-    return np.array([point["runs"][run]["mae_deg"] for point in data["points"]])
+def mae(found, run):
+    return found.sizes["mae_deg"][:, found.grid.runs.index(run)]
 
 
 class TestTheory:
     """Errors of a slowly changing load: e = w L dH / (M_bar lam k), docs/theory.md."""
 
     def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
-        data = swept(ALPHA, overrides=SLOW)
-        w = 1.0 + np.array(data["keys"][0]["numbers"])
+        found = swept(ALPHA, overrides=SLOW)
+        w = 1.0 + np.array(found.grid.axes[0].numbers)
         # As tests/analysis/test_small_signal.py: of first order in 1/T, and 6 % of w - 1, common to both.
-        np.testing.assert_array_less(np.abs(ratios(data) - w), 0.025 / 8.0 + 0.06 * (w - 1.0) + 1e-12)
-        assert np.all(ratios(data)[0] == 1.0)
-        np.testing.assert_allclose([p["predicted_ratio"]["c1_c2"] for p in data["points"]], w, rtol=1e-12)
+        np.testing.assert_array_less(np.abs(ratios(found) - w), 0.025 / 8.0 + 0.06 * (w - 1.0) + 1e-12)
+        assert np.all(ratios(found)[0] == 1.0)
+        np.testing.assert_allclose(found.ratios["c1_c2"].predicted, w, rtol=1e-12)
 
     @pytest.mark.parametrize(
         ("over", "power"), [(PERIOD, 1.0), ("control.gains.M_bar=[0.01,0.01],[0.02,0.02]", -1.0)]
     )
     def test_error_goes_with_L_over_M_bar(self, over, power):
-        data = swept(over, overrides=SLOW)
-        x, e = np.array(data["keys"][0]["numbers"]), mae(data, "controller_2")
+        found = swept(over, overrides=SLOW)
+        x, e = np.array(found.grid.axes[0].numbers), mae(found, "controller_2")
         slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
         # The plant's own answer to the error is of the order of 1/T. Common to all laws, ½ (λ + k) M_bar
         # is 5 % of joint 3's load, D_m, at the printed M_bar and 10 % at twice that.
@@ -71,57 +72,49 @@ class TestTheory:
 class TestRun:
     @pytest.mark.parametrize(("over", "place"), [(ALPHA, 1), (PERIOD, 2)])
     def test_point_is_the_single_run_bit_for_bit(self, over, place):
-        data = swept(over)
-        point = data["points"][place]
-        step = (f"solver.max_step={data['keys'][0]['texts'][place]}",) if over == PERIOD else ()
-        loaded = load_config(None, "compare", overrides=(ONE, point["label"], *step), controllers=(1, 2))
+        found = swept(over)
+        step = (f"solver.max_step={found.grid.axes[0].values[place]}",) if over == PERIOD else ()
+        label = found.grid.points[place].label
+        loaded = load_config("plain", "compare", overrides=(ONE, label, *step), controllers=(1, 2))
         loops = dict(build_loops(loaded.config, loaded.folder))
+        assert list(loops) == found.grid.runs
         alone = simulate_batch(list(loops.values()), loaded.config.status)
-        for k, run in enumerate(loops):
-            found = point["runs"][run]
-            assert found["status"] == STATUSES[alone.status[k]]
-            assert found["status_time_s"] == alone.status_time[k]
-            for name, statistic in sweep.IN_DEGREES.items():
-                np.testing.assert_array_equal(found[name], np.rad2deg(alone.statistics[statistic][k]))
-            for name in sweep.IN_SI:
-                np.testing.assert_array_equal(found[name], alone.statistics[name][k])
+        assert found.status[place].tolist() == [STATUSES[status] for status in alone.status]
+        np.testing.assert_array_equal(found.status_time[place], alone.status_time)
+        for name, statistic in sweep.IN_DEGREES.items():
+            np.testing.assert_array_equal(found.sizes[name][place], np.rad2deg(alone.statistics[statistic]))
+        for name in sweep.IN_SI:
+            np.testing.assert_array_equal(found.sizes[name][place], alone.statistics[name])
 
     def test_diverged_run_is_kept_and_marked(self):
-        data = swept(UNSTABLE, controllers=(1,))
+        found = swept(UNSTABLE, controllers=(1,))
         name = "manipulator.tendons.damping_factor=3 controller_1_payload"
-        assert data["diverged"] == [name]
-        ended = data["points"][0]["runs"]["controller_1_payload"]
-        assert 0.0 < ended["status_time_s"] < 7.6
-        assert np.isfinite(ended["mae_deg"]).all()
-        assert next(sweep.point_rows(data))["status"] == ["controller_1_payload diverged"]
-        assert {row["status"] for row in sweep.run_rows(data)} == {"ok", "diverged"}
-        panel = draw_sweep(data).axes["a"]
+        assert found.named("diverged") == sweep_data(found)["diverged"] == [name]
+        assert 0.0 < found.status_time[0, found.grid.runs.index("controller_1_payload")] < 7.6
+        assert np.isfinite(mae(found, "controller_1_payload")).all()
+        assert next(point_rows(found))["status"] == ["controller_1_payload diverged"]
+        assert {row["status"] for row in run_rows(found)} == {"ok", "diverged"}
+        panel = draw_sweep(found).axes["a"]
         (cross,) = (line for line in panel.lines if line.get_marker() == "x" and len(line.get_xdata()))
         assert cross.get_xdata().tolist() == [3.0]
 
     def test_what_did_not_last_has_no_ratio(self):
-        config = load_config(None, "compare", controllers=(1, 2)).config
-        runs = {
-            "controller_1": {"mae_deg": [2.0, 3.0]},
-            "controller_2": {"mae_deg": [1.0, 0.0], "status": "ok"},
-        }
-        for status, ratio in (("ringing", 2.0), ("diverged", np.nan)):
-            runs["controller_1"]["status"] = status
-            np.testing.assert_equal(sweep._ratios(runs, config)["ratio"], {"c1_c2": [ratio, np.nan]})
+        mae = np.array([[[2.0, 3.0], [1.0, 0.0]]] * 2)
+        status = np.array([["ringing", "ok"], ["diverged", "ok"]])
+        np.testing.assert_equal(sweep.ratio_of(mae, status, (0, 1)), [[2.0, np.nan], [np.nan, np.nan]])
 
     def test_two_keys_make_every_pair(self):
-        data = swept(ALPHA, PERIOD)
-        assert [point["places"] for point in data["points"]] == [[i, j] for i in range(3) for j in range(3)]
-        alone = swept(ALPHA)
-        for i in range(3):
-            assert data["points"][3 * i + 1]["runs"] == alone["points"][i]["runs"]
-        labels = [text.get_text() for text in draw_sweep(data).axes["c"].get_xticklabels()]
+        found, alone = swept(ALPHA, PERIOD), swept(ALPHA)
+        assert [point.places for point in found.grid.points] == [[i, j] for i in range(3) for j in range(3)]
+        for name, size in alone.sizes.items():
+            np.testing.assert_array_equal(found.sizes[name][1::3], size)
+        labels = [text.get_text() for text in draw_sweep(found).axes["c"].get_xticklabels()]
         assert labels[5] == "[0.1,0.2], 2"
 
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = sweep.run_sweep(Request(None, tmp_path, [ONE], controllers=[1, 2]), [ALPHA], QUIET)
+        found = tr.sweep([ALPHA], "plain", set=[ONE], controllers=[1, 2], out=tmp_path).data
         manifest = read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
@@ -134,20 +127,19 @@ class TestFiles:
         assert stored["points"][1]["values"] == {"control.gains.alpha": [0.1, 0.2]}
 
     def test_dry_run_checks_every_point_and_writes_nothing(self, tmp_path):
-        out = tmp_path / "none"
-        assert sweep.run_sweep(Request(None, out, [ONE], dry_run=True), [PERIOD], QUIET)["dry_run"]
-        assert not out.exists()
-        steep = Request(out=out, dry_run=True)
-        with pytest.raises(ConfigError, match=r"--over reference.*would reach"):
-            sweep.run_sweep(steep, ["reference.amplitude=[33,33],[150,33]"], QUIET)
+        words = ["sweep", "--config", "plain", "--dry-run", "--out", "none", "--over"]
+        assert answer(*words, PERIOD, "--set", ONE, cwd=tmp_path)["dry_run"]
+        assert not (tmp_path / "none").exists()
+        steep = answer(*words, "reference.amplitude=[33,33],[150,33]", cwd=tmp_path, code=2)
+        assert steep["error"]["where"].startswith("--over reference.amplitude=")
 
     def test_standard_input_is_read_once(self, monkeypatch, tmp_path):
-        text = load_config(None, "compare").yaml_text
+        text = load_config("plain", "compare").yaml_text
         path = tmp_path / "given.yaml"
         path.write_text(text)
         with path.open() as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            assert len(sweep.load_sweep(Request("-"), [ALPHA]).points) == 3
+            assert len(sweep.load_grid([ALPHA], "-").points) == 3
 
 
 class TestValues:
@@ -163,39 +155,39 @@ class TestValues:
     def test_a_wrong_value_is_named_with_all_its_mistakes(self):
         over = ["control.gains.alpha=[0.1,0.2],[0,2]", "sampling_period=1,0.7"]
         with pytest.raises(ConfigError, match=r"0\.7 ms") as caught:
-            sweep.load_sweep(Request(), over)
+            sweep.load_grid(over)
         assert caught.value.where == "--over control.gains.alpha=[0.1,0.2] sampling_period=0.7"
         with pytest.raises(ConfigError, match=r"control\.gains\.alpha\.value\.1"):
-            sweep.load_sweep(Request(), over[:1])
+            sweep.load_grid(over[:1])
 
     def test_step_of_the_other_solver_follows_the_period(self):
         unit = "solver.max_step={value: 1e-3, unit: s, source: 'assumed: test'}"
-        for point in sweep.load_sweep(Request(overrides=[unit, ONE]), [PERIOD]).points:
+        for point in sweep.load_grid([PERIOD], "plain", overrides=[unit, ONE]).points:
             assert point.loaded.config.solver.max_step.si == point.loaded.config.sampling_period.si
         with pytest.raises(ConfigError, match=r"max_step\.value: must divide the sampling period"):
-            sweep.load_sweep(Request(), ["sampling_period=1,2", "solver.max_step=1,1.5"])
+            sweep.load_grid(["sampling_period=1,2", "solver.max_step=1,1.5"])
 
     def test_a_swept_seed_leaves_no_place_for_another(self):
-        assert len(sweep.load_sweep(Request(), ["seed=1,2"]).points) == 2
+        assert len(sweep.load_grid(["seed=1,2"]).points) == 2
         with pytest.raises(UsageError):
-            sweep.load_sweep(Request(seed=3), ["seed=1,2"])
+            sweep.load_grid(["seed=1,2"], seed=3)
 
     def test_files_of_all_points_are_inputs(self, tmp_path):
         arms = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
         for arm in arms:
             arm.write_text(read_text(shipped_folder() / "lumidouce_ii.yaml"), encoding="utf-8")
-        assert set(arms) <= {*sweep.load_sweep(Request(), [f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
+        assert set(arms) <= {*sweep.load_grid([f"manipulator={arms[0]},{arms[1]}"]).base.inputs}
 
     @pytest.mark.parametrize("over", ["errors_from=0,1", "seed=1,2"])
     def test_the_start_is_not_left_out_without_a_word(self, over):
         with pytest.raises(UsageError, match="whole runs"):
-            sweep.load_sweep(Request(overrides=(ONE, "errors_from=1")), [over])
+            sweep.load_grid([over], "plain", overrides=(ONE, "errors_from=1"))
 
     def test_points_with_other_runs_are_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         other = run.replace("{a:", "{b:")
         with pytest.raises(UsageError, match="the same runs"):
-            sweep.load_sweep(Request(), [f"runs={run},{other}"])
+            sweep.load_grid([f"runs={run},{other}"])
 
     def test_numbers_are_those_of_each_joint(self):
         for over, numbers in (
@@ -210,14 +202,14 @@ class TestValues:
 
 class TestFigures:
     def test_lines_show_the_numbers(self):
-        data = swept(PERIOD)
-        panels = draw_sweep(data).axes
+        found = swept(PERIOD)
+        panels = draw_sweep(found).axes
         (line,) = (line for line in panels["b"].lines if line.get_label() == "Controller 2")
-        np.testing.assert_array_equal(line.get_ydata(), mae(data, "controller_2")[:, 1])
+        np.testing.assert_array_equal(line.get_ydata(), mae(found, "controller_2")[:, 1])
         np.testing.assert_array_equal(line.get_xdata(), [0.5, 1.0, 2.0])
         assert panels["d"].get_xlabel() == "sampling_period (ms)"
         shown = {line.get_label(): line.get_ydata() for line in panels["d"].lines}
-        np.testing.assert_array_equal(shown["C1/C2"], ratios(data)[:, 1])
+        np.testing.assert_array_equal(shown["C1/C2"], ratios(found)[:, 1])
 
     @pytest.mark.parametrize(
         ("numbers", "scale", "x"),
@@ -229,9 +221,9 @@ class TestFigures:
     )
     def test_axis_of_the_values(self, numbers, scale, x):
         """Decades ask for a logarithmic axis, numbers stand in their order, and no line joins words."""
-        data = json.loads(json.dumps(swept(PERIOD)))
-        data["keys"][0]["numbers"] = numbers and [[number, number] for number in numbers]
-        panel = draw_sweep(data).axes["a"]
+        found = swept(PERIOD)
+        axis = replace(found.grid.axes[0], numbers=numbers and [[number, number] for number in numbers])
+        panel = draw_sweep(replace(found, grid=replace(found.grid, axes=[axis]))).axes["a"]
         assert panel.get_xscale() == scale
         (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
         assert line.get_xdata().tolist() == x
@@ -242,5 +234,5 @@ class TestFigures:
     ("more", "unread"), [((), 1), (("control.readings.reference_acceleration=fed_forward,late",), 0)]
 )
 def test_a_key_that_no_point_reads_is_named(more, unread):
-    found = sweep.load_sweep(Request(overrides=(ONE,)), ("control.reference_lag=10,20", *more))
+    found = sweep.load_grid(("control.reference_lag=10,20", *more), overrides=(ONE,))
     assert len(found.base.unread) == unread

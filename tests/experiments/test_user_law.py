@@ -70,7 +70,7 @@ def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
 
 def test_no_law_takes_the_name_of_a_run_that_was_left_out():
     with pytest.raises(UsageError, match="something else of the name 'controller_1'"):
-        all_loops(load_config(None, "compare", controllers=[2, 3]), laws_of((), {"controller_1": abs}))
+        all_loops(load_config("plain", "compare", controllers=[2, 3]), laws_of({"controller_1": abs}))
 
 
 class Pd:
@@ -101,8 +101,8 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
     def away(_memory, q, q_d, *_desired_and_law):
         return 100.0 * np.sign(q + 1e-9), None, q_d - q, None
 
-    laws = laws_of((), {"PD-law": Pd(), "away": away})
-    loaded = with_user_laws(load_config(None, "compare", overrides=SHORT, controllers=[1]), laws)
+    laws = laws_of({"PD-law": Pd(), "away": away})
+    loaded = with_user_laws(load_config("plain", "compare", overrides=SHORT, controllers=[1]), laws)
     traces = [simulate_run(loaded, laws, name) for name in all_loops(loaded, laws)]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     held = file.runs["PD-law"]
@@ -123,17 +123,17 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
 
 
 def test_a_law_runs_as_the_first_one_does_and_with_the_payload():
-    law = laws_of((), {"mine": abs})[0]
+    law = laws_of({"mine": abs})[0]
     both = {"mine": "controller_1", "mine_payload": "controller_1_payload"}
-    assert runs_of(law, load_config(None, "compare").config) == both
-    assert runs_of(law, load_config(None, "compare", controllers=[2]).config) == {"mine": "controller_2"}
+    assert runs_of(law, load_config("plain", "compare").config) == both
+    assert runs_of(law, load_config("plain", "compare", controllers=[2]).config) == {"mine": "controller_2"}
 
 
 def test_the_text_of_a_law_counts(tmp_path):
     path, digests = tmp_path / "own.py", set()
     for body in ("return q", "return 2 * q"):
         path.write_text(LAW.format(body=body))
-        loaded = with_user_laws(load_config(None, "compare"), laws_of([f"{path}:mine"]))
+        loaded = with_user_laws(load_config("plain", "compare"), laws_of([f"{path}:mine"]))
         digests.add(loaded.sha256)
         assert loaded.inputs[-1] == path
     assert len(digests) == 2
@@ -142,4 +142,4 @@ def test_the_text_of_a_law_counts(tmp_path):
 def test_a_law_needs_a_name_that_files_can_bear():
     for name in ("a/b", "mine_payload"):
         with pytest.raises(UsageError):
-            laws_of((), {name: abs})
+            laws_of({name: abs})

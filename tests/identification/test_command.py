@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 from support.made_plants import QUIET, Killed, made_up, made_up_paper, paper_with
 
+import tendonrepro as tr
+from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.configuration.request import Request
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import command
 from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.studies.lifecycle import carry_out
 
 FULL = {"generations": 28, "population": 16, "seeds": 3}
 TINY = {"generations": 1, "population": 5, "seeds": 1}
@@ -40,11 +43,11 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
-        request = Request(out=out, dry_run=dry_run, force=force)
         patch.setattr(command, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
         patch.setattr(command, "published", lambda: paper or made_up_paper())
-        return command.run_identify(request, QUIET, **asked)
+        study = COMMANDS["identify"].function(**asked, out=out, force=force)
+        return carry_out("identify", study, QUIET, dry_run=dry_run).data
 
 
 READINGS = "printed,weights=extrapolating,phi_branch=power"
@@ -95,8 +98,13 @@ def test_files(run):
     config = (out / "identified.yaml").read_text(encoding="utf-8")
     assert "draw from the box" not in config
     # Of some seventy numbers that a plant of the box has, these depend on what was searched.
-    assert 1 <= config.count("identified: Controller 2 of Table 2") <= 5
-    assert config.count("of the arm that the search began with") > 30
+    tree = load_config(out / "identified.yaml", "compare").tree
+    sources = [held["source"] for _, held in quantities(tree) if held["source"].startswith("identified: ")]
+    assert len(sources) > 30
+    assert all(source.startswith("identified: Controller 2 of Table 2, misfit ") for source in sources)
+    fitted = [source for source in sources if "not searched" not in source]
+    assert 1 <= len(fitted) <= 5
+    assert all(any(row in source for row in ("winch_viscous", "amplitude")) for source in fitted)
     assert {path.stem for path in (out / "plants").iterdir()} == {held["name"] for held in stored["readings"]}
 
 
@@ -116,6 +124,25 @@ def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):
         assert len(list(states.glob("search-*"))) == 1
     found = identified(tmp_path / "out", measure=mortal, readings=READINGS)
     np.testing.assert_equal(found["readings"], run[1]["readings"])
+
+
+def test_a_shorter_list_goes_on_with_what_was_searched(run, tmp_path):
+    """Of a killed run those that are done need no plant again, whatever else was asked for."""
+    calls = Counter()
+
+    def counting(*given):
+        calls["all"] += 1
+        if "phi_branch=power" in given[2].name and calls["limit"]:
+            raise Killed
+        return cheap(*given)
+
+    calls["limit"] = 1
+    with pytest.raises(Killed):
+        identified(tmp_path / "out", measure=counting, readings=READINGS)
+    made, calls["limit"] = calls["all"], 0
+    found = identified(tmp_path / "out", measure=counting, readings="printed")
+    assert calls["all"] - made == 1  # what the best plant gives, beside the print
+    np.testing.assert_equal(found["readings"], run[1]["readings"][:1])
 
 
 @pytest.mark.slow
@@ -198,9 +225,9 @@ def truth():
 @pytest.mark.slow
 def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
     monkeypatch.setattr(command, "published", lambda: paper_with(truth, decimals=6))
-    request, effort = Request(out=tmp_path / "out", overrides=OVERRIDES), (40, 24, 2)
-    asked = dict(zip(("generations", "population", "seeds"), effort, strict=True))
-    found = command.run_identify(request, QUIET, readings=EXTRAPOLATING, unknowns=40, **asked)["readings"][0]
+    effort = {"generations": 40, "population": 24, "seeds": 2}
+    asked = {"readings": EXTRAPOLATING, "unknowns": 40, "set": OVERRIDES, "out": tmp_path / "out"}
+    found = tr.identify(**effort, **asked).data["readings"][0]
     assert found["misfit_log"] < 0.05
     fitted = [row for row in found["numbers"] if row["fitted"]]
     assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)

@@ -222,7 +222,7 @@ def test_unequal_motion_moves_joint_2_two_thirds_as_far():
     config = nominal_with(motion=WORDS["motion"].index("unequal"))
     loops = dict(build_loops(config, ensemble().base.folder))
     peak = np.rad2deg(loops["controller_1"].reference.q_d.max(axis=0))
-    np.testing.assert_allclose(peak, [22.0, 33.0], rtol=1e-3)
+    np.testing.assert_allclose(peak, [28.0 * 2.0 / 3.0, 28.0], rtol=1e-3)
 
 
 def test_noise_differs_between_draws_and_repeats_within_one():

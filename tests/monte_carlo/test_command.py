@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from support.command import answer
 from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
 
 from tendonrepro import files
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.monte_carlo.command import load_study, run_ensemble
+from tendonrepro.monte_carlo.command import load_study
 from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
 from tendonrepro.results.figures.style import Drawing
 
@@ -90,7 +90,7 @@ def test_the_summary_holds_what_the_contract_names(unbroken):
 
 def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path):
     out = tmp_path / "none"
-    found = run_ensemble(Request(out=out, dry_run=True), QUIET, draws=4096)
+    found = answer("ensemble", "--draws", "4096", "--out", "none", "--dry-run", cwd=tmp_path)
     study = load_study(None, (), None, "default")
     draws = sum(4096 * share for share in study.shares.values())
     assert found["cost"]["experiments"] == draws * len(study.cases)

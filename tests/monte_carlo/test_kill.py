@@ -8,10 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from support.fake_batch import DRAWS, contents, results, run_small, shards_in, slow_batch, small_study
-
-from tendonrepro.console import Talk
-from tendonrepro.monte_carlo.command import run_study
+from support.fake_batch import contents, results, run_ensemble_of, run_small, shards_in, slow_batch
 
 pytestmark = [
     pytest.mark.slow,
@@ -77,8 +74,8 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
 def test_a_cluster_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed")
     run_small(tmp_path / "unbroken", 1)
-    folder, talk = tmp_path / "cluster", Talk(quiet=True)
+    folder = tmp_path / "cluster"
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
-        run_study(small_study(), DRAWS, folder, jobs=1, talk=talk, dask=address, simulate=slow_batch)
+        run_ensemble_of(folder, dask=address, simulate=slow_batch)
     assert results(folder) == results(tmp_path / "unbroken")

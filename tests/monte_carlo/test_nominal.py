@@ -1,4 +1,4 @@
-"""The nominal plant follows its two rules: middles of ranges, and off what stands in no equation.
+"""The plain arm is the nominal draw, by its two rules: middles of ranges, and off what is in no equation.
 
 docs/assumptions.md states them. A number that is neither has a source that says why not.
 """
@@ -44,16 +44,16 @@ def test_what_acts_in_no_equation_is_off_in_the_nominal_draw():
 
 
 def arms():
-    """Manipulator of the nominal draw, and the shipped one, by key."""
+    """Comparisons of the nominal draw, and of the plain arm."""
     loaded = load_ensemble(None)
     box = make_box(loaded.config)
     drawn = configured(loaded.base, box, box.nominal)
-    return drawn, loaded.compare
+    return drawn, load_config("plain", "compare").config
 
 
-def test_shipped_manipulator_is_the_nominal_draw():
-    drawn, shipped = arms()
-    ours, theirs = (dict(quantities(config.manipulator.model_dump())) for config in (drawn, shipped))
+def test_plain_manipulator_is_the_nominal_draw():
+    drawn, plain = arms()
+    ours, theirs = (dict(quantities(config.manipulator.model_dump())) for config in (drawn, plain))
     assert ours.keys() == theirs.keys()
     for key, held in theirs.items():
         alone = [np.ravel(values)[-2:] for values in (ours[key]["value"], held["value"])]  # joint 1 is held
@@ -64,21 +64,22 @@ def test_shipped_manipulator_is_the_nominal_draw():
         assert same != ("unlike the box" in held["source"]), key
 
 
-def test_shipped_comparison_is_the_nominal_draw():
-    drawn, shipped = arms()
-    assert drawn.reference.kind == shipped.reference.kind
-    for name in ("amplitude", "rise", "hold"):
-        ours, theirs = (getattr(config.reference, name).si for config in (drawn, shipped))
+def test_plain_comparison_is_the_nominal_draw_but_for_the_amplitude():
+    """The range of amplitudes has become wider since."""
+    drawn, plain = arms()
+    assert drawn.reference.kind == plain.reference.kind
+    for name in ("rise", "hold"):
+        ours, theirs = (getattr(config.reference, name).si for config in (drawn, plain))
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
-    assert drawn.reference.duration == pytest.approx(shipped.reference.duration)
-    np.testing.assert_allclose(drawn.posture.si, shipped.posture.si, rtol=1e-12)
-    assert drawn.control.filter_cutoff.si == shipped.control.filter_cutoff.si
-    assert drawn.control.readings == shipped.control.readings
-    assert drawn.disturbance.kind == shipped.disturbance.kind
+    assert drawn.reference.duration == pytest.approx(plain.reference.duration)
+    np.testing.assert_allclose(drawn.posture.si, plain.posture.si, rtol=1e-12)
+    assert drawn.control.filter_cutoff.si == plain.control.filter_cutoff.si
+    assert drawn.control.readings == plain.control.readings
+    assert drawn.disturbance.kind == plain.disturbance.kind
 
 
 def test_what_is_derived_of_the_arm_follows_from_its_middles():
-    arm = load_config("compare", None).config.manipulator
+    arm = load_config("plain", None).config.manipulator
     links, friction, winch = arm.links, arm.friction, arm.winches
     np.testing.assert_allclose(links.com.si, 0.48 * links.length.si)
     np.testing.assert_allclose(links.inertia.si, 0.098 * links.mass.si * links.length.si**2)

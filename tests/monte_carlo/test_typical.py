@@ -1,4 +1,4 @@
-"""The typical plant is the stable sample nearest to the medians, and the shipped one is it."""
+"""The typical plant is the stable sample nearest to the medians, and the shipped comparison has it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.typical import (
     SECTIONS,
@@ -40,8 +40,8 @@ def test_samples_are_rounded_in_the_unit_of_their_range() -> None:
     assert found["reference_lag"] == pytest.approx(2.5e-3)
 
 
-def test_the_shipped_one_is_stable_and_says_where_it_is_from() -> None:
-    loaded = load_config("typical", "compare")
+def test_the_shipped_one_is_stable_and_uses_nothing_of_the_paper_s_results() -> None:
+    loaded = load_config(None, "compare")
     assert isinstance(loaded.config, CompareConfig)
     batch = simulate_batch([*dict(build_loops(loaded.config, loaded.folder)).values()], loaded.config.status)
     assert (batch.status == STATUSES.index("ok")).all()
@@ -53,5 +53,13 @@ def test_the_shipped_one_is_stable_and_says_where_it_is_from() -> None:
 def test_the_shipped_one_is_found_again() -> None:
     study = published_study()
     tree = load(typical_yaml(study, preliminary(study)), "typical").tree
-    shipped = load_config("typical", "compare").tree
-    assert {name: tree[name] for name in SECTIONS} == {name: shipped[name] for name in SECTIONS}
+    shipped = load_config(None, "compare").tree
+    for name in SECTIONS:
+        assert without_sources(tree[name]) == without_sources(shipped[name]), name
+
+
+def without_sources(node: Node) -> Node:
+    """A section's numbers, units and words."""
+    if isinstance(node, dict):
+        return {key: without_sources(held) for key, held in node.items() if key != "source"}
+    return [without_sources(held) for held in node] if isinstance(node, list) else node

@@ -48,7 +48,7 @@ ONE = np.ones(1)
 
 @cache
 def shipped(*overrides):
-    return load_config(None, "compare", overrides=overrides).config
+    return load_config("plain", "compare", overrides=overrides).config
 
 
 def single_joint(motor_inertia, link_inertia, stiffness, damping, D_m, weight=0.0):

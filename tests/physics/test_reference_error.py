@@ -17,7 +17,7 @@ LAWS = ("controller_1", "controller_3")
 
 
 def law(name):
-    return build_law(load_config(None, "compare").config, name)
+    return build_law(load_config("plain", "compare").config, name)
 
 
 def area(name, e, de=0.0, acceleration=0.0):
@@ -61,7 +61,7 @@ def test_an_acceleration_that_is_not_fed_forward_leaves_an_error(acceleration):
 def test_only_the_reading_takes_the_acceleration_away():
     for word, share in (("fed_forward", 1.0), ("absent", 0.0), ("late", 1.0)):
         changed = [f"control.readings.reference_acceleration={word}"]
-        config = load_config(None, "compare", overrides=changed).config
+        config = load_config("plain", "compare", overrides=changed).config
         assert build_law(config, "controller_1").feed_forward == share
 
 

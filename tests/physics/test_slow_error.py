@@ -8,7 +8,7 @@ from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
 
 
 def law(name, *overrides):
-    return build_law(load_config(None, "compare", overrides=overrides).config, name)
+    return build_law(load_config("plain", "compare", overrides=overrides).config, name)
 
 
 def test_printed_gains():

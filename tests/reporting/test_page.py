@@ -2,12 +2,15 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 from html import escape
 
 import pytest
 from PIL import Image
 from reporting.conftest import LIKE_HTML
+from support.html_page import read_page
 
+from tendonrepro.configuration.load import load_config
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.command import page, pictures, plate
 from tendonrepro.reporting.contents import percent
@@ -35,6 +38,18 @@ def test_the_parts_stand_in_order(made, results):
     captions = [figure.one("figcaption").text for figure in main.all("figure")][1:]
     assert captions == [f"About {name}" for name in sorted(path.stem for path in results.glob("*/*/*.svg"))]
     assert "results of 2027-01-02" in made.one("header").text
+
+
+def test_of_another_arm_the_page_has_its_results_alone(found):
+    arm = load_config(None, "compare").tree["manipulator"] | {"name": "Mine"}
+    held = {
+        name: dict(manifest, config=dict(manifest["config"], tree={"manipulator": arm}))
+        for name, manifest in found.manifests.items()
+    }
+    made = read_page(page(replace(found, manifests=held)))
+    parts = [part.attributes["id"] for part in made.one("main").children]
+    assert parts == ["decouple", "compare", "assumptions", "again"]
+    assert "Mine" in made.one("h1").text
 
 
 def test_the_ten_claims(made, ledger):

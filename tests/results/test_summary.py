@@ -14,6 +14,7 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
+    fitted_under,
     loaded_runs,
     ranking,
     saturated,
@@ -161,7 +162,7 @@ WHOLE_RUN = [name for name in STATISTICS if not name.endswith("_late")]
 
 
 def test_a_trace_has_the_statistics_of_the_batch() -> None:
-    loaded = load_config(None, "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
+    loaded = load_config("plain", "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
     name, loop = next(iter(all_loops(loaded).items()))
     batch = simulate_batch([loop], loaded.config.status, record=True)
     assert batch.traces is not None
@@ -200,3 +201,16 @@ def test_overshoot_is_past_the_target_in_the_direction_of_the_stroke(joint: int)
     variables = {"e": e, "dq_d": dq_d, "ddq_d": np.ones((6, 2))}
     found = statistics(Trace("mine", np.arange(6.0), (2, 3), variables, {}))
     assert found["overshoot"][joint] == pytest.approx(0.25)
+
+
+def test_what_a_plant_was_fitted_under_has_its_motion_and_starts() -> None:
+    text = "reference:\n  kind: ramp\n  rise: {source: 'identified: Tables 2 and 3, misfit 0.01, rise'}\n"
+    file = make_compare_file()
+    assert fitted_under(file) is None
+    fitted = dataclasses.replace(file, config_yaml=text)
+    assert fitted_under(fitted) == "motion=ramp"
+    runs = {
+        name: dataclasses.replace(trace, attributes={**trace.attributes, "start_offset": [0.0, 0.01]})
+        for name, trace in file.runs.items()
+    }
+    assert fitted_under(dataclasses.replace(fitted, runs=runs)) == "motion=ramp+starts=apart"

@@ -42,7 +42,7 @@ NEAR = 3.8e-5
 
 
 def loaded(*overrides: str) -> tuple[CompareConfig, dict[str, Loop]]:
-    found = load_config(None, "compare", overrides=overrides)
+    found = load_config("plain", "compare", overrides=overrides)
     assert isinstance(found.config, CompareConfig)
     return found.config, dict(build_loops(found.config, found.folder))
 

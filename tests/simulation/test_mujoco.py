@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.oracles import Routing, rope_used, winch_angles
+from support.overrides import PLAIN_ARM
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_loops
@@ -30,11 +31,11 @@ SUBSTEPS = 16
 """Steps of MuJoCo's Runge-Kutta method in one sample, aligned with the jumps of the torque."""
 
 ARMS = {
-    "2 joints, payload": ("compare", "controller_1_payload", ()),
+    "2 joints, payload": ("plain", "controller_1_payload", ()),
     "3 joints, payload": (
         "decouple",
         "decouple",
-        ("runs.decouple.reference.turns=[[1, 2, 3]]", "runs.decouple.payload=0.2"),
+        (PLAIN_ARM, "runs.decouple.reference.turns=[[1, 2, 3]]", "runs.decouple.payload=0.2"),
     ),
 }
 
@@ -51,7 +52,7 @@ class Recorded(NamedTuple):
 
 @cache
 def recorded(experiment: Any, run: str, overrides: tuple[str, ...], seconds: float) -> Recorded:
-    loaded = load_config(None, experiment, overrides=overrides)
+    loaded = load_config(experiment, None, overrides=overrides)
     loop = dict(build_loops(loaded.config, loaded.folder))[run]
     samples = round(seconds / L) + 1
     reference = loop.reference

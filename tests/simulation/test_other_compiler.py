@@ -75,7 +75,7 @@ def assert_same(code: Writer, w: Array, other: Callable[[Array, float, float], N
 @pytest.mark.parametrize("run", ["controller_1", "controller_3"])
 def test_a_sample_of_an_experiment_is_that_of_python(run: str) -> None:
     """Law and two steps of the plant, as one tape."""
-    found = load_config(None, "compare", overrides=("manipulator.encoders.joint.noise=1e-5",))
+    found = load_config("plain", "compare", overrides=("manipulator.encoders.joint.noise=1e-5",))
     assert isinstance(found.config, CompareConfig)
     loop = dict(build_loops(found.config, found.folder))[run]
     rest = rest_at(np.zeros(2), loop.plant)

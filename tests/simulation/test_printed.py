@@ -32,7 +32,7 @@ from tendonrepro.simulation.kernel import runge_kutta
 NODE, COMPILER = shutil.which("node"), shutil.which("g++")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node on the path")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no g++ on the path")
-LAW = load_config(None, "compare").config
+LAW = load_config("plain", "compare").config
 
 
 def printed(function: Any, size: int, dialect: Any) -> tuple[str, int]:

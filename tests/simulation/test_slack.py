@@ -30,7 +30,7 @@ THROWN = (
 def run_of(unilateral, *overrides):
     finer = "solver.rtol=1e-7", "solver.atol=1e-9"
     changes = (*THROWN, *finer, f"manipulator.tendons.unilateral={unilateral}", *overrides)
-    loaded = load_config(None, "compare", overrides=changes, controllers=[1])
+    loaded = load_config("plain", "compare", overrides=changes, controllers=[1])
     return loaded.config, dict(build_loops(loaded.config, loaded.folder))["controller_1"]
 
 
@@ -39,7 +39,7 @@ def tension_of(trace, loop):
 
 
 def by_hand(trace):
-    """The shipped arm's joints 2 and 3 under a trace's torque, written in link angles and rope lengths."""
+    """The plain arm's joints 2 and 3 under a trace's torque, written in link angles and rope lengths."""
     arm_angle = np.deg2rad(10.0)
     l2, (m2, m3), (c2, c3), (i2, i3) = 0.28, (0.47, 0.22), (0.1344, 0.096), (3.611104e-3, 8.624e-4)
     rope, damper = np.array([188902.0, 292184.1]), 5.0 * np.array([479.0015, 1139.518])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from support.oracles import FEATURES, PAPER, random_plant, random_state
+from support.overrides import on_plain_arm
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError
@@ -38,7 +39,7 @@ def raised_cosine(amplitude_deg, period, samples):
 
 @cache
 def shipped(*overrides):
-    return load_config(None, "compare", overrides=overrides)
+    return load_config("plain", "compare", overrides=overrides)
 
 
 def make_loop(*overrides, run="controller_1", reference=None):
@@ -438,7 +439,7 @@ class TestDivergence:
 @pytest.fixture(scope="module")
 def decoupling():
     """First 0.4 s of the decoupling experiment."""
-    loaded = load_config(None, "decouple")
+    loaded = on_plain_arm("decouple")
     loop = dict(build_loops(loaded.config, loaded.folder))["decouple"]
     full = loop.reference
     cut = DesiredMotion(full.time[:400], full.q_d[:400], full.dq_d[:400], full.ddq_d[:400])

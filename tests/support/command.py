@@ -19,7 +19,7 @@ from typer.main import get_command
 from tendonrepro.cli import main
 from tendonrepro.cli.app import app
 
-SHORT = ["--set", "reference.periods=1", "--set", "reference.rise=0.4", "--set", "reference.hold=0.1"]
+SHORT = ["--set", "reference.periods=1", "--set", "reference.period=1", "--set", "reference.blend=0.5"]
 SHORT_MOTION = "{kind: minimum_jerk, amplitude: {value: [5, 5, 5], unit: deg, source: 'assumed: test'}, "
 SHORT_MOTION += "rise: {value: 0.3, unit: s, source: 'assumed: test'}, hold: {value: 0.1, unit: s, "
 SHORT_MOTION += "source: 'assumed: test'}, periods: {value: 1, unit: '1', source: 'assumed: test'}}"
@@ -29,6 +29,21 @@ SHORT_DECOUPLE = [
     "--set",
     "runs.pull_tendon_1.reference.rise=0.4",
 ]
+
+
+SMALL = {
+    "compare": ["--controllers", "1", *SHORT],
+    "decouple": SHORT_DECOUPLE,
+    "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
+    "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
+    "ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
+    "predict": ["--draws", "20", "--readings", "printed"],
+    "recover": ["measured.h5"],
+    "sweep": ["--over", "control.gains.lam=4,5", *SHORT],
+    "tune": ["--plants", "1", "--searches", "2", "--generations", "2", "--population", "4", "--jobs", "1"],
+    "validate": ["measured.h5"],
+}
+"""Words without which a command cannot do, or with which it does as little as it can; of `measured.h5`."""
 
 
 def run(*words: str, cwd: Path, stdin: str = "", columns: int = 100) -> subprocess.CompletedProcess[str]:

@@ -8,11 +8,12 @@ from functools import cache
 import numpy as np
 
 from tendonrepro.console import Talk
-from tendonrepro.monte_carlo.command import load_study, run_study
+from tendonrepro.monte_carlo.command import ensemble_study, load_study
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
+from tendonrepro.studies.lifecycle import carry_out
 
 SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
 
@@ -84,13 +85,14 @@ def run_small(folder, jobs):
     from tendonrepro.monte_carlo import command as ensemble
 
     ensemble.ensemble_figures = lambda *_: {}
-    ensemble.run_study(small_study(), DRAWS, folder, jobs=jobs, talk=Talk(quiet=True), simulate=fake_batch)
+    run_ensemble_of(folder, jobs=jobs)
 
 
-def run_ensemble_of(folder, study=None, draws=DRAWS, **options):
+def run_ensemble_of(folder, study=None, draws=DRAWS, force=False, **options):
     """Run a study, the small one if none is given, in this process and with the stand-in."""
-    arguments = {"jobs": 1, "talk": Talk(quiet=True), "simulate": fake_batch} | options
-    return run_study(study or small_study(), draws, folder, **arguments)
+    study, arguments = study or small_study(), {"simulate": fake_batch} | options
+    prepared = ensemble_study(study, draws, **arguments, folder={"out": folder, "force": force})
+    return carry_out("ensemble", prepared, Talk(quiet=True)).data
 
 
 def shards_in(folder):

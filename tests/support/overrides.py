@@ -1,5 +1,16 @@
 """Overrides as text: quantities, and a slow motion of a plant that nothing holds."""
 
+from tendonrepro.configuration.load import load_config
+
+PLAIN_ARM = "manipulator=plain_arm.yaml"
+
+
+def on_plain_arm(experiment, *overrides):
+    """Configuration of an experiment with the plain arm; the comparison has its own motion too."""
+    if experiment == "compare":
+        return load_config("plain", "compare", overrides=overrides)
+    return load_config(None, experiment, overrides=(PLAIN_ARM, *overrides))
+
 
 def quantity(value, unit):
     return f"{{value: {value}, unit: '{unit}', source: 'assumed: test'}}"

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
+import tendonrepro as tr
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.tuning import command, report, search
@@ -39,7 +38,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(folder: Path, **options: Any) -> dict[str, Any]:
-    return command.run_tune(Request(out=folder), Talk(quiet=True), **{**SMALL, **options})
+    return tr.tune(out=folder, **{**SMALL, **options}).data
 
 
 @pytest.mark.slow
@@ -70,7 +69,7 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
 
 @pytest.mark.usefixtures("few")
 def test_what_it_writes(tmp_path: Path) -> None:
-    found = run(tmp_path / "tune", given={"surface": surface})
+    found = run(tmp_path / "tune", laws={"surface": surface})
     stored = json.loads((tmp_path / "tune" / "tune.json").read_text("utf-8"))
     assert stored["lost_to_special_case"] == []
     assert {row["law"] for row in stored["laws"]} >= {"pid", "surface", "controller_1"}
@@ -106,9 +105,9 @@ branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
     [
         {"plants": 0},
         {"searches": 1},
-        {"given": {"branching": branching}},
-        {"given": {"pid": surface}},
-        {"given": {"boundless": lambda *_: None}},
+        {"laws": {"branching": branching}},
+        {"laws": {"pid": surface}},
+        {"laws": {"boundless": lambda *_: None}},
     ],
 )
 def test_what_it_refuses(tmp_path: Path, options: dict[str, Any]) -> None:

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import tendonrepro as tr
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.command import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.results.traces import read_traces
-from tendonrepro.validation.command import run_validate
 
 QUIET = Talk(quiet=True)
 MOTION = {"reference.periods": 1, "reference.rise": 1.6, "reference.hold": 0.8}
@@ -23,7 +21,7 @@ ANGLE_ERROR, ERROR_ERROR = 0.05, 0.01
 
 @pytest.fixture(scope="module")
 def ours():
-    file = tr.compare(set=MOTION, controllers=[1])._file
+    file = tr.compare("plain", set=MOTION, controllers=[1])._file
     return file.runs["controller_1"]
 
 
@@ -81,7 +79,7 @@ def validated(request, ours, tmp_path_factory):
     mapping, measured = folder / "m.yaml", folder / "measured.h5"
     run_inspect([files], mapping, force=True)
     run_ingest([files], mapping, measured, force=True, dry_run=False, talk=QUIET)
-    found = run_validate(measured, Request(None, folder / "out", (), dry_run=False, force=True), QUIET)
+    found = tr.validate(measured, "plain", out=folder / "out", force=True).data
     return found, folder, mapping.read_text()
 
 

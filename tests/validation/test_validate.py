@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from support.command import answer
 from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
+import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
@@ -21,7 +22,7 @@ from tendonrepro.results import paper_tables
 from tendonrepro.results.records import PlantRecord
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.traces import read_traces, write_traces
-from tendonrepro.validation.command import closest_window, measured_tables, run_validate, table_data
+from tendonrepro.validation.report import closest_window, measured_tables, table_data
 from tendonrepro.verdicts.measured import Measured, measured_of
 
 QUIET = Talk(quiet=True)
@@ -40,12 +41,19 @@ INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 def _no_recovery():
     """Which controller made a run takes ten seconds a run to find, and has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tendonrepro.validation.command.controllers_of", lambda *_: FOUND)
+        patch.setattr("tendonrepro.validation.report.controllers_of", lambda *_: FOUND)
         yield
 
 
-def validate(path, out, *overrides, force=False, dry_run=False):
-    return run_validate(path, Request(None, out, overrides, dry_run=dry_run, force=force), QUIET)
+def validate(path, out, *overrides):
+    return tr.validate(path, "plain", set=overrides, out=out).data
+
+
+def planned(path, *overrides):
+    changes = [word for override in overrides for word in ("--set", override)]
+    return answer(
+        "validate", str(path), "--config", "plain", *changes, "--out", "out", "--dry-run", cwd=path.parent
+    )
 
 
 class TestMeasuredTables:
@@ -80,7 +88,7 @@ class TestMeasuredTables:
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
-    loaded = load_config(None, "compare", overrides=SHORT, controllers=[1, 2])
+    loaded = load_config("plain", "compare", overrides=SHORT, controllers=[1, 2])
     traces = simulate_all([prepared(loaded)], QUIET)[0]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
@@ -148,12 +156,12 @@ class TestValidate:
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 
     def test_a_dry_run_writes_nothing(self, shipped, tmp_path):
-        plan = validate(shipped, tmp_path / "out", dry_run=True)
+        plan = planned(shipped)
         assert plan["dry_run"]
         file = read_traces(shipped)
         write_traces(tmp_path / "SYNTHETIC.h5", replace(file, runs=dict([*file.runs.items()][:1])))
-        lighter = validate(shipped, tmp_path / "out", "manipulator.gravity=9.8", dry_run=True)
-        other = validate(tmp_path / "SYNTHETIC.h5", tmp_path / "out", dry_run=True)
+        lighter = planned(shipped, "manipulator.gravity=9.8")
+        other = planned(tmp_path / "SYNTHETIC.h5")
         assert len({one["config_sha256"] for one in (plan, lighter, other)}) == 3
         assert not (tmp_path / "out").exists()
 

@@ -12,23 +12,25 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
-from tendonrepro.verdicts.command import run_claims, shipped_ledger, with_shipped
+from tendonrepro.verdicts.command import Asked, run_claims, shipped_ledger, with_shipped
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import write_claims
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 
-QUIET = Talk(quiet=True)
+
+def claimed(out, ids=(), **asked):
+    return run_claims(Asked(out, ids, **asked), Talk(quiet=True))
 
 
 def test_a_baseline_tells_what_changed(tmp_path):
     verdicts = with_shipped(judge_all(Sources()), shipped_ledger())
     write_claims([replace(one, verdict="exact") if one.id == "C2" else one for one in verdicts], tmp_path)
     path = tmp_path / "claims.json"
-    assert run_claims(tmp_path / "none", (), path, QUIET).data["changed"] == {"C2": ("exact", "not_met")}
+    assert claimed(tmp_path / "none", baseline=path).data["changed"] == {"C2": ("exact", "not_met")}
     for content in (path.read_bytes()[:-100], b"[]", b'{"claims": [1]}', None):
         path.write_bytes(content) if content else path.unlink()
         with pytest.raises(DataMissingError) as caught:
-            run_claims(tmp_path / "none", (), path, QUIET)
+            claimed(tmp_path / "none", baseline=path)
         assert caught.value.where == str(path)
 
 
@@ -39,7 +41,7 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
     fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
     for stored, told in ((file, ""), (replace(file, runs=runs), str(tmp_path)), (fitted, str(tmp_path))):
         write_traces(tmp_path / "compare" / TRACES, stored)
-        (number,) = run_claims(tmp_path, ("table2.controller_1.mae.joint_2",), None, Talk()).verdicts
+        (number,) = run_claims(Asked(tmp_path, ("table2.controller_1.mae.joint_2",)), Talk()).verdicts
         assert told in capsys.readouterr().err
         assert ("shipped_run" in number.evidence) != bool(told)
 
@@ -47,29 +49,29 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
 def test_the_measured_file_is_read(tmp_path):
     path = tmp_path / "SYNTHETIC.h5"
     write_traces(path, make_compare_file(**FEW, source="measured"))
-    (claim,) = run_claims(tmp_path, ["C2"], None, QUIET, path).verdicts
+    (claim,) = claimed(tmp_path, ["C2"], measured=path).verdicts
     assert "verdict" in claim.evidence["measured"]
 
 
 def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
     for _ in range(2):
-        run_claims(tmp_path, (), None, QUIET)
+        claimed(tmp_path)
     path = tmp_path / "claims" / "claims.md"
     path.write_bytes(b"with my notes")
     with pytest.raises(UsageError):
-        run_claims(tmp_path, (), None, QUIET)
+        claimed(tmp_path)
     assert path.read_bytes() == b"with my notes"
-    run_claims(tmp_path, ("C1",), None, QUIET)  # writes nothing
-    run_claims(tmp_path, (), None, QUIET, force=True)
+    claimed(tmp_path, ("C1",))  # writes nothing
+    claimed(tmp_path, force=True)
 
 
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
-    assert run_claims(tmp_path, (), None, QUIET).data["summary"]["not_testable"] > 0
+    assert claimed(tmp_path).data["summary"]["not_testable"] > 0
     run_ensemble_of(tmp_path / "ensemble")
     path = shard_files(tmp_path / "ensemble" / SHARDS)[0]
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(DataMissingError) as caught:
-        run_claims(tmp_path, ("C2",), None, QUIET)
+        claimed(tmp_path, ("C2",))
     assert caught.value.where == str(path)
 
 
@@ -79,7 +81,7 @@ def entries(data):
 
 @pytest.fixture(scope="module")
 def ledger(tmp_path_factory):
-    return run_claims(tmp_path_factory.mktemp("empty"), (), None, QUIET)
+    return claimed(tmp_path_factory.mktemp("empty"))
 
 
 class TestFreshClone:
@@ -109,7 +111,7 @@ def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
     write_traces(tmp_path / "compare" / TRACES, make_compare_file(step=0.05))
     name = "table2.controller_2.mae.joint_3"
     (without,) = judge_all(Sources(compare=make_compare_file(step=0.05)), only=[name])
-    entry = entries(run_claims(tmp_path, [name], None, QUIET).data)[name]
+    entry = entries(claimed(tmp_path, [name]).data)[name]
     assert entry["ours"] == pytest.approx(without.ours)
     assert entry["evidence"]["box"] == entries(shipped_ledger())[name]["evidence"]["box"]
 
@@ -121,7 +123,7 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
     monkeypatch.setattr("tendonrepro.verdicts.command.read_ensemble", lambda _: own)
     monkeypatch.setattr("tendonrepro.verdicts.command.rankings", lambda _: {})
-    ledger = run_claims(tmp_path, (), None, QUIET)
+    ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}
     assert ledger.data["ensemble"] == {"source": "local", "tendonrepro_version": None} | known

@@ -12,7 +12,7 @@ from support.synthetic import make_compare_file
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.report import as_data, write_claims
+from tendonrepro.verdicts.report import as_data, table_text, write_claims
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL, LONGER
 
@@ -27,6 +27,23 @@ class TestReadings:
         found = one(data, paper, "C4")
         assert found.readings_that_change_it == ()
         assert found.evidence["not_testable_under"] == ["c=d"]
+
+    def test_a_verdict_says_on_which_motions_and_starts_it_depends(self):
+        """Of choices that change it, those that need no more; and nothing of changed equations."""
+        apart, absent = "starts=apart", "reference_acceleration=absent"
+        both = f"{absent}+{apart}"
+        data = MadeEnsemble(readings=(PRINTED, apart, absent, both, "weights=extrapolating"))
+        paper = paper_of(data)
+        for reading in (apart, both, "weights=extrapolating"):
+            spoil(data, "controller_1", ["mae", "rmse"], 9.0, reading)
+        found = one(data, paper, "C2")
+        assert {held.reading for held in found.by_choice} == {apart, absent, both}
+        ((changed, verdict, ours),) = [(held.reading, held.verdict, held.ours) for held in found.unless]
+        assert (changed, verdict, ours) == (apart, "not_met", 0.0)
+        assert found.verdict != verdict
+        assert "starts=apart" in table_text([found])
+        entry = as_data([found])["claims"][0]
+        assert {held["reading"] for held in entry["by_choice"]} == {apart, absent, both}
 
     def test_variations_are_compared_under_the_printed_reading_alone(self):
         data = MadeEnsemble(readings=(PRINTED, "a=b"))

@@ -57,7 +57,7 @@ def test_moments_are_those_of_the_plants_that_are_simulated():
         mass, length, com = (getattr(links, name).si for name in ("mass", "length", "com"))
         by_hand = 9.81 * np.array([mass[1] * com[1] + mass[2] * length[1], mass[2] * com[2]])
         assert machines.moment[1:, k] == pytest.approx(by_hand)
-        first = 9.81 * (0.77 * 0.144 + (mass[1] + mass[2]) * 0.30)
+        first = 9.81 * (0.74 * 0.132 + (mass[1] + mass[2]) * 0.33)
         assert machines.moment[0, k] == pytest.approx(first), "link 1 is not in the box"
 
 

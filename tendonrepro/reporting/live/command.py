@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.command import Order
+from tendonrepro.experiments.orders import Order
 from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
 
@@ -21,20 +20,6 @@ _MARK = b'<meta name="generator" content="live page of tendonrepro'
 """What every page has near its beginning."""
 
 
-def run_live(request: Request) -> dict[str, Any]:
-    """Write the page, a user's configuration among its presets; return what ``--json`` prints.
-
-    Raises
-    ------
-    UsageError
-        If another file is in the way, or the page cannot run the configuration.
-    """
-    own = request.config is not None or request.overrides
-    return write_page(
-        request.out or Path(PAGE), request.load("compare") if own else None, force=request.force
-    )
-
-
 def check_target(path: Path, *, force: bool) -> None:
     """Raise a UsageError where a page would replace what is none; `force` allows that for files."""
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
@@ -42,7 +27,15 @@ def check_target(path: Path, *, force: bool) -> None:
 
 
 def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[str, Any]:
-    """Write the page; it replaces an earlier one, any other file with `force` alone."""
+    """Write the page, a user's configuration among its presets; return what ``--json`` prints.
+
+    It replaces an earlier page, any other file with `force` alone.
+
+    Raises
+    ------
+    UsageError
+        If another file is in the way, or the page cannot run the configuration.
+    """
     check_target(path, force=force)
     library = Library()
     presets = shipped_presets(library)
@@ -57,13 +50,14 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[
 
 def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, Any]:
     """Write the page beside results of orders; a comparison of the user's own is among its presets."""
-    (request, *_) = (order.request for order in orders if order.experiment == "compare")
-    loaded = request.load("compare") if request.config is not None or request.overrides else None
+    (compare, *_) = (order for order in orders if order.experiment == "compare")
+    loaded = compare.load() if compare.config is not None or compare.changes else None
+    force = compare.options["force"]
     try:
-        return write_page(path, loaded, force=request.force)
+        return write_page(path, loaded, force=force)
     except UsageError as error:
         talk.note(f"{path.name} has no preset of your configuration: {error.message}")
-        return write_page(path, None, force=request.force)
+        return write_page(path, None, force=force)
 
 
 def live_text(found: dict[str, Any]) -> str:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from tendonrepro.configuration.request import FORMATS
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Canvas, FigureArtists
 from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
+from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs, fitted_under
@@ -166,11 +166,11 @@ FIGURES: dict[str, FigureSpec] = {
     },
     "fig13": FigureSpec(
         paper.draw_motors,
-        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference. "
-        "The paper does not say with which controller: here Controller 1.",
+        "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference.",
         ("q_encoder", "q_d"),
         ("controller_1",),
         plant=("S_inv",),
+        of_paper="The paper does not say with which controller: here Controller 1.",
     ),
     "fig14": FigureSpec(
         paper.draw_tracking,

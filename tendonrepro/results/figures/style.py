@@ -22,9 +22,9 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from tendonrepro import __version__
-from tendonrepro.configuration.request import FORMATS
 from tendonrepro.files import write_atomically
 from tendonrepro.results.figures.thinned import thinned_fonts
+from tendonrepro.results.formats import FORMATS
 
 COLUMN_MM = 85.0
 """Width of one journal column."""

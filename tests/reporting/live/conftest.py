@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from support.browser import CHROMIUM, DRIVER, Browser
 
-from tendonrepro.configuration.request import Request
-from tendonrepro.reporting.live.command import run_live
+import tendonrepro as tr
 
 OWN = (
     "control.gains.lam=[6,7]",
@@ -20,7 +19,7 @@ OWN = (
 @pytest.fixture(scope="session")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("live") / "live.html"
-    run_live(Request(out=path, overrides=OWN))
+    tr.live("plain", path, set=OWN)
     return path
 
 

@@ -101,7 +101,7 @@ def test_every_preset_has_pythons_errors_and_an_empty_console(browser: Browser, 
         same(found, by_python(configured(browser)), USUAL_DEG)
         assert words(browser, "problem") == ""
     own = opened(browser, page, "#own")
-    same(own, by_python(load_config(None, "compare", overrides=OWN), taken_steps(browser)))
+    same(own, by_python(load_config("plain", "compare", overrides=OWN), taken_steps(browser)))
     assert browser.console() == []
 
 

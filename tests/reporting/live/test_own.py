@@ -9,9 +9,8 @@ import pytest
 from reporting.live.test_browser import by_python, configured, opened, same, taken_steps
 from support.browser import Browser
 
+import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.request import Request
-from tendonrepro.reporting.live.command import run_live
 
 pytestmark = pytest.mark.slow
 
@@ -80,8 +79,8 @@ OWN = {
 
 @pytest.mark.parametrize("changes", OWN.values(), ids=OWN)
 def test_a_configuration_of_ones_own(browser: Browser, tmp_path: Path, changes: Sequence[str]) -> None:
-    path, loaded = tmp_path / "own.html", load_config(None, "compare", overrides=changes)
-    run_live(Request(out=path, overrides=changes))
+    path, loaded = tmp_path / "own.html", load_config("plain", "compare", overrides=changes)
+    tr.live("plain", path, set=changes)
     found = opened(browser, path, "#own")
     same(found, by_python(loaded, taken_steps(browser)))
     assert configured(browser).config == loaded.config

@@ -1,4 +1,4 @@
-"""What was found about loops, as plain numbers, tables and files."""
+"""What an explanation shows: JSON, tables and pictures."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ import numpy as np
 from tendonrepro.analysis.explain import PAIRS, Explanation, RunMargins, explain, view_pairs
 from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.request import Request
-from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import View
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.tables import Table, TableColumns
+from tendonrepro.studies.outcome import Outcome
 
 SCHEMA_VERSION = 1
 
@@ -40,19 +38,7 @@ _FILES_ALONE = {"ringing_decay", "gain_margin_hz", "gain_reduction_margin", "cro
 """Columns that the terminal has no room for."""
 
 
-def run_explain(request: Request, talk: Talk) -> dict[str, Any]:
-    """Explain a configuration; what ``--json`` prints.
-
-    Raises
-    ------
-    TendonreproError
-        If there are no controllers or no linear loop, or results cannot be written.
-    """
-    loaded = request.load("compare")
-    return run_study("explain", loaded, request, lambda _: study_explain(loaded), talk)
-
-
-def study_explain(loaded: LoadedConfig) -> Outcome:
+def explain_outcome(loaded: LoadedConfig) -> Outcome:
     """Explain a configuration."""
     from tendonrepro.analysis.figures import figures
 

@@ -1,10 +1,9 @@
-"""What ``tendonrepro validate`` does: measurement against print and model."""
+"""What a measurement beside print and model shows: JSON, tables, terminal and pictures."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,19 +13,17 @@ import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
-from tendonrepro.configuration.request import Request
 from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
-from tendonrepro.files import digest_of, sha256_of
 from tendonrepro.results.records import TraceFile
-from tendonrepro.results.study import Outcome, run_study
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
+from tendonrepro.studies.outcome import Outcome
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
-from tendonrepro.verdicts.measured import Measured, measured_of, read_measured
+from tendonrepro.verdicts.measured import Measured, measured_of
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
@@ -47,31 +44,8 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def run_validate(measured: Path, request: Request, talk: Talk) -> dict[str, Any]:
-    """Compare a measured trace file with print and model; return what ``--json`` prints.
-
-    The configuration is the model's, without its reference. Changes of the manipulator hold for both
-    experiments.
-
-    Raises
-    ------
-    DataMissingError
-        If there is no measured file.
-    UsageError
-        If it is simulated, or the folder holds other results.
-    """
-    file = read_measured(measured)
-    base = request.load("compare" if file.part("compare").runs else "decouple")
-    digest = digest_of({"config": base.sha256, "measured": sha256_of(measured)})
-    base = replace(base, sha256=digest, inputs=(*base.inputs, measured))
-
-    def study(folder: Path) -> Outcome:
-        return _study(file, measured, base, folder, talk)
-
-    return run_study("validate", base, request, study, talk)
-
-
-def _study(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
+def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
+    """Compare the measurement of a file with print and model; models' motions are written into `folder`."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     paper, known = published(), json.loads(file.manifest_json)

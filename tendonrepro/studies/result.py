@@ -9,13 +9,13 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tendonrepro.configuration.request import FORMATS, formats_of
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
+from tendonrepro.results.formats import FORMATS, formats_of
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
-from tendonrepro.results.study import Outcome, figure_formats
 from tendonrepro.results.traces import TRACES, dataset_of, write_traces
+from tendonrepro.studies.outcome import Outcome, figure_formats
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,0 +1,24 @@
+"""The command that explains a loop."""
+
+from typing import Unpack
+
+from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.parameters import Changes, Controllers, Folder, Seed, Source
+from tendonrepro.studies.study import Study
+
+
+@study(EXPLORE, "tendonrepro explain --set manipulator.actuator.output_delay=1")
+def explain(
+    config: Source = None,
+    *,
+    set: Changes = None,
+    seed: Seed = None,
+    controllers: Controllers = None,
+    **folder: Unpack[Folder],
+) -> Study:
+    """Stability margins and error ratios of the sampled loop."""
+    from tendonrepro.analysis.report import explain_outcome
+    from tendonrepro.configuration.load import load_config
+
+    loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)
+    return Study(loaded, lambda *_: explain_outcome(loaded), folder)

@@ -1,1 +1,0 @@
-"""Every command as a function; ``import tendonrepro`` has them all."""

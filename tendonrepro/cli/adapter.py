@@ -1,0 +1,100 @@
+"""From the signature and docstring of a command to arguments and options of Typer."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from types import GenericAlias, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import typer
+
+from tendonrepro.cli.terminal import TERMINAL, Terminal
+from tendonrepro.console import Talk
+from tendonrepro.studies.command import Command, word_of
+from tendonrepro.studies.parameters import Telling
+from tendonrepro.studies.study import Answer
+
+_DRY_RUN = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
+
+
+def add_command(app: typer.Typer, command: Command) -> None:
+    """Give a command to the command line: parse, call its function, print the answer."""
+    own, about = command.signature.parameters, command.help
+    options = [_option(given, about.get(name, "")) for name, given in own.items() if not _is_talk(given)]
+    options += [_keyword("dry_run", False, _DRY_RUN)] if command.has_dry_run else []
+    options += [_keyword(name, False, annotation) for name, annotation in TERMINAL.items()]
+
+    def run(**words: Any) -> int:
+        terminal = Terminal(**{name: words.pop(name) for name in TERMINAL})
+        answer = _answer(command, words, terminal.talk)
+        terminal.show(answer)
+        return answer.exit_code
+
+    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
+    run.__annotations__ = {option.name: option.annotation for option in options}
+    run.__doc__ = command.about
+    name = command.name.rpartition(" ")[2]
+    app.command(name, epilog=f"Example: {command.example}", rich_help_panel=command.panel)(run)
+
+
+def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[Any]:
+    """Call the function of a command with what the command line gave."""
+    positional: list[Any] = []
+    keywords: dict[str, Any] = {}
+    for name, parameter in command.signature.parameters.items():
+        if _is_talk(parameter):
+            keywords[name] = talk
+        elif parameter.kind is parameter.VAR_POSITIONAL:
+            positional = words[name] or []
+        elif words[name] is not None:
+            # The flag of what holds by default says that it shall not.
+            keywords[name] = not words[name] if parameter.default is True else words[name]
+    prepared = command.function(*positional, **keywords)
+    answer: Answer[Any] = prepared
+    if command.lifecycle:
+        lifecycle = import_module(command.lifecycle)
+        dry_run = {"dry_run": words["dry_run"]} if command.has_dry_run else {}
+        answer = lifecycle.carry_out(command.name, prepared, talk, **dry_run)
+    return answer
+
+
+def _is_talk(parameter: inspect.Parameter) -> bool:
+    return bool(parameter.annotation == Telling)
+
+
+def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
+    """A parameter of a public function as Typer wants it."""
+    word, kind, default = word_of(parameter.annotation), _writable(parameter.annotation), parameter.default
+    many = parameter.kind is parameter.VAR_POSITIONAL
+    if many:
+        kind = GenericAlias(list, (kind,))
+    if many or default in (None, ()):
+        kind, default = kind | None, None
+    told: dict[str, Any] = {"help": about, "metavar": word.metavar or None}
+    if many or word.positional:
+        return _keyword(parameter.name, default, Annotated[kind, typer.Argument(**told)])
+    name = parameter.name.replace("_", "-")
+    if default is True:
+        name, default = f"no-{name}", False
+    option = typer.Option(word.option or f"--{name}", **told)
+    return _keyword(parameter.name, default, Annotated[kind, option])
+
+
+def _writable(annotation: Any) -> Any:
+    """The type by which the command line gives a value: of a union, the first that it can write."""
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return _writable(get_args(annotation)[0])
+    if origin in (Union, UnionType):
+        kinds = (_writable(kind) for kind in get_args(annotation))
+        return next(kind for kind in kinds if kind is not None)
+    if origin is Sequence:
+        return GenericAlias(list, get_args(annotation))
+    return annotation if annotation in (bool, int, float, str, Path) or origin is Literal else None

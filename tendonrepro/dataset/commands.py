@@ -1,0 +1,105 @@
+"""The commands around the paper's data set, and anyone's measured data."""
+
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+from tendonrepro.errors import UsageError
+from tendonrepro.studies.command import DATA, command
+from tendonrepro.studies.parameters import ARGUMENT, TALK, Overwrite, Telling, Word
+from tendonrepro.studies.study import Answer
+
+Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
+Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
+MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")
+
+
+@command(DATA, "tendonrepro fetch --out data/zenodo")
+def fetch(
+    record: Annotated[str, ARGUMENT] = "19467931",
+    out: Path | str = Path("data/zenodo"),
+    *,
+    base_url: str | None = None,
+    dry_run: bool = False,
+    force: bool = False,
+    talk: Telling = TALK,
+) -> Answer[dict[str, Any]]:
+    """Download the paper's data set and verify it.
+
+    A second run needs no network.
+
+    Parameters
+    ----------
+    record
+        Number, DOI or address of the record.
+    out
+        Folder for the files.
+    base_url
+        Another server [default: $TENDONREPRO_ZENODO_URL, else Zenodo].
+    dry_run
+        List the record, download nothing.
+    force
+        Replace altered files, or another record's.
+    """
+    from tendonrepro.dataset.fetch import fetch_text, run_fetch
+
+    lock = run_fetch(record, Path(out), base_url, force, dry_run, talk)
+    return Answer(lock, fetch_text(lock), lock)
+
+
+@command(DATA, "tendonrepro inspect data/zenodo --suggest")
+def inspect(
+    *paths: Measured, suggest: bool = False, mapping: Path | str | None = None, force: bool = False
+) -> Answer[dict[str, Any]]:
+    """What is in files of any format, and what it seems to mean.
+
+    Parameters
+    ----------
+    suggest
+        Write a mapping file to edit.
+    mapping
+        Mapping file to write [default: data/mapping.yaml with --suggest, else none].
+    force
+        Overwrite the mapping file.
+    """
+    from tendonrepro.dataset.command import inspect_text, run_inspect
+
+    _refuse_none(paths)
+    written = Path(mapping or MAPPING) if suggest or mapping is not None else None
+    contents = run_inspect([*map(Path, paths)], written, force=force)
+    return Answer(contents, inspect_text(contents), contents)
+
+
+@command(DATA, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
+def ingest(
+    *paths: Measured,
+    mapping: Mapping = MAPPING,
+    out: Path | str = MEASURED,
+    confirm: bool = False,
+    dry_run: bool = False,
+    force: Overwrite = False,
+    talk: Telling = TALK,
+) -> Answer[dict[str, Any]]:
+    """Convert measured data to the layout of simulated traces.
+
+    Parameters
+    ----------
+    out
+        Trace file to write.
+    confirm
+        The mapping is right: delete every CHECK in it.
+    dry_run
+        Check everything, write nothing.
+    """
+    from tendonrepro.dataset.command import ingest_text, run_ingest
+
+    _refuse_none(paths)
+    files = [*map(Path, paths)]
+    runs = run_ingest(
+        files, Path(mapping), Path(out), force=force, dry_run=dry_run, talk=talk, confirm=confirm
+    )
+    return Answer(runs, ingest_text(runs), runs)
+
+
+def _refuse_none(paths: tuple[Path | str, ...]) -> None:
+    if not paths:
+        raise UsageError("names nothing to read", where="PATHS", hint="name files, folders or archives")

@@ -1,0 +1,56 @@
+"""The commands about evidence: what a log tells, and what experiments would."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Unpack
+
+from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Place, Seed, Source
+from tendonrepro.studies.study import Study
+
+
+@study(EXPLORE, "tendonrepro predict --readings printed,Delta_unit=deg")
+def predict(
+    draws: int = 256,
+    *,
+    config: Source = None,
+    set: Changes = None,
+    seed: Seed = None,
+    readings: str | None = None,
+    **folder: Unpack[Folder],
+) -> Study:
+    """What experiments on a bench would give, by interpretation.
+
+    Parameters
+    ----------
+    draws
+        Plants.
+    readings
+        Comma-separated names [default: fourteen main ones].
+    """
+    from tendonrepro.configuration.ensemble import load_ensemble
+    from tendonrepro.evidence.predict import READINGS, asked_for, identity_of, predict_outcome
+
+    names = readings or READINGS
+    asked_for(draws, names)
+    loaded = load_ensemble(config, overrides=set, seed=seed)
+    base = replace(loaded.base, sha256=identity_of(loaded, draws, names), origin=loaded.origin)
+    return Study(base, lambda talk, _: predict_outcome(loaded, draws, names, talk), folder, stored=True)
+
+
+@study(EXPLORE, "tendonrepro recover data/measured.h5")
+def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> Study:
+    """Which controller made a log, or why that cannot be told.
+
+    Parameters
+    ----------
+    log
+        Trace file, or results folder with one.
+    """
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.evidence.recover import identity_of, recover_outcome
+    from tendonrepro.results.traces import read_traces
+
+    file, paper = read_traces(Path(log)), load_config(None, "compare")
+    base = replace(paper, sha256=identity_of(file, paper))
+    return Study(base, lambda talk, _: recover_outcome(file, str(Path(log)), paper, talk), folder)

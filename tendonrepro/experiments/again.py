@@ -1,0 +1,91 @@
+"""Figures and tables made again from stored traces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from tendonrepro.errors import DataMissingError
+from tendonrepro.files import refuse_file
+from tendonrepro.parallel import workers
+from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.paper_tables import made_tables
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.store import MANIFEST, read_manifest, replaced
+from tendonrepro.results.traces import TRACES, read_traces
+from tendonrepro.studies.outcome import figure_formats
+
+
+def redraw(
+    out: Path, figures: Sequence[str] | None, *, force: bool = False, formats: Sequence[str] = FORMATS
+) -> list[Path]:
+    """Draw figures from stored traces again, and return the files.
+
+    Parameters
+    ----------
+    out : Path
+        Results folder, or the one above several.
+    figures : sequence of str, optional
+        Names, or the paper's numbers; all if not given.
+    force : bool
+        Keep a user's own files, and make changed ones again.
+    formats : sequence of str
+        Those to write; files of others stay as they are.
+    """
+    from tendonrepro.results.figures.catalogue import available, begin_drawing, name_of
+
+    files = _stored(out)
+    every = {name for file in files.values() for name in available(file)}
+    asked = [name_of(figure) for figure in figures] if figures else every
+    for name in asked:
+        if name not in every:
+            message = f"no stored traces hold what {name} shows"
+            hint = f"figures that can be drawn: {', '.join(sorted(every)) or 'none'}"
+            raise DataMissingError(message, where=str(out), hint=hint)
+
+    def make(file: TraceFile, path: Path) -> list[Path]:
+        figures = [(file, path / "figures", name) for name in available(file) if name in asked]
+        return [one for paths in begin_drawing(figures, formats, start) for one in paths]
+
+    with workers(len(asked)) as start:
+        return _make_again(files, make, force=force)
+
+
+def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
+    """Make tables from stored traces again, as `redraw` does figures."""
+
+    def make(file: TraceFile, path: Path) -> list[Path]:
+        return [one for table in made_tables(file) for one in table.write(path / "tables")]
+
+    return _make_again(_stored(out), make, force=force)
+
+
+def _stored(out: Path) -> dict[Path, TraceFile]:
+    """Traces in a folder, or in those directly below it."""
+    refuse_file(out)
+    paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
+    if not paths:
+        message = f"holds no {TRACES}, and no folder in it does"
+        hint = "run tendonrepro reproduce, or name another --out"
+        raise DataMissingError(message, where=str(out), hint=hint)
+    return {path.parent: read_traces(path.parent) for path in paths}
+
+
+def _make_again(
+    files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
+) -> list[Path]:
+    """Make files of results again; measured traces lie in a folder without a manifest."""
+    found: list[Path] = []
+    for folder, file in files.items():
+        if not (folder / MANIFEST).exists():
+            found += make(file, folder)
+            continue
+        with replaced(
+            folder, file.config_sha256, command=file.experiment, force=force, update=True
+        ) as result:
+            result.manifest = read_manifest(folder)
+            made = make(file, result.path)
+            suffixes = {path.suffix.removeprefix(".") for path in result.path.glob("figures/*")}
+            result.manifest |= figure_formats([name for name in FORMATS if name in suffixes])
+        found += [folder / path.relative_to(result.path) for path in made]
+    return found

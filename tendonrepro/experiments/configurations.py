@@ -1,0 +1,88 @@
+"""The commands around configurations: list, show, copy, check, schema."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from tendonrepro.errors import UsageError
+from tendonrepro.studies.command import EXPLORE, command
+from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Telling, Word
+from tendonrepro.studies.study import Answer, written
+
+ABOUT = "Configurations: list, show, copy, check, schema."
+
+Named = Annotated[
+    str, Word(positional=True, help="Configuration file, - for standard input, or a shipped name.")
+]
+
+
+@command(EXPLORE, "tendonrepro config list", "config list")
+def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
+    """Names of the shipped configurations."""
+    from tendonrepro.configuration.load import shipped_folder, shipped_names
+
+    names = shipped_names()
+    talk.detail(f"in {shipped_folder()}")
+    return Answer({"schema_version": 1, "configs": names}, "\n".join(names), names)
+
+
+@command(EXPLORE, "tendonrepro config show compare", "config show")
+def config_show(config: Named, *, set: Changes = None) -> Answer[dict[str, Any]]:
+    """A configuration as it is used: complete, changes applied."""
+    from tendonrepro.configuration.command import shown
+
+    tree, text = shown(config, set or ())
+    return Answer(tree, text.rstrip(), tree)
+
+
+@command(EXPLORE, "tendonrepro config init --joints 2 --out mine/my_arm.yaml", "config init")
+def config_init(
+    name: Annotated[str | None, ARGUMENT] = None,
+    *,
+    joints: int | None = None,
+    out: Path = Path(),
+    talk: Telling = TALK,
+) -> Answer[list[Path]]:
+    """Begin an arm of your own, or copy a shipped configuration.
+
+    Parameters
+    ----------
+    name
+        A shipped configuration; what it names is copied too.
+    joints
+        Write an arm with so many joints, and compare.yaml.
+    out
+        Folder, or the file of the arm.
+    """
+    from tendonrepro.configuration.command import init_config
+    from tendonrepro.configuration.own_arm import init_arm
+
+    if (name is None) == (joints is None):
+        message = "either the name of a shipped configuration, or --joints"
+        raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
+    paths = init_arm(joints, out) if name is None and joints else init_config(name or "", out)
+    return written(paths, paths, talk)
+
+
+@command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
+def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[dict[str, Any]]:
+    """Check a configuration, and list all its mistakes."""
+    from tendonrepro.experiments.orders import check
+
+    known = check(config, set or (), talk)
+    return Answer(known, f"{known['config']}: valid {known['kind']}", known)
+
+
+@command(EXPLORE, "tendonrepro config schema > schema.json", "config schema")
+def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[dict[str, Any]]:
+    """JSON schema of configuration files, for editors.
+
+    Parameters
+    ----------
+    kind
+        compare, decouple, ensemble or manipulator [default: any].
+    """
+    from tendonrepro.configuration.command import json_schema
+    from tendonrepro.files import to_json
+
+    schema = json_schema(kind)
+    return Answer(schema, to_json(schema).rstrip(), schema)

@@ -1,0 +1,1 @@
+"""What every command shares: how a function becomes one, how a study runs, and what it gives."""

@@ -1,0 +1,164 @@
+"""A public function becomes a command: of the shell and of Python, with one signature and one docstring.
+
+Nothing heavy is imported here, nor by files that hold such functions: ``tendonrepro --help`` reads them all.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, wraps
+from importlib import import_module
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
+
+from tendonrepro.studies.parameters import FOLDER, Word
+from tendonrepro.studies.study import Answer
+
+if TYPE_CHECKING:
+    from tendonrepro.studies.result import Result
+
+P = ParamSpec("P")
+S = TypeVar("S")
+V = TypeVar("V")
+
+REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
+"""Panels of the list of commands."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """An entry of the registry.
+
+    `function` gives an `Answer`, or, where there is a `lifecycle`, what that module carries out: a `Study`.
+    """
+
+    name: str
+    panel: str
+    example: str
+    function: Callable[..., Any]
+    lifecycle: str = ""
+    has_dry_run: bool = False
+
+    @cached_property
+    def signature(self) -> inspect.Signature:
+        """Every parameter with its evaluated annotation, the shared ones spelled out."""
+        return signature_of(self.function)
+
+    @property
+    def about(self) -> str:
+        """What it does: the docstring up to its parameters."""
+        return (inspect.getdoc(self.function) or "").partition("\n\nParameters\n")[0]
+
+    @cached_property
+    def help(self) -> dict[str, str]:
+        """What each parameter means, as the docstring or a shared annotation says."""
+        annotations = {name: parameter.annotation for name, parameter in self.signature.parameters.items()}
+        return {name: word_of(annotation).help for name, annotation in annotations.items()} | dict(
+            _described(inspect.getdoc(self.function) or "")
+        )
+
+
+COMMANDS: dict[str, Command] = {}
+"""Commands by name, in the order in which their files are imported."""
+
+
+def study(
+    panel: str,
+    example: str,
+    lifecycle: str = "tendonrepro.studies.lifecycle",
+    *,
+    has_dry_run: bool = True,
+) -> Callable[[Callable[P, S]], Callable[P, Result]]:
+    """Make a function that checks and prepares a study a command; for Python it gives a result.
+
+    `lifecycle` is the module whose `carry_out` and `result_of` take what the function gives.
+    """
+
+    def register(function: Callable[P, S]) -> Callable[P, Result]:
+        name = function.__name__
+        COMMANDS[name] = Command(name, panel, example, function, lifecycle, has_dry_run)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> Result:
+            result: Result = import_module(lifecycle).result_of(name, function(*args, **kwargs))
+            return result
+
+        return _public(call, COMMANDS[name])
+
+    return register
+
+
+def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
+    """Make a function that answers a command; `name` is the words that call it, such as ``config list``."""
+
+    def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
+        called = name or function.__name__
+        COMMANDS[called] = Command(called, panel, example, function)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> V:
+            return function(*args, **kwargs).value
+
+        return _public(call, COMMANDS[called])
+
+    return register
+
+
+def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
+    """Show to Python all parameters, and what each means."""
+    told = entry.help
+    call.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            parameter.replace(annotation=getattr(parameter.annotation, "__origin__", parameter.annotation))
+            if word_of(parameter.annotation) != Word()
+            else parameter
+            for parameter in entry.signature.parameters.values()
+        ]
+    )
+    # The words are those of an option, which takes away what holds by default: --no-figures.
+    flags = {name for name, parameter in entry.signature.parameters.items() if parameter.default is True}
+    lines = [f"{name}\n    {'False: ' * (name in flags)}{text}" for name, text in told.items() if text]
+    section = "\n".join(["Parameters", "----------", *lines])
+    call.__doc__ = f"{entry.about}\n\n{section}" if lines else entry.about
+    return call
+
+
+def signature_of(function: Callable[..., Any]) -> inspect.Signature:
+    """Signature with evaluated annotations; keywords of a `Folder` or `Place` are parameters of their own."""
+    # What it returns may be a type that only a type checker sees.
+    own = {name: text for name, text in function.__annotations__.items() if name != "return"}
+    hints = get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__, include_extras=True)
+    parameters = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            kind = inspect.Parameter.KEYWORD_ONLY
+            (options,) = get_args(hints[name])
+            shared = options.__annotations__
+            parameters += [
+                inspect.Parameter(key, kind, default=default, annotation=shared[key])
+                for key, default in FOLDER.items()
+                if key in shared
+            ]
+        else:
+            parameters.append(parameter.replace(annotation=hints[name]))
+    return inspect.Signature(parameters)
+
+
+def word_of(annotation: Any) -> Word:
+    """How an annotation says that a parameter stands on the command line."""
+    return next((part for part in getattr(annotation, "__metadata__", ()) if isinstance(part, Word)), Word())
+
+
+def _described(docstring: str) -> Iterator[tuple[str, str]]:
+    """Parameters that a numpydoc docstring describes, and what it says of each."""
+    section = docstring.partition("\n\nParameters\n----------\n")[2].partition("\n\n")[0]
+    name, words = "", []
+    for line in [*section.splitlines(), "end"]:
+        if line.startswith(" "):
+            words.append(line.strip())
+            continue
+        for one in filter(None, name.split(", ")):
+            yield one, " ".join(words)
+        name, words = line.partition(" : ")[0], []

@@ -1,0 +1,69 @@
+"""Parameters that many commands share: their types, and how they stand on the command line."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypedDict
+
+from tendonrepro.console import Talk
+
+
+class Word(NamedTuple):
+    """How a parameter stands on the command line, where its name and the docstring do not say it all.
+
+    `help` is of what many commands share. A `positional` parameter has no option.
+    """
+
+    option: str = ""
+    metavar: str = ""
+    help: str = ""
+    positional: bool = False
+
+
+ARGUMENT = Word(positional=True)
+
+# Of a union the command line gives the first type that it can write.
+Source: TypeAlias = Annotated[
+    str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")
+]
+Changes: TypeAlias = Annotated[
+    Sequence[str] | Mapping[str, Any] | None,
+    Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+]
+Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all noise.")]
+Controllers: TypeAlias = Annotated[
+    str | Sequence[int] | None, Word(metavar="1,3", help="Run only these controllers.")
+]
+Formats: TypeAlias = Annotated[
+    str | Sequence[str] | None,
+    Word(metavar="png,pdf,svg", help="Formats of figures [default: all three]."),
+]
+
+
+Laws: TypeAlias = Annotated[
+    Sequence[str] | Mapping[str, Callable[..., Any]] | None, Word(option="--law", metavar="FILE:NAME")
+]
+Jobs: TypeAlias = Annotated[int, Word(help="Processes; -1 is one for each processor.")]
+Traces: TypeAlias = Annotated[
+    Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
+]
+Overwrite: TypeAlias = Annotated[bool, Word(help="Overwrite a file that is there.")]
+Telling: TypeAlias = Annotated[Talk, Word(help="Whom to tell of progress.")]
+TALK = Talk()
+
+
+class Place(TypedDict, total=False):
+    """Where the results of a study without figures go, and what becomes of what is there."""
+
+    out: Annotated[Path | str | None, Word(help="Results folder [default: its own below reports].")]
+    force: Annotated[bool, Word(help="Overwrite other results, and files changed since.")]
+
+
+class Folder(Place, total=False):
+    """Where the results of a study go, and its figures."""
+
+    formats: Formats
+    figures: Annotated[bool, Word(help="Draw no figures.")]
+
+
+FOLDER: Folder = {"out": None, "formats": None, "figures": True, "force": False}
+"""What holds where nothing is said."""

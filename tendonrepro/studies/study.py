@@ -1,0 +1,71 @@
+"""What a command function gives: a study that is ready to run, or an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+from tendonrepro.console import Talk, count_of
+from tendonrepro.studies.parameters import FOLDER, Folder, Place
+
+if TYPE_CHECKING:
+    from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.studies.outcome import Outcome
+
+V = TypeVar("V")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study whose configuration and arguments are checked; the lifecycle runs it.
+
+    Attributes
+    ----------
+    loaded : LoadedConfig
+        What the manifest tells of; its digest is that of all that decides the results.
+    run : callable
+        Finds the outcome. Gets whom to tell of progress, and a folder for files of its own.
+    keep : str
+        Folder inside that one for finished parts, with which an interrupted study goes on.
+    stays : bool
+        Whether finished parts are part of the result, too.
+    numbers : str
+        Stem of the file of numbers; else the command's name.
+    plan : mapping
+        What ``--json`` of a dry run says beside, or instead of, what it says of every study.
+    stored : bool
+        Whether results are written from Python, too, though no folder is named: they took long.
+    """
+
+    loaded: LoadedConfig
+    run: Callable[[Talk, Path], Outcome]
+    folder: Place = field(default_factory=Place)
+    keep: str = ""
+    stays: bool = False
+    stored: bool = False
+    numbers: str = ""
+    plan: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def options(self) -> Folder:
+        """All of a `Folder`, with what holds where nothing was said."""
+        return cast("Folder", FOLDER | self.folder)
+
+
+@dataclass(frozen=True)
+class Answer(Generic[V]):
+    """What a command tells: `data` as JSON, `text` in words, and its `value` to Python."""
+
+    data: Mapping[str, Any]
+    text: str
+    value: V
+    exit_code: int = 0
+
+
+def written(paths: Sequence[Path], value: V, talk: Talk) -> Answer[V]:
+    """Answer of a command that wrote files."""
+    names = [str(path) for path in paths]
+    talk.detail(count_of(len(names), "file"))
+    return Answer({"schema_version": 1, "files": names}, "\n".join(names), value)

@@ -1,0 +1,55 @@
+"""The command that tunes every controller."""
+
+from typing import Unpack
+
+from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, Seed, Source
+from tendonrepro.studies.study import Study
+
+
+@study(EXPLORE, "tendonrepro tune --plants 24")
+def tune(
+    plants: int = 16,
+    *,
+    searches: int = 4,
+    generations: int = 4,
+    population: int = 6,
+    laws: Laws = None,
+    any_plant: bool = False,
+    spread: float | None = None,
+    config: Source = None,
+    set: Changes = None,
+    seed: Seed = None,
+    jobs: Jobs = -1,
+    **folder: Unpack[Folder],
+) -> Study:
+    """Controllers at their best: each one tuned, then compared.
+
+    An interrupted tuning goes on. With a comparison as configuration, plants are drawn around its arm.
+
+    Parameters
+    ----------
+    plants
+        Plants to tune on.
+    searches
+        Of each law on each plant.
+    generations
+        Of each search.
+    population
+        Members of a generation.
+    laws
+        Tune your own controller too; repeatable. FILE is executed.
+    any_plant
+        Also plants where the published gains are unstable.
+    spread
+        Around your own arm, 0.2 is 20 % [default: as shipped].
+    """
+    from tendonrepro.configuration.ensemble import load_plants
+    from tendonrepro.experiments.user_law import laws_of
+    from tendonrepro.tuning.command import Effort, tuning
+
+    effort = Effort(plants, searches, generations, population)
+    effort.check()
+    loaded = load_plants(config, spread, set)
+    tuned = tuning(loaded, laws_of(laws), effort, any_plant=any_plant, seed=seed or 0, jobs=jobs)
+    return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

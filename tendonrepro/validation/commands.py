@@ -1,0 +1,44 @@
+"""The command that lays a measurement beside print and model."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Unpack
+
+from tendonrepro.studies.command import DATA, study
+from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Seed, Source
+from tendonrepro.studies.study import Study
+
+
+@study(DATA, "tendonrepro validate data/measured.h5")
+def validate(
+    measured: Annotated[Path | str, ARGUMENT] = Path("data/measured.h5"),
+    config: Source = None,
+    *,
+    set: Changes = None,
+    seed: Seed = None,
+    **folder: Unpack[Folder],
+) -> Study:
+    """Compare measured data with the paper and with the model.
+
+    The configuration is the model's, without its reference. Changes of the manipulator hold for both
+    experiments.
+
+    Parameters
+    ----------
+    measured
+        Trace file written by ingest.
+    """
+    from tendonrepro.configuration.load import ExperimentName, load_config
+    from tendonrepro.files import digest_of, sha256_of
+    from tendonrepro.validation.report import validation_outcome
+    from tendonrepro.verdicts.measured import read_measured
+
+    path = Path(measured)
+    file = read_measured(path)
+    experiment: ExperimentName = "compare" if file.part("compare").runs else "decouple"
+    base = load_config(config, experiment, overrides=set, seed=seed)
+    digest = digest_of({"config": base.sha256, "measured": sha256_of(path)})
+    base = replace(base, sha256=digest, inputs=(*base.inputs, path))
+    return Study(
+        base, lambda talk, files: validation_outcome(file, path, base, files, talk), folder, stored=True
+    )

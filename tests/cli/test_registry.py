@@ -1,0 +1,83 @@
+"""What every entry of the registry must have; a new command is found here by itself."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import pytest
+from support import ROOT
+from support.command import SMALL, answer
+from support.synthetic import FEW, make_compare_file
+from typer.main import get_command
+
+import tendonrepro as tr
+from tendonrepro.cli.app import app
+from tendonrepro.commands import COMMANDS
+from tendonrepro.results.traces import write_traces
+from tendonrepro.studies.command import word_of
+from tendonrepro.studies.parameters import Telling
+
+STUDIES = [name for name, command in COMMANDS.items() if command.has_dry_run]
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A folder with a measurement."""
+    file = make_compare_file(**FEW, runs=("controller_1",), source="measured")
+    write_traces(tmp_path / "measured.h5", file)
+    return tmp_path
+
+
+def test_there_are_commands() -> None:
+    assert len(STUDIES) >= 2
+    assert get_command(app).commands.keys() >= {name.split()[0] for name in COMMANDS}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_parameter_is_an_option_with_help_and_a_parameter_of_python(name: str) -> None:
+    command = COMMANDS[name]
+    shown = get_command(app)
+    for word in name.split():
+        shown = shown.commands[word]  # type: ignore[attr-defined]
+    options = {option.name: option for option in shown.params}
+    given = {
+        name: parameter
+        for name, parameter in command.signature.parameters.items()
+        if parameter.annotation != Telling
+    }
+    assert given.keys() <= options.keys()
+    assert all(command.help[key] for key in given)
+    assert all(option.help for option in options.values())  # type: ignore[attr-defined]
+    if " " not in name and name != "doctor":
+        assert inspect.signature(getattr(tr, name)).parameters.keys() == command.signature.parameters.keys()
+    for key, parameter in given.items():
+        is_argument = word_of(parameter.annotation).positional or parameter.kind is parameter.VAR_POSITIONAL
+        assert is_argument == (options[key].param_type_name == "argument")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_docstring_of_python_tells_of_every_parameter(name: str) -> None:
+    if " " in name or name == "doctor":
+        return
+    text = getattr(tr, name).__doc__
+    for key, parameter in COMMANDS[name].signature.parameters.items():
+        assert parameter.annotation == Telling or f"\n{key}\n    " in text
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_dry_run_checks_and_writes_nothing(place: Path, name: str) -> None:
+    plan = answer(name, *SMALL.get(name, []), "--dry-run", cwd=place)
+    assert plan["dry_run"]
+    assert len(plan["config_sha256"]) == 64
+    assert Path(plan["out"]) == Path("reports") / name
+    assert plan["schema_version"] >= 1
+    assert [path.name for path in place.iterdir()] == ["measured.h5"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_page_of_the_documentation_shows_it(name: str) -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    if not pages[1:]:
+        pytest.skip("no docs folder beside the package")
+    assert any(f"tendonrepro {name}" in page.read_text(encoding="utf-8") for page in pages)
