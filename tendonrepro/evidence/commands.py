@@ -30,11 +30,13 @@ def predict(
         Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.configuration.ensemble import load_ensemble
-    from tendonrepro.evidence.predict import READINGS, identity_of, predict_outcome
+    from tendonrepro.evidence.predict import READINGS, asked_for, identity_of, predict_outcome
     from tendonrepro.simulation.device import require
 
+    names = readings or READINGS
+    asked_for(draws, names)
     require(device)
-    loaded, names = load_ensemble(config, overrides=set, seed=seed), readings or READINGS
+    loaded = load_ensemble(config, overrides=set, seed=seed)
     base = replace(loaded.base, sha256=identity_of(loaded, draws, names, device), origin=loaded.origin)
     return Study(
         base, lambda talk, _: predict_outcome(loaded, draws, names, talk, device), folder, stored=True
