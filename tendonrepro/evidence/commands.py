@@ -29,9 +29,11 @@ def predict(
         Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.configuration.ensemble import load_ensemble
-    from tendonrepro.evidence.predict import READINGS, identity_of, predict_outcome
+    from tendonrepro.evidence.predict import READINGS, asked_for, identity_of, predict_outcome
 
-    loaded, names = load_ensemble(config, overrides=set, seed=seed), readings or READINGS
+    names = readings or READINGS
+    asked_for(draws, names)
+    loaded = load_ensemble(config, overrides=set, seed=seed)
     base = replace(loaded.base, sha256=identity_of(loaded, draws, names), origin=loaded.origin)
     return Study(base, lambda talk, _: predict_outcome(loaded, draws, names, talk), folder, stored=True)
 

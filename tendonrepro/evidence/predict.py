@@ -22,6 +22,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
@@ -208,12 +209,20 @@ def identity_of(loaded: LoadedEnsemble, draws: int, readings: str) -> str:
     return hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
 
 
+def asked_for(draws: int, readings: str) -> None:
+    """Raise a UsageError for too few or many draws, or an unknown interpretation."""
+    if not LEAST <= draws <= MOST_DRAWS:
+        raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
+    named_readings(readings)
+
+
 def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Outcome:
     """Predict every experiment under interpretations, their names with commas between."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
-    if draws < LEAST:
-        raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
+    if draws & (draws - 1):
+        even = 1 << draws.bit_length()
+        talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
     chosen, joints = named_readings(readings), loaded.compare.joints
     found = list(predictions(loaded, chosen, draws, talk))
     names = [held.name for held in chosen]

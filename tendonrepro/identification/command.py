@@ -255,10 +255,11 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         told = progress or (lambda _: None)
         return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
+    known = None
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
-        rows = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
+        rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
     bench = task.bench.searching(rows)
     starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     found = search(
@@ -268,6 +269,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         partial(plants, bench, effort.plants),
         effort,
         task.seed,
+        known,
     )
     return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
 

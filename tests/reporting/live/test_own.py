@@ -77,10 +77,16 @@ OWN = {
 }
 
 
-@pytest.mark.parametrize("changes", OWN.values(), ids=OWN)
-def test_a_configuration_of_ones_own(browser: Browser, tmp_path: Path, changes: Sequence[str]) -> None:
-    path, loaded = tmp_path / "own.html", load_config("plain", "compare", overrides=changes)
-    tr.live("plain", path, set=changes)
+@pytest.mark.parametrize(
+    ("arm", "changes"),
+    [*(("plain", changes) for changes in OWN.values()), ("compare", ["manipulator.actuator.torque_noise=0"])],
+    ids=[*OWN, "typical arm, its noise apart"],
+)
+def test_a_configuration_of_ones_own(
+    browser: Browser, tmp_path: Path, arm: str, changes: Sequence[str]
+) -> None:
+    path, loaded = tmp_path / "own.html", load_config(arm, "compare", overrides=changes)
+    tr.live(arm, path, set=changes)
     found = opened(browser, path, "#own")
     same(found, by_python(loaded, taken_steps(browser)))
     assert configured(browser).config == loaded.config
