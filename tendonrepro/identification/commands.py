@@ -3,7 +3,7 @@
 from typing import Literal, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source
 from tendonrepro.studies.study import Study
 
 
@@ -22,6 +22,7 @@ def identify(
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
+    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Plants and interpretations closest to the published numbers.
@@ -60,5 +61,6 @@ def identify(
         unknowns=unknowns,
         rows=rows,
         jobs=jobs,
+        device=device,
         folder=folder,
     )
