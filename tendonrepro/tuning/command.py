@@ -21,6 +21,7 @@ from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.bench import Candidate, measure, usable
@@ -73,30 +74,41 @@ class Tuned:
 
 
 def tuning(
-    loaded: LoadedEnsemble, users: Sequence[UserLaw], effort: Effort, *, any_plant: bool, seed: int, jobs: int
+    loaded: LoadedEnsemble,
+    users: Sequence[UserLaw],
+    effort: Effort,
+    *,
+    any_plant: bool,
+    seed: int,
+    jobs: int,
+    device: DeviceName = "cpu",
 ) -> Tuned:
-    """Check a tuning of every law, a user's too, on the same plants.
+    """Check a tuning of every law, a user's too, on the same plants; a GPU takes one after the other.
 
     Raises
     ------
+    TendonreproError
+        If no GPU can be used.
     UsageError
         For too little effort, or a law that has no bounds or cannot run on lanes.
     """
     effort.check()
+    require(device)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
     of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
-    task = Task(loaded, LAWS | {law.name: law for law in own}, of_search, seed)
+    task = Task(loaded, LAWS | {law.name: law for law in own}, of_search, seed, device)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    inputs = loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant
+    of_device = [] if device == "cpu" else [device]
+    inputs = [loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, *of_device]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     base = replace(base, sha256=identity, origin=loaded.origin)
-    return Tuned(task, base, effort.plants, any_plant, jobs)
+    return Tuned(task, base, effort.plants, any_plant, jobs if device == "cpu" else 1)
 
 
 def _try(task: Task, law: TunedLaw) -> None:

@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Seed, Source
 from tendonrepro.studies.study import Study
 
 
@@ -21,6 +21,7 @@ def tune(
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
+    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Controllers at their best: each one tuned, then compared.
@@ -51,5 +52,6 @@ def tune(
     effort = Effort(plants, searches, generations, population)
     effort.check()
     loaded = load_plants(config, spread, set)
-    tuned = tuning(loaded, laws_of(laws), effort, any_plant=any_plant, seed=seed or 0, jobs=jobs)
+    users, seed = laws_of(laws), seed or 0
+    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device)
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)
