@@ -194,14 +194,15 @@ def one_line() -> str:
     """A line of physics as tape, as instructions for eight experiments, as machine code, as JavaScript."""
     from llvmlite import binding
 
-    from tendonrepro.simulation.codegen import machine, printed
+    from tendonrepro.simulation.codegen import machine, printed, threads
     from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape
 
     def surface(de: Any, beta: Any, e: Any) -> Any:
         return de + beta * e
 
     tape, rows = LaneTape(), LaneRows()
-    lines = surface(*rows.variables(tape, "given", 3)).tape.lines
+    s = surface(*rows.variables(tape, "given", 3))
+    lines = s.tape.lines
     (result,) = rows.take("s", 1)
     written = [
         f"{name} = {' '.join(map(str, (operation, *operands)))}"
@@ -223,6 +224,7 @@ def one_line() -> str:
     script = printed.function_source(
         "surface", places.lines, {("found", 0): value}, ("given", "found"), printed.JAVASCRIPT
     )
+    thread = threads.function("surface", tape, {result: s}, rows).partition("}\n")[2]
     return "\n\n".join(
         (
             code_block("", "\n".join(written)),
@@ -233,6 +235,8 @@ def one_line() -> str:
             code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
             "The same tape as JavaScript, for [the page in a browser](live.md):",
             code_block("js", script),
+            "And as CUDA C, for a thread of a GPU. The same text is C++ for a processor:",
+            code_block("c", thread),
         )
     )
 

@@ -57,6 +57,7 @@ OWNERS = {
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/command.py"],
     "SALib": ["verdicts/sensitivity.py"],
+    "cupy": ["simulation/device.py"],
     "cma": ["monte_carlo/box.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/command.py"],

@@ -24,6 +24,7 @@ from tendonrepro.configuration.strict_model import (
     refuse_all,
 )
 from tendonrepro.configuration.strict_yaml import Key
+from tendonrepro.console import count_of
 
 
 class _Unit(NamedTuple):
@@ -149,7 +150,8 @@ def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
         lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
         if lengths != {sizes[part.size]}:
             found = " and ".join(map(str, sorted(lengths)))
-            yield ("value",), f"must have {sizes[part.size]} entries, {PER_ENTRY[part.size]}, found {found}"
+            many = count_of(sizes[part.size], "entry", "entries")
+            yield ("value",), f"must have {many}, {PER_ENTRY[part.size]}, found {found}"
     elif isinstance(part, Model | dict) and not isinstance(part, Quantity):
         for name, item in part.items() if isinstance(part, dict) else part:
             for place, words in wrong_sizes(item, sizes):
@@ -183,7 +185,8 @@ class Physical:
 
     def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
         if not isinstance(raw, dict | Model):
-            example = f"{{value: ..., unit: {self.units[0]}, source: 'assumed: ...'}}"
+            unit = f"'{self.units[0]}'" if self.units[0] == "1" else self.units[0]
+            example = f"{{value: ..., unit: {unit}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         held = handler(raw)
         refuse_all(self._out_of_range(held))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Place, Seed, Source
+from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, On, Place, Seed, Source
 from tendonrepro.studies.study import Study
 
 
@@ -17,6 +17,7 @@ def predict(
     set: Changes = None,
     seed: Seed = None,
     readings: str | None = None,
+    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """What experiments on a bench would give, by interpretation.
@@ -29,11 +30,17 @@ def predict(
         Comma-separated names [default: fourteen main ones].
     """
     from tendonrepro.configuration.ensemble import load_ensemble
-    from tendonrepro.evidence.predict import READINGS, identity_of, predict_outcome
+    from tendonrepro.evidence.predict import READINGS, asked_for, identity_of, predict_outcome
+    from tendonrepro.simulation.device import require
 
-    loaded, names = load_ensemble(config, overrides=set, seed=seed), readings or READINGS
-    base = replace(loaded.base, sha256=identity_of(loaded, draws, names), origin=loaded.origin)
-    return Study(base, lambda talk, _: predict_outcome(loaded, draws, names, talk), folder, stored=True)
+    names = readings or READINGS
+    asked_for(draws, names)
+    require(device)
+    loaded = load_ensemble(config, overrides=set, seed=seed)
+    base = replace(loaded.base, sha256=identity_of(loaded, draws, names, device), origin=loaded.origin)
+    return Study(
+        base, lambda talk, _: predict_outcome(loaded, draws, names, talk, device), folder, stored=True
+    )
 
 
 @study(EXPLORE, "tendonrepro recover data/measured.h5")

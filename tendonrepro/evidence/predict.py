@@ -22,11 +22,13 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.studies.outcome import Outcome
 
@@ -44,7 +46,7 @@ READINGS = (
 """Interpretations whose predictions are asked for unless others are named."""
 LEAST = 20
 """Stable plants below which no interval is given."""
-AT_ONCE = 16
+AT_ONCE: Mapping[DeviceName, int] = {"cpu": 16, "gpu": 256}
 """Plants simulated together."""
 
 Loops: TypeAlias = Mapping[str, Loop]
@@ -203,19 +205,30 @@ class Prediction:
     high: float
 
 
-def identity_of(loaded: LoadedEnsemble, draws: int, readings: str) -> str:
+def identity_of(loaded: LoadedEnsemble, draws: int, readings: str, device: DeviceName = "cpu") -> str:
     """Digest of all that decides a prediction."""
-    return hashlib.sha256(f"{loaded.sha256} {draws} {readings}".encode()).hexdigest()
+    of_device = "" if device == "cpu" else f" {device}"
+    return hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
 
 
-def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Outcome:
+def asked_for(draws: int, readings: str) -> None:
+    """Raise a UsageError for too few or many draws, or an unknown interpretation."""
+    if not LEAST <= draws <= MOST_DRAWS:
+        raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
+    named_readings(readings)
+
+
+def predict_outcome(
+    loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk, device: DeviceName = "cpu"
+) -> Outcome:
     """Predict every experiment under interpretations, their names with commas between."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
-    if draws < LEAST:
-        raise UsageError(f"must be at least {LEAST} plants, found {draws}", where="--draws")
+    if draws & (draws - 1):
+        even = 1 << draws.bit_length()
+        talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
     chosen, joints = named_readings(readings), loaded.compare.joints
-    found = list(predictions(loaded, chosen, draws, talk))
+    found = list(predictions(loaded, chosen, draws, talk, device))
     names = [held.name for held in chosen]
     gaps = gaps_between(found, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)
@@ -243,7 +256,11 @@ def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Tal
 
 
 def predictions(
-    loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk
+    loaded: LoadedEnsemble,
+    readings: Sequence[Reading],
+    draws: int,
+    talk: Talk,
+    device: DeviceName = "cpu",
 ) -> Iterator[Prediction]:
     """Yield every experiment's ratio under every reading on every joint."""
     box, joints = make_box(loaded.config), loaded.compare.joints
@@ -252,9 +269,10 @@ def predictions(
         for reading in readings:
             errors: dict[str, list[Array]] = {one.error: [] for one in EXPERIMENTS}
             stable = []
-            for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
+            for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
-                batch = simulate_batch(loops, loaded.compare.status, threads=processors())
+                limits, threads = loaded.compare.status, processors()
+                batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(BASE) + len(EXPERIMENTS)
                 for name, held in errors.items():
                     held.append(batch.statistics[name].reshape(-1, count, len(joints)))

@@ -40,6 +40,7 @@ from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
@@ -72,6 +73,7 @@ class Task:
     seed: int
     printed: Printed
     bench: Bench
+    device: DeviceName = "cpu"
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -108,6 +110,8 @@ class Task:
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.printed.joints),
+            # Rounding of another device can lead a search elsewhere.
+            **({} if self.device == "cpu" else {"device": self.device}),
         }
 
     def identity(self) -> str:
@@ -138,6 +142,7 @@ def identification(
     unknowns: int,
     rows: str,
     jobs: int,
+    device: DeviceName = "cpu",
     folder: Folder,
 ) -> Study:
     """Check and prepare a search.
@@ -152,13 +157,18 @@ def identification(
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the rows that are searched instead, joined by commas.
+    device : str
+        ``gpu`` runs one search after the other on a GPU.
 
     Raises
     ------
+    TendonreproError
+        If no GPU can be used.
     UsageError
         For an unknown reading or row, or no effort.
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
+    require(device)
     named = _named(readings, loaded)
     box = make_box(loaded.config)
     task = Task(
@@ -171,6 +181,7 @@ def identification(
         seed=int(loaded.config.seed.si),
         printed=printed_numbers(published(), loaded.compare.joints),
         bench=Bench(loaded.base, held_at(box, loaded.compare), window, simulate_batch),
+        device=device,
     )
     out, identity = folder_of("identify", folder), task.identity()
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
@@ -231,8 +242,9 @@ def check_at_least_one(**options: int) -> None:
 def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases, jobs = list(task.cases()), jobs if jobs > 0 else processors()
-    processes = min(jobs, len(cases))
-    simulate = partial(simulate_batch, threads=jobs if processes == 1 else 1)
+    processes = min(jobs, len(cases)) if task.device == "cpu" else 1
+    threads = jobs if processes == 1 else 1
+    simulate = partial(simulate_batch, threads=threads, device=task.device)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
     with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
@@ -255,10 +267,11 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         told = progress or (lambda _: None)
         return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
+    known = None
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
-        rows = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
+        rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
     bench = task.bench.searching(rows)
     starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     found = search(
@@ -268,6 +281,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
         partial(plants, bench, effort.plants),
         effort,
         task.seed,
+        known,
     )
     return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
 

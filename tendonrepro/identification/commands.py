@@ -3,7 +3,7 @@
 from typing import Literal, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source
 from tendonrepro.studies.study import Study
 
 
@@ -16,12 +16,13 @@ def identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
-    unknowns: int = 10,
+    unknowns: int = 10,  # more than sixteen numbers could settle would be no explanation
     rows: str = "",
     config: Source = None,
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
+    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Plants and interpretations closest to the published numbers.
@@ -60,5 +61,6 @@ def identify(
         unknowns=unknowns,
         rows=rows,
         jobs=jobs,
+        device=device,
         folder=folder,
     )

@@ -32,9 +32,6 @@ Rows: TypeAlias = NDArray[np.bool_]
 AGREED = 1.05
 """Largest ratio of the seeds' best misfits that counts as the same."""
 
-UNKNOWNS = 10
-"""Rows that are searched at most: more than sixteen numbers could settle are no explanation."""
-
 _WIDTH = 0.25
 """First standard deviation of CMA-ES, so that all of the cube is within reach."""
 
@@ -131,9 +128,15 @@ class Plants:
 
 
 def search(
-    starts: Array, rows: Rows, smooth: Rows, plants: Callable[[str], Plants], effort: Effort, seed: int
+    starts: Array,
+    rows: Rows,
+    smooth: Rows,
+    plants: Callable[[str], Plants],
+    effort: Effort,
+    seed: int,
+    known: Array | None = None,
 ) -> Found:
-    """Search from M starts of each seed.
+    """Search from M starts of each seed, and polish the best of them, or a known point if that is better.
 
     Parameters
     ----------
@@ -142,6 +145,8 @@ def search(
         What is moved, and what of it is no choice.
     plants : callable
         Gives the points of a search by its name.
+    known : array (P,), optional
+        A point that was found otherwise; no seed knows it.
     """
     best = []
     for place, members in enumerate(starts):
@@ -153,6 +158,9 @@ def search(
         best.append(look.best())
     closest = min(best, key=lambda held: held[0])
     look = plants("best")
+    if known is not None:
+        look(known[np.newaxis])
+        closest = min(closest, look.best(), key=lambda held: held[0])
     with suppress(_UsedUp):
         _descend(closest[1], smooth, look)
     if look.count:

@@ -6,8 +6,8 @@ asks which one explains most of what is still missing, together with those chose
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,48 +26,90 @@ _SHARES = (1.0, 0.5, 0.25)
 _GAIN = 0.01
 """A row that takes away less of what is left, as a share of the sum of squares, is not searched."""
 
+_MORE = 6
+"""Rows that are chosen beyond those asked for, before the least of all go."""
+
 _ENOUGH = 1e-3
 """Misfit below half the last printed digit, about 0.2 %: no further row is needed."""
 
 
-@dataclass(frozen=True)
-class _Moves:
-    """Rows that are moved alone, (M,), to `points` (M, P) with `residuals` (M, K), from a point (P,)."""
+class _Place(NamedTuple):
+    """A point (P,), its residuals (K,), larger where a run ended badly, and its misfit."""
 
     point: Array
+    residuals: Array
+    misfit: float
+
+
+class _Moves(NamedTuple):
+    """Rows that are moved alone, (M,), to `points` (M, P) with `residuals` (M, K)."""
+
     rows: NDArray[np.int64]
     points: Array
     residuals: Array
 
 
-def rows_that_explain(box: Box, look: Misfit, most: int) -> Rows:
-    """Choose at most `most` rows, (P,), one after the other, from the point at which every row is held.
+class Chosen(NamedTuple):
+    """Rows to search (P,), and the point (P,) at which choosing them ended: the others are held there."""
 
-    A row counts by what its change explains in a linear fit within the ranges, with the rows chosen before.
-    One at least is chosen, and none any more that explains next to nothing.
+    rows: Rows
+    point: Array
+
+
+def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
+    """Choose at most `most` rows, (P,), from the point at which every row is held.
+
+    Forwards, one after the other, a few more than asked for: each explains most of what is missing, with
+    those chosen before, in a linear fit within the ranges. None is added that explains next to nothing.
+    Backwards then: the one goes without which the others explain most.
     """
-    point = held_unit(box)
-    found = look(point[np.newaxis])
-    misfit, here = float(found.misfits[0]), _worse(found)[0]
+    held = held_unit(box)
+    place = _nearest(look, held[np.newaxis])
     chosen: list[int] = []
-    while len(chosen) < most and not (chosen and misfit < _ENOUGH):
-        moves = _moved_alone(box, point, look)
+    while len(chosen) < most + _MORE and not (chosen and place.misfit < _ENOUGH):
+        moves = _moved_alone(box, place.point, look, range(len(box.names)))
+        without, _ = _fitted(moves, _ranges(box, chosen), place.residuals, place.point)
         others = [row for row in range(len(box.names)) if row not in chosen]
-        without, _ = _fitted(moves, [held for held in chosen if not box.choices[held].size], here, point)
-        steps = {row: _step(box, moves, here, chosen, row) for row in others}
+        steps = {row: _step(box, moves, place, chosen, row) for row in others}
         row = min(steps, key=lambda row: steps[row][0])
         left, target = steps[row]
         if chosen and left > (1.0 - _GAIN) * without:
             break
         chosen.append(row)
-        tried = point + np.outer(_SHARES, target - point)
+        tried = place.point + np.outer(_SHARES, target - place.point)
         if box.choices[row].size:
             tried[:, row] = target[row]
-        found = look(tried)
-        best = int(np.argmin(found.misfits))
-        if found.misfits[best] < misfit:
-            misfit, here, point = float(found.misfits[best]), _worse(found)[best], tried[best]
-    return np.isin(np.arange(len(box.names)), chosen)
+        place = min(place, _nearest(look, tried), key=lambda one: one.misfit)
+    while len(chosen) > most:
+        place = _without_the_least(box, look, place, chosen, held)
+    return Chosen(np.isin(np.arange(len(box.names)), chosen), place.point)
+
+
+def _without_the_least(box: Box, look: Misfit, place: _Place, chosen: list[int], held: Array) -> _Place:
+    """Take the row out of `chosen` that the others make up for best, and go where they do."""
+    starts = np.tile(place.point, (len(chosen), 1))
+    starts[np.arange(len(chosen)), chosen] = held[chosen]
+    residuals = _worse(look(starts))
+    moves = _moved_alone(box, place.point, look, chosen)
+    fits = [
+        _fitted(moves, _ranges(box, [other for other in chosen if other != row]), residuals[k], starts[k])
+        for k, row in enumerate(chosen)
+    ]
+    least = min(range(len(chosen)), key=lambda k: fits[k][0])
+    del chosen[least]
+    shares = (*_SHARES, 0.0)
+    return _nearest(look, starts[least] + np.outer(shares, fits[least][1] - starts[least]))
+
+
+def _nearest(look: Misfit, points: Array) -> _Place:
+    """The best of some points (N, P)."""
+    found = look(points)
+    best = int(np.argmin(found.misfits))
+    return _Place(points[best], _worse(found)[best], float(found.misfits[best]))
+
+
+def _ranges(box: Box, rows: Iterable[int]) -> list[int]:
+    return [row for row in rows if not box.choices[row].size]
 
 
 def _worse(found: Evaluated) -> Array:
@@ -77,16 +119,17 @@ def _worse(found: Evaluated) -> Array:
     return np.asarray(found.residuals * worse[:, np.newaxis])
 
 
-def _moved_alone(box: Box, point: Array, look: Misfit) -> _Moves:
-    """Every row moved up and down, and every other choice."""
-    rows, ends = zip(*_ends(box, point), strict=True)
-    points = np.tile(point, (len(rows), 1))
-    points[np.arange(len(rows)), rows] = ends
-    return _Moves(point, np.array(rows), points, _worse(look(points)))
+def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _Moves:
+    """Some rows moved up and down, and every other choice of them."""
+    moved, ends = zip(*_ends(box, point, rows), strict=True)
+    points = np.tile(point, (len(moved), 1))
+    points[np.arange(len(moved)), moved] = ends
+    return _Moves(np.array(moved), points, _worse(look(points)))
 
 
-def _ends(box: Box, point: Array) -> Iterator[tuple[int, float]]:
-    for row, choices in enumerate(box.choices):
+def _ends(box: Box, point: Array, rows: Iterable[int]) -> Iterator[tuple[int, float]]:
+    for row in rows:
+        choices = box.choices[row]
         if choices.size:
             here = int(min(point[row] * choices.size, choices.size - 1))
             yield from ((row, (k + 0.5) / choices.size) for k in range(choices.size) if k != here)
@@ -95,16 +138,16 @@ def _ends(box: Box, point: Array) -> Iterator[tuple[int, float]]:
             yield row, max(point[row] - STEP, 0.0)
 
 
-def _step(box: Box, moves: _Moves, here: Array, chosen: list[int], row: int) -> tuple[float, Array]:
+def _step(box: Box, moves: _Moves, place: _Place, chosen: list[int], row: int) -> tuple[float, Array]:
     """Sum of squares that is left with one more row, and where the linear fit has it."""
-    ranges = [held for held in (*chosen, row) if not box.choices[held].size]
+    ranges = _ranges(box, (*chosen, row))
     if not box.choices[row].size:
-        return _fitted(moves, ranges, here, moves.point)
+        return _fitted(moves, ranges, place.residuals, place.point)
     # A choice: each other word by what the ranges chosen before can make of it.
     found = [
         _fitted(moves, ranges, moves.residuals[k], moves.points[k]) for k in np.flatnonzero(moves.rows == row)
     ]
-    return min(found, key=lambda held: held[0]) if found else (np.inf, moves.point)
+    return min(found, key=lambda held: held[0]) if found else (np.inf, place.point)
 
 
 def _fitted(moves: _Moves, rows: list[int], residuals: Array, point: Array) -> tuple[float, Array]:

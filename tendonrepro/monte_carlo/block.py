@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any, TypeAlias
@@ -22,47 +22,85 @@ from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.stepper import simulate
 
 Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
-DRAWS_AT_ONCE = 32
-"""Draws simulated together; more fill the lanes better; each has motions of some 3 MB."""
+DRAWS_AT_ONCE: Mapping[DeviceName, int] = {"cpu": 32, "gpu": 256}
+"""Draws simulated together; more fill lanes and threads better; each has motions of some 3 MB."""
 
 IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
-def make_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> tuple[Block, bytes]:
-    """Compute a block as it is stored."""
-    return block, shard_image(compute_block(study, block, simulate))
+def make_blocks(
+    study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
+) -> list[tuple[Block, bytes]]:
+    """Compute blocks of one population as they are stored."""
+    found = compute_blocks(study, blocks, simulate)
+    return [(block, shard_image(arrays)) for block, arrays in zip(blocks, found, strict=True)]
 
 
 def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
     """Simulate every case of every draw of a block."""
-    box = study.boxes[block.population]
-    values = box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
-    batches = [
-        simulate(list(chain.from_iterable(loops_of(study, block, group))), study.loaded.compare.status)
-        for group in np.split(values, range(DRAWS_AT_ONCE, len(values), DRAWS_AT_ONCE))
-    ]
+    (found,) = compute_blocks(study, [block], simulate)
+    return found
 
-    def by_case(parts: list[Any], kind: type) -> Any:
-        """Batches go draw by draw; a reader asks case by case."""
+
+def compute_blocks(
+    study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
+) -> list[Arrays]:
+    """Simulate every case of every draw of blocks of one population, across blocks together."""
+    box, most = study.boxes[blocks[0].population], DRAWS_AT_ONCE[study.device]
+    values = [
+        box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
+        for block in blocks
+    ]
+    pieces = [
+        (block, rows)
+        for block, drawn in zip(blocks, values, strict=True)
+        for rows in np.split(drawn, range(most, len(drawn), most))
+    ]
+    batches = []
+    for together in _filled(pieces, most):
+        drawn = [draw for block, rows in together for draw in loops_of(study, block, rows)]
+        batches.append(simulate(list(chain.from_iterable(drawn)), study.loaded.compare.status))
+    edges = np.cumsum([block.count for block in blocks])[:-1]
+
+    def by_case(parts: list[Any], kind: type) -> list[Any]:
+        """Batches go draw by draw; a reader asks block by block, and case by case."""
         # What overflows single precision is of a diverged run, and infinite for every purpose.
         with np.errstate(over="ignore"):
             joined: NDArray[Any] = np.concatenate(parts).astype(kind)
-        return joined.reshape(-1, len(study.cases), *joined.shape[1:]).swapaxes(0, 1)
+        cases = joined.reshape(-1, len(study.cases), *joined.shape[1:]).swapaxes(0, 1)
+        return np.split(cases, edges, axis=1)
 
-    return {
+    found: dict[str, Sequence[Any]] = {
         "draws": values,
         "status": by_case([batch.status for batch in batches], np.int8),
-        "check": np.array(json.dumps(spot_check(study, block, values, simulate))),
+        "check": [
+            np.array(json.dumps(spot_check(study, block, drawn, simulate)))
+            for block, drawn in zip(blocks, values, strict=True)
+        ],
+        "device": [np.array(study.device)] * len(blocks),
     } | {
         name: by_case([batch.statistics[name] for batch in batches], np.float32)
         for name in batches[0].statistics
     }
+    return [{name: of_block[k] for name, of_block in found.items()} for k in range(len(blocks))]
+
+
+def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[tuple[Block, Array]]]:
+    """Yield pieces that follow each other, of so many draws at most together."""
+    together: list[tuple[Block, Array]] = []
+    for block, rows in pieces:
+        if sum(len(held) for _, held in together) + len(rows) > most:
+            yield together
+            together = []
+        together.append((block, rows))
+    yield together
 
 
 def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,9 @@ from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
-from tendonrepro.monte_carlo.block import Simulate, make_block
+from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
@@ -63,7 +64,7 @@ def ensemble_study(
     *,
     jobs: int = 1,
     dask: str | None = None,
-    simulate: Simulate = simulate_batch,
+    simulate: Simulate | None = None,
     folder: Folder,
 ) -> Runnable:
     """Prepare an ensemble: missing blocks are computed, then come tables and figures of all.
@@ -73,9 +74,11 @@ def ensemble_study(
     draws : int
         A power of two.
     jobs : int
-        Processes; -1 is one for each processor.
+        Processes; -1 is one for each processor. A GPU serves this one.
     dask : str, optional
         Address of a dask.distributed scheduler.
+    simulate : callable, optional
+        As `simulate_batch` on the study's device, which is the default.
 
     Raises
     ------
@@ -86,6 +89,8 @@ def ensemble_study(
         message = "must be a number of processes, or -1 for one for each processor, found 0"
         raise UsageError(message, where="--jobs")
     blocks = study.blocks(draws)
+    simulate = simulate or partial(simulate_batch, device=study.device)
+    make, processes = partial(make_blocks, study, simulate=simulate), jobs if study.device == "cpu" else 1
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(talk: Talk, files: Path) -> Outcome:
@@ -96,14 +101,14 @@ def ensemble_study(
         resumed, ahead = len(blocks) - len(missing), study.cost(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
-        make = partial(make_block, study, simulate=simulate)
-        stream = on_cluster(make, missing, dask) if dask else as_ready(make, missing, jobs)
+        parts = _parts(study, missing)
+        stream = on_cluster(make, parts, dask) if dask else as_ready(make, parts, processes)
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
         with talk.bar("simulating", len(missing)) as progress, closing(stream):
             # This process is the only writer.
-            for block, image in stream:
+            for block, image in chain.from_iterable(stream):
                 write_atomically(paths[block], image)
                 progress(1)
         seconds = time.perf_counter() - started
@@ -134,6 +139,13 @@ def _plan(study: Study, draws: int) -> dict[str, Any]:
         "blocks": len(blocks),
         "text": f"ensemble: {draws} draws, {readings}: {cost_text(cost)}",
     }
+
+
+def _parts(study: Study, blocks: Sequence[Block]) -> list[list[Block]]:
+    """Blocks that are computed together: one, or as many of a population as fill a GPU."""
+    each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
+    of_population = [[block for block in blocks if block.population == name] for name in study.boxes]
+    return [held[k : k + each] for held in of_population for k in range(0, len(held), each)]
 
 
 def on_cluster(
@@ -208,5 +220,5 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
 def _manifest(study: Study, seconds: float) -> dict[str, Any]:
     manifest = make_manifest(study.loaded.base, seconds, "ensemble")
     config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
-    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
     return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": stepper, "config": config}

@@ -1,9 +1,10 @@
 """The command that runs many plausible plants."""
 
+from dataclasses import replace
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Seed, Source, Word
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source, Word
 from tendonrepro.studies.study import Study
 
 
@@ -16,6 +17,7 @@ def ensemble(
     seed: Seed = None,
     readings: str = "default",
     jobs: Jobs = -1,
+    device: On = "cpu",
     dask: Annotated[str | None, Word(metavar="ADDRESS")] = None,
     **folder: Unpack[Folder],
 ) -> Study:
@@ -33,6 +35,8 @@ def ensemble(
         Scheduler to send the work to.
     """
     from tendonrepro.monte_carlo.command import ensemble_study, load_study
+    from tendonrepro.simulation.device import require
 
-    ensemble = load_study(config, set, seed, readings)
+    require(device)
+    ensemble = replace(load_study(config, set, seed, readings), device=device)
     return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=folder)

@@ -28,7 +28,7 @@ Arrays = Mapping[str, NDArray[Any]]
 """Everything kept of one block; B draws of P numbers, C cases, n joints.
 
 ``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
-found.
+found; ``device`` is what the block was computed on.
 """
 
 KEPT_DRAWS = 2**15

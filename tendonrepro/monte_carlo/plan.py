@@ -20,6 +20,7 @@ from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import Block, Case
 from tendonrepro.results.paper import base_of_paper
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.streaming import STATISTICS
 
 SCHEMA_VERSION = 1
@@ -76,6 +77,7 @@ class Study:
     replicates: int
     block_draws: int
     check_every: int = CHECK_EVERY
+    device: DeviceName = "cpu"
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
@@ -113,7 +115,9 @@ class Study:
             "cases": [[run, case.name] for run, case in self.cases],
             "statistics": STATISTICS,
         }
-        return digest_of(content)
+        # Numbers of another device differ by rounding, and encoder steps make more of it.
+        of_device = {} if self.device == "cpu" else {"device": self.device}
+        return digest_of(content | of_device)
 
     def blocks(self, draws: int) -> list[Block]:
         """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
@@ -143,6 +147,7 @@ class Study:
             "draws": draws,
             "replicates": self.replicates,
             "seed": self.seed,
+            "device": self.device,
             "populations": {name: self.draws_of(name, draws) for name in self.boxes},
             "of_paper": base_of_paper(self.loaded.compare),
             "joints": list(self.loaded.compare.joints),

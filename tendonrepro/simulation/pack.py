@@ -19,7 +19,7 @@ from tendonrepro.simulation.codegen.machine import (
     sweep_code,
 )
 from tendonrepro.simulation.loop import Loop, recorded_columns
-from tendonrepro.simulation.parts import CompiledPart, is_noisy, unit_noise
+from tendonrepro.simulation.parts import CompiledPart, is_noisy, noise_source, unit_noise
 from tendonrepro.simulation.streaming import SUMS, Sums
 
 SLICE = 500
@@ -44,7 +44,7 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, recor
     """Run experiments of one sampling period, by place in the batch, in blocks of so many samples."""
     first, count, named = next(iter(loops.values())), len(loops), part.rows.named
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
-    signals = _Signals([*loops.values()])
+    signals = Signals([*loops.values()])
     kept = {"block": Record(named["block"], n, block)}
     if record:
         kept["trace"] = Record(named["trace"], recorded_columns(first), 1)
@@ -97,7 +97,7 @@ def _lanes(members: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.append(members, np.repeat(members[-1:], -members.size % LANES)).reshape(-1, LANES)
 
 
-class _Signals:
+class Signals:
     """Desired motions and noises of a pack's experiments, each once."""
 
     def __init__(self, loops: Sequence[Loop]) -> None:
@@ -105,25 +105,35 @@ class _Signals:
         # The same motion may be fed to some laws late.
         key = [(id(loop.reference), loop.reference_lag) for loop in loops]
         motions = {name: loop.fed for name, loop in dict(zip(key, loops, strict=True)).items()}
-        seeds = {loop.seed: loop for loop in loops if is_noisy(loop)}
+        seeds = {noise_source(loop): loop for loop in loops if is_noisy(loop)}
         self._motions, self._noises = [*motions.values()], [unit_noise(loop) for loop in seeds.values()]
-        order, sources = list(motions), list(seeds)
-        self._motion = np.array([order.index(name) for name in key])
+        number = {name: k for k, name in enumerate(motions)}
+        self._motion = np.array([number[name] for name in key])
         # The last noise is none.
-        self._noise = np.array([sources.index(loop.seed) if is_noisy(loop) else -1 for loop in loops])
+        place = {source: k for k, source in enumerate(seeds)}
+        self._noise = np.array([place.get(noise_source(loop), len(place)) for loop in loops])
         self.names = ("desired", "noise") if seeds else ("desired",)
+
+    def slices(self, first: int, span: int) -> tuple[Array, Array]:
+        """Motions and noises (number, samples, 3 n) from a sample on; the last noise is none."""
+        motions = np.zeros((len(self._motions), span, 3 * self._n))
+        for kept, motion in zip(motions, self._motions, strict=True):
+            for k, part in enumerate((motion.q_d, motion.dq_d, motion.ddq_d)):
+                given = part[first : first + span]
+                kept[: len(given), k * self._n : (k + 1) * self._n] = given
+        silence = np.zeros((span, 3 * self._n))
+        return motions, np.stack([*(noise(span) for noise in self._noises), silence])
+
+    @property
+    def of_each(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Number of each experiment's motion and noise, (M,)."""
+        return self._motion, self._noise
 
     def starts(self, first: int, span: int) -> NDArray[np.int64]:
         """Addresses of sample 0 by signal and experiment, (signals, M), of arrays that begin at `first`."""
-        motions = np.zeros((len(self._motions), span, 3 * self._n))
-        for kept, motion in zip(motions, self._motions, strict=True):
-            found = [part[first : first + span] for part in (motion.q_d, motion.dq_d, motion.ddq_d)]
-            kept[: len(found[0])] = np.hstack(found)
-        silence = np.zeros((span, 3 * self._n))
-        noises = np.stack([*(noise(span) for noise in self._noises), silence])
         # Kept until the next slice: machine code reads them by their addresses.
-        self._arrays = motions, noises
-        both = zip(self._arrays, (self._motion, self._noise), strict=True)
+        self._arrays = self.slices(first, span)
+        both = zip(self._arrays, self.of_each, strict=True)
         return np.stack([_starts(values, first)[places] for values, places in both])[: len(self.names)]
 
 

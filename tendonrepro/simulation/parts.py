@@ -16,10 +16,10 @@ from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, Written, bundled, columns, part_of, stacked
 from tendonrepro.simulation.codegen.machine import assembled, callable_code
-from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code
+from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code, thread_code
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, plant_modes, steps_needed
-from tendonrepro.simulation.sampled import Hardware, longest, measure, start
+from tendonrepro.simulation.sampled import CommandFunction, Hardware, longest, measure, start
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""
@@ -41,21 +41,18 @@ def rest_at(q: Array, plant: Plant) -> Rest:
 
 
 @dataclass(frozen=True)
-class CompiledPart:
-    """Compiled code that loops share.
+class Part:
+    """Rows that loops share, and their numbers.
 
-    ``code`` has the addresses of functions by name, and those to be run once before any of them. ``start``
-    holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
+    ``start`` holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
     """
 
-    code: Mapping[str, int]
-    prepare: Sequence[int]
     rows: LaneRows
     start: dict[str, Array]
     column: dict[int, int]
 
-    def filled(self, places: Sequence[int]) -> Array:
-        """Rows at the start, (rows, M)."""
+    def numbers(self, places: Sequence[int]) -> Array:
+        """Rows at the start, (rows, M), but for what is worked out of parameters."""
         own = [self.column[place] for place in places]
         values = np.zeros((self.rows.count, len(places)))
         for row, numbers in self.rows.constants.items():
@@ -64,11 +61,33 @@ class CompiledPart:
             if name in self.rows.named:
                 first = self.rows.named[name]
                 values[first : first + numbers.shape[0]] = numbers[:, own]
-        bundles = bundled(values)
+        return values
+
+
+@dataclass(frozen=True)
+class CompiledPart(Part):
+    """Compiled code that loops share.
+
+    ``code`` has the addresses of functions by name, and ``prepare`` those to be run once before any of them.
+    """
+
+    code: Mapping[str, int]
+    prepare: Sequence[int]
+
+    def filled(self, places: Sequence[int]) -> Array:
+        """Rows at the start, (rows, M)."""
+        bundles = bundled(self.numbers(places))
         for address in self.prepare:
             for bundle in bundles:
                 callable_code(address)(bundle.ctypes.data, 0.0, 0.0)
         return columns(bundles)[:, : len(places)]
+
+
+@dataclass(frozen=True)
+class ThreadPart(Part):
+    """Code of loops as C, for one thread each."""
+
+    source: str
 
 
 def plant_needs(
@@ -122,11 +141,38 @@ def experiment_part(
 
     Errors are summed up over ``block(L)`` samples.
     """
+    numbers, command, first = _experiment(loops, rest, steps, block)
+    return _compiled(experiment_code(numbers, record, command), first, _columns(loops))
+
+
+def thread_part(
+    loops: Mapping[int, Loop],
+    rest: Mapping[int, Rest],
+    steps: Mapping[int, NDArray[np.int64]],
+    block: Callable[[float], int],
+) -> ThreadPart:
+    """Law and plant of loops as :func:`experiment_part`, as C for the threads of a GPU."""
+    numbers, command, first = _experiment(loops, rest, steps, block)
+    sources, rows = thread_code(numbers, command)
+    (source,) = sources.values()
+    return ThreadPart(rows, first, _columns(loops), source)
+
+
+def _columns(loops: Mapping[int, Loop]) -> dict[int, int]:
+    return {place: k for k, place in enumerate(loops)}
+
+
+def _experiment(
+    loops: Mapping[int, Loop],
+    rest: Mapping[int, Rest],
+    steps: Mapping[int, NDArray[np.int64]],
+    block: Callable[[float], int],
+) -> tuple[tuple[Plant, LawNumbers], CommandFunction, dict[str, Array]]:
+    """Numbers of plants and laws, the law's function, and first values of rows, (rows, N)."""
     ordered = [(loop, rest[place]) for place, loop in loops.items()]
     numbers = law_numbers(ordered, block)
     command = next(iter(loops.values())).controller.command or control.command
     plants = stacked([loop.plant for loop in loops.values()])
-    written = experiment_code((plants, numbers), record, command)
     counts = np.array([steps[place] for place in loops], dtype=np.float64).T
     length = np.array([loop.L for loop in loops.values()]) / np.maximum(counts, 1.0)
     first = {
@@ -135,7 +181,7 @@ def experiment_part(
         "steps": counts,
         "length": length,
     }
-    return _compiled(written, first | _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
+    return (plants, numbers), command, first | _start(ordered, numbers)
 
 
 def sample_part(loop: Loop, rest: Rest) -> CompiledPart:
@@ -154,7 +200,7 @@ def _compiled(written: Written, start: dict[str, Array], column: dict[int, int])
     sources, rows = written
     code = {name: assembled(source, "prepare", name) for name, source in sources.items()}
     prepare, run = zip(*code.values(), strict=True)
-    return CompiledPart(dict(zip(code, run, strict=True)), prepare, rows, start, column)
+    return CompiledPart(rows, start, column, dict(zip(code, run, strict=True)), prepare)
 
 
 def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
@@ -192,9 +238,10 @@ def torque_before(loop: Loop, rest: Rest) -> Array:
 
 def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str, Array]:
     """First values of rows, (rows, N), by the start-up rule."""
-    noise = {seed: unit_noise(loop)(1)[0] for seed, loop in {loop.seed: loop for loop, _ in loops}.items()}
+    sources = {noise_source(loop): loop for loop, _ in loops}
+    noise = {source: unit_noise(loop)(1)[0] for source, loop in sources.items()}
     found = [
-        (rest.state, noise[loop.seed], torque_before(loop, rest), loop.reference.q_d[0])
+        (rest.state, noise[noise_source(loop)], torque_before(loop, rest), loop.reference.q_d[0])
         for loop, rest in loops
     ]
     state, first, tau, q_d = stacked(found)
@@ -212,11 +259,20 @@ def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str,
 
 def is_noisy(loop: Loop) -> bool:
     """Whether any instrument has noise."""
-    return any(part.noise > 0.0 for part in (loop.joint_encoder, loop.motor_encoder, loop.actuator))
+    return any(noise_source(loop)[1:])
+
+
+def noise_source(loop: Loop) -> tuple[int, bool, bool, bool]:
+    """What a loop's noise depends on: its seed, and which instruments have any."""
+    instruments = loop.joint_encoder, loop.motor_encoder, loop.actuator
+    joint, motor, torque = (part.noise > 0.0 for part in instruments)
+    return loop.seed, joint, motor, torque
 
 
 def unit_noise(loop: Loop) -> Callable[[int], Array]:
-    """Unscaled noise, (samples, 3 n), of the next samples at each call."""
-    n = loop.plant.preload.size
-    streams = [np.random.default_rng([loop.seed, stream]) for stream in range(3)]
-    return lambda samples: np.hstack([stream.standard_normal((samples, n)) for stream in streams])
+    """Unscaled noise, (samples, 3 n), of the next samples at each call; zeros of instruments without any."""
+    n, (seed, *noisy) = loop.plant.preload.size, noise_source(loop)
+    streams = [np.random.default_rng([seed, k]) if acts else None for k, acts in enumerate(noisy)]
+    return lambda samples: np.hstack(
+        [np.zeros((samples, n)) if one is None else one.standard_normal((samples, n)) for one in streams]
+    )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeAlias, TypedDict
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypedDict
 
 from tendonrepro.console import Talk
 
@@ -43,6 +43,9 @@ Laws: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, Callable[..., Any]] | None, Word(option="--law", metavar="FILE:NAME")
 ]
 Jobs: TypeAlias = Annotated[int, Word(help="Processes; -1 is one for each processor.")]
+On: TypeAlias = Annotated[
+    Literal["cpu", "gpu"], Word(help="What runs the simulations; gpu needs one of NVIDIA's, and CuPy.")
+]
 Traces: TypeAlias = Annotated[
     Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
 ]

@@ -25,6 +25,7 @@ from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
@@ -86,6 +87,7 @@ class Plants(NamedTuple):
     newest: float
     known: Known
     limits: StatusLimits
+    device: DeviceName = "cpu"
 
 
 class Candidate(NamedTuple):
@@ -198,7 +200,8 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
     """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
-    batch, shape = simulate_batch(loops, plants.limits), (len(candidates), runs, -1)
+    batch = simulate_batch(loops, plants.limits, device=plants.device)
+    shape = len(candidates), runs, -1
     names = ("mae", "rmse", "fast_share", "torque_step_rms")
     mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in names)
     # A tuned law errs by a count or so, and fast for that reason alone.

@@ -23,6 +23,7 @@ from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
+from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.bench import Candidate, measure, usable
@@ -82,30 +83,35 @@ def tuning(
     any_plant: bool,
     seed: int,
     jobs: int,
+    device: DeviceName = "cpu",
     only: str = "",
 ) -> Tuned:
-    """Check a tuning of every law, or `only` of some, and of a user's, on the same plants.
+    """Check a tuning of every law, or `only` of some, and of a user's; a GPU takes one plant after the other.
 
     Raises
     ------
+    TendonreproError
+        If no GPU can be used.
     UsageError
         For too little effort, or a law that has no bounds or cannot run on lanes.
     """
     effort.check()
+    require(device)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
     of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
-    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, of_search, seed)
+    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, of_search, seed, device)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    inputs = loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, sorted(task.laws)
+    others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
+    inputs = [loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     base = replace(base, sha256=identity, origin=loaded.origin)
-    return Tuned(task, base, effort.plants, any_plant, jobs)
+    return Tuned(task, base, effort.plants, any_plant, jobs if device == "cpu" else 1)
 
 
 def _chosen(only: str) -> dict[str, TunedLaw]:

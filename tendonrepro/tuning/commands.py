@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Seed, Source
 from tendonrepro.studies.study import Study
 
 
@@ -22,6 +22,7 @@ def tune(
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
+    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Controllers at their best: each one tuned, then compared.
@@ -54,6 +55,6 @@ def tune(
     effort = Effort(plants, searches, generations, population)
     effort.check()
     loaded = load_plants(config, spread, set)
-    users = laws_of(laws)
-    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed or 0, jobs=jobs, only=only)
+    users, seed = laws_of(laws), seed or 0
+    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device, only=only)
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

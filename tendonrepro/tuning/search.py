@@ -20,6 +20,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
+from tendonrepro.simulation.device import DeviceName
 from tendonrepro.tuning.bench import (
     ALL_RUNS,
     CLASSES,
@@ -187,9 +188,13 @@ class Task:
     laws: Mapping[str, TunedLaw]
     effort: Mapping[str, int]
     seed: int
+    device: DeviceName = "cpu"
 
     def draw(self, number: int) -> Plants:
         """Draw of a number from the box, or around a user's arm."""
+        return self._drawn(number)._replace(device=self.device)
+
+    def _drawn(self, number: int) -> Plants:
         if self.loaded.around:
             return posed(self.loaded, AroundArm(self.loaded, self.loaded.around).draw(number))
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.command import answer
 
 import tendonrepro as tr
 from tendonrepro.configuration.ensemble import load_ensemble
@@ -29,6 +30,7 @@ from tendonrepro.evidence.predict import (
     gaps_between,
     law_of,
     never_told_apart,
+    predict_outcome,
     told_apart,
     with_alpha,
 )
@@ -190,12 +192,19 @@ def test_interpretations_of_the_default_look_different() -> None:
 
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
-    answer = tr.predict(20, readings="printed", out=tmp_path / "out").data
-    assert [one["name"] for one in answer["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
+    found = tr.predict(20, readings="printed", out=tmp_path / "out").data
+    assert [one["name"] for one in found["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
     assert stored["draws"] == 20
     assert stored["never_told_apart"] == []
     for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
         assert (tmp_path / "out" / name).exists()
-    with pytest.raises(UsageError):
-        tr.predict(4, out=tmp_path / "few")
+    for words in (["--draws", "4"], ["--draws", "1000000000"], ["--readings", "nonsense"]):
+        answer("predict", *words, "--dry-run", cwd=tmp_path, code=2)
+
+
+def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    for draws in (32, 20):
+        with pytest.raises(UsageError):
+            predict_outcome(load_ensemble(None), draws, "nonsense", Talk())
+        assert ("32" in capsys.readouterr().err) == (draws == 20)

@@ -53,6 +53,27 @@ def test_optimum_beyond_a_bound_ends_at_it(tmp_path):
     assert found.closest[0] > 0.99
 
 
+def test_a_known_point_is_polished_where_no_seed_comes_as_near(tmp_path):
+    """A valley so narrow that few points do not find it; seeds do not know of it."""
+    valley = np.full(ROWS, 0.875)
+
+    def narrow(units):
+        distance = np.abs(units - valley).max(axis=1)
+        residuals = np.where(distance < 0.02, distance, 1.0 + distance)[:, np.newaxis]
+        return Evaluated(np.abs(residuals[:, 0]), residuals)
+
+    effort = Effort(generations=2, population=8, seeds=2)
+    starts = np.random.default_rng(5).random((2, 8, ROWS))
+    near = valley + 0.01
+
+    def plants(name):
+        return Plants(narrow, ROWS, effort.plants, tmp_path / f"{name}.npy", lambda _: None)
+
+    found = search(starts, EVERY, EVERY, plants, effort, 1, near)
+    assert found.misfit <= narrow(near[np.newaxis]).misfits[0]
+    assert found.misfits.min() > 1.0
+
+
 def test_points_stay_in_the_cube_and_within_the_effort_and_other_rows_stay(tmp_path):
     rows = np.arange(ROWS) != 2
     seen = []

@@ -30,7 +30,8 @@ def chosen(logs, most=10):
         seen.append(log_misfit(ours, PRINTED.values))
         return Evaluated(seen[-1], residuals)
 
-    rows = rows_that_explain(BOX, look, most)
+    rows, point = rows_that_explain(BOX, look, most)
+    np.testing.assert_array_equal(point[~rows], HELD[~rows])
     return {name for name, is_searched in zip(BOX.names, rows, strict=True) if is_searched}, seen
 
 
@@ -62,6 +63,21 @@ def test_rows_of_one_direction_do_not_crowd_out_another():
     found, _ = chosen(logs, most=FEW)
     assert "posture" in found
     assert found & set(alike)
+
+
+def test_what_was_chosen_first_goes_where_others_make_up_for_it():
+    """One row moves all numbers alike and explains most alone; three others together explain all."""
+    numbers, names = np.arange(16), ("amplitude", "posture", "link_mass_2")
+    weights = [1.0 + 0.8 * np.sin(speed * numbers) for speed in (1.0, 2.3, 0.4)]
+
+    def logs(values):
+        alike = -off(values, "winch_viscous", 0.0)
+        parts = [off(values, name, 0.085) for name in names]
+        return [alike + sum(w[k] * part for w, part in zip(weights, parts, strict=True)) for k in numbers]
+
+    found, seen = chosen(logs, most=len(names))
+    assert found == {*names}
+    assert min(map(min, seen)) < 1e-3
 
 
 def test_a_choice_that_explains_is_made():

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Symbol, Tape, as_operand, is_number
+from tendonrepro.simulation.codegen.symbols import Line, Symbol, Tape, as_operand, is_number
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -222,10 +222,7 @@ def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneR
 
     The latter has to run first. Results are by row.
     """
-    fixed = _fixed(tape, results.values())
-    kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in fixed}
-    read = tape.lines | {value: ("row", (float(row),)) for value, row in kept.items()}
-    prepared = {row: value for value, row in kept.items()}
+    read, prepared = prepared_rows(name, tape, results, rows)
     body = {row: as_operand(value) for row, value in results.items()}
     return "\n".join(
         (
@@ -233,6 +230,15 @@ def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneR
             machine.vector_code("prepare", tape.lines, prepared),
         )
     )
+
+
+def prepared_rows(
+    name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows
+) -> tuple[dict[str, Line], dict[int, str]]:
+    """Lines that read what depends on parameters alone from new rows, and its names by row."""
+    kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in _fixed(tape, results.values())}
+    read: dict[str, Line] = {value: ("row", (float(row),)) for value, row in kept.items()}
+    return tape.lines | read, {row: value for value, row in kept.items()}
 
 
 def _fixed(tape: LaneTape, results: Iterable[Any]) -> list[str]:

@@ -29,7 +29,7 @@ class Dialect:
     """What languages of the family write differently.
 
     ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
-    a comparison.
+    a comparison. ``names`` are of functions that are called otherwise than on a tape.
     """
 
     head: str
@@ -40,6 +40,7 @@ class Dialect:
     truth: str
     infinity: str
     decimal_point: bool
+    names: Mapping[str, str]
 
 
 JAVASCRIPT = Dialect(
@@ -51,6 +52,7 @@ JAVASCRIPT = Dialect(
     truth="+{comparison}",
     infinity="Infinity",
     decimal_point=False,
+    names={"**": "pow"},
 )
 C = Dialect(
     head="DEVICE void {name}({arrays}){{",
@@ -61,6 +63,7 @@ C = Dialect(
     truth="(double){comparison}",
     infinity="INFINITY",
     decimal_point=True,
+    names={"**": "pow", "abs": "fabs"},
 )
 C_BEGINNING = """#ifdef __CUDACC__
 #define DEVICE __device__
@@ -99,7 +102,7 @@ def function_source(
     Parameters
     ----------
     results
-        Values by the place they are written to. The function reads no array that it writes.
+        Values by the place they are written to. All is read before anything is written.
     arrays
         The function's parameters, in order; names of two letters or more.
     """
@@ -110,7 +113,9 @@ def function_source(
     uses.update(value for value in values.values() if isinstance(value, str))
     printer = _Printer(lines, dialect)
     for x in order:
-        printer.add(x, shared=uses[x] > 1)
+        operation, operands = lines[x]
+        overwritten = operation == "input" and (operands[0], operands[1]) in values
+        printer.add(x, shared=uses[x] > 1 or overwritten)
     parameters = ",".join(
         (dialect.written if array in written else dialect.read).format(array=array) for array in arrays
     )
@@ -186,12 +191,12 @@ class _Printer:
         return f"{self.value(operand)}!=0"
 
     def _call(self, operation: str, words: list[str]) -> str:
-        """Elementary function of the language's library."""
-        if operation == "exp2":
+        """Elementary function of the language's library, or an argument of the function itself."""
+        if not words:
+            return operation
+        if operation == "exp2" and operation not in self._dialect.names:
             operation, words = "pow", [self._number(2.0), *words]
-        function = {"**": "pow", "abs": "abs" if self._dialect is JAVASCRIPT else "fabs"}.get(
-            operation, operation
-        )
+        function = self._dialect.names.get(operation, operation)
         return self._dialect.call.format(function=function, arguments=",".join(words))
 
 
