@@ -43,11 +43,6 @@ def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> Prepared:
     return Prepared(loaded, laws, all_loops(loaded, laws))
 
 
-def simulate_all(experiments: Sequence[Prepared], talk: Talk) -> list[list[Trace]]:
-    """Simulate every run of every experiment in this process; one that diverged ends early."""
-    return list(begin_all(experiments, talk))
-
-
 def begin_all(
     experiments: Sequence[Prepared],
     talk: Talk,

@@ -16,7 +16,7 @@ def identify(
     generations: int = 60,
     population: int = 48,
     seeds: int = 3,
-    unknowns: int = 10,
+    unknowns: int = 10,  # more than sixteen numbers could settle would be no explanation
     rows: str = "",
     config: Source = None,
     set: Changes = None,

@@ -32,9 +32,6 @@ Rows: TypeAlias = NDArray[np.bool_]
 AGREED = 1.05
 """Largest ratio of the seeds' best misfits that counts as the same."""
 
-UNKNOWNS = 10
-"""Rows that are searched at most: more than sixteen numbers could settle are no explanation."""
-
 _WIDTH = 0.25
 """First standard deviation of CMA-ES, so that all of the cube is within reach."""
 

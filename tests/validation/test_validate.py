@@ -16,7 +16,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiments.run import prepared, simulate_all, trace_file
+from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
 from tendonrepro.results.records import PlantRecord
@@ -89,7 +89,7 @@ class TestMeasuredTables:
 def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
     loaded = load_config("plain", "compare", overrides=SHORT, controllers=[1, 2])
-    traces = simulate_all([prepared(loaded)], QUIET)[0]
+    (traces,) = begin_all([prepared(loaded)], QUIET)
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
     runs = {}
