@@ -282,10 +282,6 @@ def given_the_tables() -> str:
     probability = dict(zip(given["names"], given["probability"], strict=True))
     found = sorted(zip(given["names"], given["plants"], np.diag(given["confused"]), strict=True),
                    key=lambda row: -probability[row[0]])
-    groups = [
-        (title, str(len(probability.keys() & names)), percent(sum(probability.get(name, 0.0) for name in names)))
-        for title, names in GROUPS.items()
-    ]
     rows = [
         (f"`{name}`", f"{plants:,}", likely(probability[name]), percent(right)) for name, plants, right in found
     ]
@@ -296,8 +292,11 @@ def given_the_tables() -> str:
     ]
     left_out = ", ".join(f"`{name}`" for name in given["left_out"])
     parts = [
-        verdict_on(given, *max(probability.items(), key=lambda item: item[1])),
-        table(("group", "interpretations", "probability"), groups),
+        verdict_on(given),
+        table(
+            ("group", "interpretations", "probability", "group named right on"),
+            [(title, str(count), likely(held), percent(right)) for title, count, held, right in of_groups(given)],
+        ),
         table(("interpretation", "stable plants", "probability", "named right on"), rows),
         f"Left out, with too few stable plants: {left_out}." if left_out else "",
         f"**How good is such a naming?** On plants that it has not seen it names the right interpretation on "
@@ -309,14 +308,33 @@ def given_the_tables() -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def verdict_on(given: Mapping[str, Any], name: str, probability: float) -> str:
-    """Whether the published tables name an interpretation."""
+def of_groups(given: Mapping[str, Any]) -> list[tuple[str, int, float, float]]:
+    """Group, its interpretations, their probability, and the share of their plants that is named as one of them."""
+    plants, confused = np.array(given["plants"]), np.array(given["confused"])
+    found = []
+    for title, names in GROUPS.items():
+        own = np.array([name in names for name in given["names"]])
+        right = np.average(confused[own][:, own].sum(axis=1), weights=plants[own]) if own.any() else math.nan
+        found.append((title, int(own.sum()), float(np.array(given["probability"])[own].sum()), float(right)))
+    return found
+
+
+def verdict_on(given: Mapping[str, Any]) -> str:
+    """Whether the published tables name an interpretation, or a group of them."""
+    probability, name = max(zip(given["probability"], given["names"], strict=True))
     typical = f"Of the plants left out {percent(given['typical'])} have ratios less likely than the paper's."
     if given["typical"] < UNLIKE:
         return f"**None of them is like the paper.** {typical} The probabilities compare poor fits with each other."
-    if probability < given["sure_from"]:
-        return f"**The tables cannot tell.** The most probable one, `{name}`, has {percent(probability)}. {typical}"
-    return f"**The tables name `{name}`**, with a probability of {percent(probability)}. {typical}"
+    if probability >= given["sure_from"]:
+        return f"**The tables name `{name}`**, with a probability of {percent(probability)}. {typical}"
+    title, _, together, right = max(of_groups(given), key=lambda group: group[2])
+    told = f"**The tables cannot tell which one is the paper's.** The most probable one, `{name}`, has {percent(probability)}."
+    if together >= given["sure_from"]:
+        told += (
+            f" The group *{title}* together has {percent(together)}, where everything that the paper leaves open is as "
+            f"likely as our ranges have it. Plants of that group are named as of it on {percent(right)}."
+        )
+    return f"{told} {typical}"
 
 
 def off(misfit: float) -> str:

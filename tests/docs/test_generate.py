@@ -78,3 +78,33 @@ def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatte
     cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
     assert len(cells) == rows
     assert "16,080" in text
+
+
+def given(probability, typical=0.4, confused=None):
+    """Two interpretations as published and one changed."""
+    return {
+        "names": ["printed", "encoder=ideal", "weights=extrapolating"],
+        "probability": probability,
+        "plants": [100, 300, 200],
+        "confused": confused or [[0.5, 0.3, 0.2], [0.1, 0.5, 0.4], [0.0, 0.1, 0.9]],
+        "typical": typical,
+        "sure_from": 0.9,
+    }
+
+
+def test_groups_of_interpretations_add_up(generate):
+    """Of 400 plants as published 80 and 60 per cent are named as one of the two; of the others 90."""
+    found = {title: numbers for title, *numbers in generate.of_groups(given([0.2, 0.1, 0.7]))}
+    assert found["Equations as published"] == pytest.approx([2, 0.3, 0.65])
+    assert found["Equations changed"] == pytest.approx([1, 0.7, 0.9])
+    assert found["Equations as published, other references and starts"][:2] == [0, 0.0]
+
+
+def test_the_tables_name_one_or_a_group_or_none(generate):
+    asked = (([0.0, 0.05, 0.95],), ([0.5, 0.45, 0.05],), ([0.5, 0.1, 0.4],), ([0.0, 0.05, 0.95], 0.01))
+    one, group, neither, unlike = (generate.verdict_on(given(*numbers)) for numbers in asked)
+    assert "`weights=extrapolating`" in one
+    assert "Equations as published" in group
+    assert "`printed`" in group
+    assert "Equations" not in neither
+    assert "`" not in unlike
