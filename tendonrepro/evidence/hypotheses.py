@@ -256,7 +256,7 @@ def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
 def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
     """Samples near which a torque that enters stands at a motor's limit."""
     torque = np.abs((log.command if log.applied is None else log.applied) @ log.S)
-    at_limit = torque >= (1.0 - 1e-9) * np.nanmax(torque, axis=0)
+    at_limit = torque >= (1.0 - 1e-9) * np.fmax.reduce(torque, axis=0)
     # A single largest value is a peak; a limit is met again and again.
     late = (at_limit & (at_limit.sum(axis=0) > 5)).any(axis=1)
     near: NDArray[np.bool_] = late.copy()

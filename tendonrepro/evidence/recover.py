@@ -444,10 +444,12 @@ def _tables(held: list[Recovered]) -> list[Table]:
         for fit in one.found[:SHOWN]
     ]
     shown = ("run", "joint", "answer", "surface", "readings", "weights", "as_good")
+    # Where nothing can be told there are no columns to choose from.
+    numbers = NUMBERS if parameters else ()
     return [
         Table("controllers", "Which controller made the log.", answers, terminal=shown),
         Table(
-            "parameters", "Its numbers, SI, with half of their 90 % interval.", parameters, terminal=NUMBERS
+            "parameters", "Its numbers, SI, with half of their 90 % interval.", parameters, terminal=numbers
         ),
         Table(
             "hypotheses",

@@ -371,3 +371,19 @@ def test_a_run_that_cannot_be_put_on_samples_is_named_and_others_are_read(sample
         recovered(replace(file, runs={"a": bad}), PUBLISHED, QUIET)
     found = recovered(replace(file, runs={"a": bad, "b": replace(good, name="b")}), PUBLISHED, QUIET)
     assert {one.run for one in found} == {"b"}
+
+
+def test_a_log_of_which_nothing_can_be_told_is_an_answer_of_the_command(tmp_path: Path) -> None:
+    file = run()
+    write_traces(tmp_path / "short.h5", replace(file, runs={"controller_1": cut(file, 300)}))
+    data = answer("recover", "short.h5", cwd=tmp_path)
+    assert [one["answer"] for one in data["runs"]] == [UNTOLD, UNTOLD]
+    assert (tmp_path / "reports" / "recover" / "tables" / "controllers.md").exists()
+
+
+def test_a_joint_whose_torque_was_not_recorded_cannot_be_told() -> None:
+    trace = cut(run(), 300)
+    torque = np.where([True, False], trace["tau_m"], np.nan)
+    one = replace(trace, variables={"q_d": trace["q_d"], "q_encoder": trace["q_encoder"], "tau_m": torque})
+    found = recovered(replace(run(), runs={"controller_1": one}), PUBLISHED, QUIET)
+    assert [held.answer for held in found] == [UNTOLD, UNTOLD]
