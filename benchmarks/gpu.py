@@ -33,6 +33,7 @@ from tendonrepro.parallel import processors
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
 from tendonrepro.simulation.codegen.symbols import as_operand, needed
+from tendonrepro.simulation.device import graphics
 from tendonrepro.simulation.kernel import experiment_tape
 from tendonrepro.simulation.parts import Part, law_numbers, plant_needs, thread_part
 from tendonrepro.simulation.resolution import TOLERANCE
@@ -48,18 +49,35 @@ def timed(work):
 
 
 def speeds(loops, device):
-    """Batch, and seconds of a first call, which compiles, and of a second."""
+    """Batch, and seconds of a first call, which compiles, of a second, and of its kernels alone."""
     threads = processors() if device == "cpu" else 1
     run = lambda: simulate_batch(loops, LIMITS, device=device, threads=threads)  # noqa: E731
     _, first = timed(run)
+    launches = clocked() if device == "gpu" else []
     batch, second = timed(run)
     say(f"{device}: {len(loops)} experiments, {first:.2f} s with compiling, {second:.2f} s without")
-    return batch, {
+    found = {
         "experiments": len(loops),
         "seconds_with_compiling": first,
         "seconds": second,
         "experiments_per_second": len(loops) / second,
     }
+    if launches:
+        found["seconds_in_kernels"] = sum(launches)
+        found["experiments_per_second_in_kernels"] = len(loops) / sum(launches)
+    return batch, found
+
+
+def clocked():
+    """Seconds of each launch from now on."""
+    gpu, seconds = graphics(), []
+
+    def launch(entry, lanes, arguments):
+        _, took = timed(lambda: type(gpu).launch(gpu, entry, lanes, arguments))
+        seconds.append(took)
+
+    gpu.launch = launch
+    return seconds
 
 
 def differences(found, expected):

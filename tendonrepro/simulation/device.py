@@ -56,7 +56,8 @@ class Graphics:
     def compiled(self, source: str) -> Any:
         """Compile a source for this GPU, once in a process."""
         if source not in self._entries:
-            failures = (self._cupy.cuda.compiler.CompileException, *self._errors)
+            # CuPy raises the others where NVIDIA's compiler is missing.
+            failures = (self._cupy.cuda.compiler.CompileException, RuntimeError, OSError)
             entry = self._cupy.RawKernel(source, ENTRY)
             _sound(entry.compile, failures)
             self._entries[source] = entry

@@ -6,6 +6,7 @@ Nothing heavy is imported here, nor by files that hold such functions: ``tendonr
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, wraps
@@ -107,21 +108,22 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
 
 
 def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
-    """Show to Python all parameters, and what each means."""
-    told = entry.help
-    call.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [
-            parameter.replace(annotation=getattr(parameter.annotation, "__origin__", parameter.annotation))
-            if word_of(parameter.annotation) != Word()
-            else parameter
-            for parameter in entry.signature.parameters.values()
-        ]
-    )
-    # The words are those of an option, which takes away what holds by default: --no-figures.
-    flags = {name for name, parameter in entry.signature.parameters.items() if parameter.default is True}
-    lines = [f"{name}\n    {'False: ' * (name in flags)}{text}" for name, text in told.items() if text]
-    section = "\n".join(["Parameters", "----------", *lines])
-    call.__doc__ = f"{entry.about}\n\n{section}" if lines else entry.about
+    """Show to Python all parameters, with their types, and what each means."""
+    parameters = [
+        parameter.replace(annotation=parameter.annotation.__origin__)
+        if word_of(parameter.annotation) != Word()
+        else parameter
+        for parameter in entry.signature.parameters.values()
+    ]
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    lines = []
+    for parameter in parameters:
+        kind = re.sub(r"[a-z.]+\.(?=[A-Z])", "", inspect.formatannotation(parameter.annotation))
+        # The words are those of an option, which takes away what holds by default: --no-figures.
+        flag = "False: " if parameter.default is True else ""
+        lines += [f"{parameter.name} : {kind}", f"    {flag}{entry.help[parameter.name]}"]
+    section = ["", "Parameters", "----------", *lines] if lines else []
+    call.__doc__ = "\n".join([entry.about, *section])
     return call
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import traceback
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -16,11 +17,12 @@ from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
+from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
@@ -82,8 +84,9 @@ def tuning(
     seed: int,
     jobs: int,
     device: DeviceName = "cpu",
+    only: str = "",
 ) -> Tuned:
-    """Check a tuning of every law, a user's too, on the same plants; a GPU takes one after the other.
+    """Check a tuning of every law, or `only` of some, and of a user's; a GPU takes one plant after the other.
 
     Raises
     ------
@@ -99,16 +102,26 @@ def tuning(
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
     of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
-    task = Task(loaded, LAWS | {law.name: law for law in own}, of_search, seed, device)
+    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, of_search, seed, device)
     for law in own:
         _try(task, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
-    of_device = [] if device == "cpu" else [device]
-    inputs = [loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, *of_device]
+    others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
+    inputs = [loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     base = replace(base, sha256=identity, origin=loaded.origin)
     return Tuned(task, base, effort.plants, any_plant, jobs if device == "cpu" else 1)
+
+
+def _chosen(only: str) -> dict[str, TunedLaw]:
+    """Laws of the package by the names that were asked for."""
+    names = [name.strip() for name in only.split(",") if name.strip()] or list(LAWS)
+    for name in names:
+        if name not in LAWS:
+            message = f"there is no controller {name!r}{did_you_mean(name, LAWS)}"
+            raise UsageError(message, where="--only", hint=f"There are: {', '.join(LAWS)}")
+    return {name: law for name, law in LAWS.items() if name in names}
 
 
 def _try(task: Task, law: TunedLaw) -> None:
@@ -120,7 +133,14 @@ def _try(task: Task, law: TunedLaw) -> None:
         measure(plants, [Candidate(law, "none", False, middle)])
     except Exception as error:
         message = f"the law {law.name} cannot run on many plants together: {type(error).__name__}: {error}"
-        hint = "return tau, H_hat, s and de, and choose by tendonrepro.arrays.choose instead of if"
+        hint = "return tau, H_hat, s and de, each an array with a number per joint"
+        if isinstance(error, UnknownValueError):
+            lines = [
+                call.lineno for call in traceback.extract_tb(error.__traceback__) if call.name == law.name
+            ]
+            at = f" in its line {lines[-1]}" if lines else ""
+            message = f"the law {law.name} branches{at} on a number, which differs from plant to plant"
+            hint = "write np.where(e[i] > 0.0, then, otherwise) for each joint i in place of if"
         raise UsageError(message, where="--law", hint=hint) from error
 
 

@@ -17,6 +17,7 @@ def tune(
     laws: Laws = None,
     any_plant: bool = False,
     spread: float | None = None,
+    only: str = "",
     config: Source = None,
     set: Changes = None,
     seed: Seed = None,
@@ -44,6 +45,8 @@ def tune(
         Also plants where the published gains are unstable.
     spread
         Around your own arm, 0.2 is 20 % [default: as shipped].
+    only : ntsm,alpha_free
+        Tune only these controllers [default: all].
     """
     from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.experiments.user_law import laws_of
@@ -53,5 +56,5 @@ def tune(
     effort.check()
     loaded = load_plants(config, spread, set)
     users, seed = laws_of(laws), seed or 0
-    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device)
+    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device, only=only)
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

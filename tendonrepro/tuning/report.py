@@ -123,7 +123,8 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     rows, lost = (
         [{"draw": one["draw"], **row} for one in drawn for row in one[part]] for part in ("rows", "lost")
     )
-    found, at_best = [*comparisons(rows, [*QUESTIONS, *own], task.seed)], [*law_rows(rows, joints)]
+    pairs = [pair for pair in (*QUESTIONS, *own) if set(pair) <= titles.keys()]
+    found, at_best = [*comparisons(rows, pairs, task.seed)], [*law_rows(rows, joints)]
     questions = [*question_rows(found, titles)]
     around = task.loaded.around
     on = count_of(len(drawn), "plant") + (f" {around.told}" if around else "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -62,7 +63,7 @@ def test_the_docstring_of_python_tells_of_every_parameter(name: str) -> None:
         return
     text = getattr(tr, name).__doc__
     for key, parameter in COMMANDS[name].signature.parameters.items():
-        assert parameter.annotation == Telling or f"\n{key}\n    " in text
+        assert parameter.annotation == Telling or re.search(rf"\n{key} : .+\n    \S", text)
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import tendonrepro as tr
+from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.tuning import command, report, search
@@ -90,6 +91,23 @@ def test_what_it_writes(tmp_path: Path) -> None:
             assert least == pytest.approx(math.log(row["error"]), abs=0.02)
 
 
+@pytest.mark.usefixtures("few")
+def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
+    """With one joint, only what was asked for is tuned, and everything says whose ranges these are."""
+    init_arm(1, tmp_path / "mine")
+    config = tmp_path / "mine" / "compare.yaml"
+    found = run(tmp_path / "out", config=config, formats="png", spread=0.2, only="tsm,pid")
+    assert found["around"] == {"arm": "my arm", "spread": 0.2}
+    assert found["joints"] == [1]
+    assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"tsm", "pid"}
+    assert {(row["law"], row["over"]) for row in found["comparisons"]} == {("tsm", "pid")}
+    tuned = [row["error"] for row in found["by_plant"] if row["law"] == "pid" and row["cap"] == "none"]
+    published = [
+        row["error"] for row in found["by_plant"] if row["law"] == "controller_2" and not row.get("alpha")
+    ]
+    assert max(tuned) < min(published)
+
+
 def branching(*given: Any) -> tuple[Any, ...]:
     _, q, q_d, _, _, law = given
     e = q_d - q
@@ -105,6 +123,8 @@ branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
     [
         {"plants": 0},
         {"searches": 1},
+        {"only": "ntsm,alpha_tde"},
+        {"spread": 0.2},  # without an arm of one's own
         {"laws": {"branching": branching}},
         {"laws": {"pid": surface}},
         {"laws": {"boundless": lambda *_: None}},

@@ -77,6 +77,10 @@ def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
     return [name for name in lines if name in wanted]
 
 
+class UnknownValueError(TypeError):
+    """Code was to branch on a number that differs between the experiments that share it."""
+
+
 class Symbol(NDArrayOperatorsMixin):
     """A number not known yet; what is done with it goes on its tape."""
 
@@ -138,7 +142,7 @@ class Symbol(NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         """Refuse: code takes one branch for all numbers."""
         message = "a number that is not known yet is neither true nor false"
-        raise TypeError(message)
+        raise UnknownValueError(message)
 
 
 def as_operand(value: Any) -> str | float:
