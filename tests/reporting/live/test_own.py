@@ -63,6 +63,9 @@ OWN = {
         "control.readings.differencing=centred",
         "control.readings.gain_unit=phi_in_degrees",
     ],
+    "one run": [
+        f"runs={{only: {{law: tdc, payload: {quantity('0.3', 'kg')}}}}}",
+    ],
     "effects": [
         "manipulator.friction.reducer_efficiency=0.8",
         "manipulator.friction.per_pulley=0.03",
@@ -90,4 +93,7 @@ def test_a_configuration_of_ones_own(
     found = opened(browser, path, "#own")
     same(found, by_python(loaded, taken_steps(browser)))
     assert configured(browser).config == loaded.config
+    # The others are written as what they change in this one.
+    opened(browser, path, "#fitted")
+    assert configured(browser).config == load_config("closest", "compare").config
     assert browser.console() == []

@@ -30,12 +30,12 @@ function controlOf(tree, [knob, value, factor]) {
   return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
 // Configurations are written as what they change in the first one; null takes a key away.
+const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 function overlaid(first, changes) {
   const found = { ...first };
   for (const [key, value] of Object.entries(changes)) {
-    const inner = value && typeof value === "object" && !Array.isArray(value);
     if (value === null) delete found[key];
-    else found[key] = inner ? overlaid(first[key], value) : value;
+    else found[key] = isTree(value) ? overlaid(isTree(first[key] ?? null) ? first[key] : {}, value) : value;
   }
   return found;
 }
