@@ -43,7 +43,7 @@ def plants():
     return measured(PRINTED.values * np.exp(noise))
 
 
-def made_up(loops, limits, threads=1):
+def made_up(loops, limits, threads=1, device="cpu"):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
     del limits, threads
     mae, rmse = np.deg2rad([_size(loop) for loop in loops]).swapaxes(0, 1)
