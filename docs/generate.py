@@ -362,11 +362,13 @@ def the_closest(found: Mapping[str, Any]) -> str:
     else:
         lengths = [held["evaluations"] for held in found["readings"]]
         effort = f"These searches had different lengths, {min(lengths):,} to {max(lengths):,} evaluations."
-    judged = {
-        1: "A changed equation comes no closer by more than the scatter of the searches",
-        2: "A changed equation comes closer by more than the scatter of the searches",
-    }[len(rows)]
-    return f"{table(heads, cells)}\n\n{judged}, {off(scatter)}. {effort}"
+    if not changed:
+        judged = "No changed equation has been searched at this budget yet. The scatter of the searches is"
+    elif len(rows) == 1:
+        judged = "A changed equation comes no closer by more than the scatter of the searches,"
+    else:
+        judged = "A changed equation comes closer by more than the scatter of the searches,"
+    return f"{table(heads, cells)}\n\n{judged} {off(scatter)}. {effort}"
 
 
 def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
