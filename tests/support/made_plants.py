@@ -45,7 +45,7 @@ def plants():
 
 def made_up(loops, limits, threads=1, device="cpu"):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
-    del limits, threads
+    del limits, threads, device
     mae, rmse = np.deg2rad([_size(loop) for loop in loops]).swapaxes(0, 1)
     values = dict.fromkeys(STATISTICS, np.zeros((len(loops), 2))) | {"mae": mae, "rmse": rmse}
     values |= {"mae_late": 2.0 * mae, "rmse_late": 2.0 * rmse}

@@ -45,8 +45,8 @@ def _no_recovery():
         yield
 
 
-def validate(path, out, *overrides):
-    return tr.validate(path, "plain", set=overrides, out=out).data
+def validate(path, out, *overrides, config="plain"):
+    return tr.validate(path, config, set=overrides, out=out).data
 
 
 def planned(path, *overrides):
@@ -198,7 +198,7 @@ def test_simulated_and_absent_files_are_refused(tmp_path):
 def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path):
     file = make_decouple_file(source="measured")
     path = stored_run(tmp_path, file, "q_encoder", "q_motor_encoder", "q_calculated")
-    found = validate(path, tmp_path / "out")
+    found = validate(path, tmp_path / "out", config=None)
     assert [row["joint"] for row in found["residuals"]["rows"]] == [1, 2, 3]
     assert max(row["q_rms_deg"] for row in found["residuals"]["rows"]) < 1.0
     assert len(found["residuals"]["coupling"]) == 6
