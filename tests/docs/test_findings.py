@@ -258,6 +258,16 @@ def test_typical_arm() -> None:
     assert cells_of("README.md", "as published, on our typical arm") == [f"{mae[0]:.3f}" for mae in ours]
 
 
+@pytest.mark.slow
+def test_the_starts_make_the_order_of_the_closest_arm() -> None:
+    rows = {"closest arm": [], "… without its first two seconds": ["errors_from=2"]}
+    for row, overrides in rows.items():
+        ours = errors_of("closest", *overrides)
+        assert cells_of("docs/findings.md", row) == [f"{mae[0]:.3f} / {mae[1]:.3f}" for mae in ours]
+        of_joint_2 = [mae[0] for mae in ours]
+        assert of_joint_2 == sorted(of_joint_2, reverse=bool(overrides))
+
+
 def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
     """MAE of Controllers 1 to 3 on joints 2 and 3, degrees; all of them have to be stable."""
     found = tables_of(experiment, *overrides)
