@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,10 +80,22 @@ def taken_steps(browser: Browser) -> dict[str, int]:
     return dict(browser.run("return [...results].map(([name, one]) => [name, one.steps])"))
 
 
-def configured(browser: Browser) -> LoadedConfig:
+NOISELESS = (
+    "manipulator.actuator.torque_noise=0",
+    "manipulator.encoders.joint.noise=0",
+    "manipulator.encoders.motor.noise=0",
+)
+"""The page leaves noise out, and says so."""
+
+
+def configured(browser: Browser, overrides: Sequence[str] = ()) -> LoadedConfig:
     """The configuration that the page gives."""
     text = browser.run("return yamlText()")
-    return load_config(ConfigSource(text, "page", None), "compare")
+    return load_config(ConfigSource(text, "page", None), "compare", overrides=overrides)
+
+
+def noiseless(browser: Browser) -> LoadedConfig:
+    return configured(browser, NOISELESS)
 
 
 def words(browser: Browser, element: str) -> str:
@@ -97,8 +109,8 @@ def test_every_preset_has_pythons_errors_and_an_empty_console(browser: Browser, 
     assert len(names) >= 5
     for name in names:
         found = opened(browser, page, f"#{name}")
-        same(found, by_python(configured(browser), taken_steps(browser)))
-        same(found, by_python(configured(browser)), USUAL_DEG)
+        same(found, by_python(noiseless(browser), taken_steps(browser)))
+        same(found, by_python(noiseless(browser)), USUAL_DEG)
         assert words(browser, "problem") == ""
     own = opened(browser, page, "#own")
     same(own, by_python(load_config("plain", "compare", overrides=OWN), taken_steps(browser)))
@@ -134,7 +146,7 @@ def test_a_slider_moved_by_the_keyboard_changes_table_pictures_and_address(
     assert after["controller_1"][0] != before["controller_1"][0]
     assert after["controller_2"] == before["controller_2"]
     assert browser.run(picture) != first
-    same(after, by_python(configured(browser), taken_steps(browser)))
+    same(after, by_python(noiseless(browser), taken_steps(browser)))
     cell = 'return document.querySelector("tr[data-run=controller_1] td b").textContent'
     assert float(browser.run(cell)) == pytest.approx(after["controller_1"][0][0], abs=6e-4)
     fragment = browser.run("return location.hash")
@@ -171,7 +183,7 @@ def test_the_configuration_taken_along_gives_the_same(browser: Browser, page: Pa
         ]
         found = opened(browser, page, f"#{'&'.join((name, *there))}")
         assert words(browser, "problem") == ""
-        same(found, by_python(configured(browser), taken_steps(browser)))
+        same(found, by_python(noiseless(browser), taken_steps(browser)))
 
 
 def test_presets_and_trials_follow_each_other_without_loading_anew(browser: Browser, page: Path) -> None:
@@ -212,7 +224,7 @@ def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
     marked = "return [...document.querySelectorAll('tr[data-status=diverged]')].map((one) => one.dataset.run)"
     assert set(browser.run(marked)) == set(diverged)
     assert browser.run("return document.getElementById('state').className") == "bad"
-    pythons = by_python(configured(browser), taken_steps(browser))
+    pythons = by_python(noiseless(browser), taken_steps(browser))
     assert {name for name, (_, _, status) in pythons.items() if status == "diverged"} == set(diverged)
     assert browser.console() == []
 
