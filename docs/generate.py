@@ -41,7 +41,7 @@ from tendonrepro.tuning.laws import LAWS
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 README = DOCS.parent / "README.md"
-PAGES = (DOCS / "findings.md", DOCS / "tables.md", DOCS / "tune.md")
+PAGES = (DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
 Column = Callable[[Mapping[str, Any]], str]
@@ -78,6 +78,8 @@ def take(reports: Path) -> None:
                      "--force, and make findings again")
         table2 = pd.read_csv(reports / "closest" / "tables" / "table2.csv")
         store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
+    if (reports / "predict").exists():
+        store("predict_starts.json", read(reports / "predict" / "predict.json"))
     if (reports / "tune").exists():
         found = read(reports / "tune" / "tune.json")
         store("tune.json", {key: value for key, value in found.items() if key != "by_plant"})
@@ -230,7 +232,7 @@ def described(text: str, drawn: Mapping[str, Drawing]) -> str:
 
 
 def words(name: str) -> str:
-    return contents.filled(name, contents.numbers(stored("ensemble"), stored("claims")))
+    return contents.filled(name, contents.numbers(stored("ensemble")))
 
 
 def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
@@ -391,12 +393,49 @@ def at_their_best(laws: Sequence[Mapping[str, Any]]) -> str:
     return table(["controller", "no cap", *caps[1:], "filtered: no cap", *caps[1:]], found)
 
 
+EXPERIMENTS_ON_STARTS = {
+    "controllers_1_2": "Controller 1 over Controller 2",
+    "controllers_1_2_late": "… without the first two seconds",
+    "controllers_2_3": "Controller 2 over Controller 3",
+    "controllers_2_3_late": "… without the first two seconds",
+    "repeat": "Controller 1 repeated from another start",
+    "half_speed": "Controller 1 at half the speed over full speed",
+    "alpha_0.3": "Controller 1 with α = 0.3 over α = 0",
+}
+"""Experiments that tell starts and the reference's acceleration from changed equations."""
+INTERPRETATIONS_OF_STARTS = {
+    "printed": "as published",
+    "reference_acceleration=absent": "acceleration not fed forward",
+    "motion=ramp": "straight ramps",
+    "starts=apart": "runs start apart",
+    "motion=ramp+starts=apart": "ramps, start apart",
+    "weights=extrapolating+Delta_unit=deg": "(1 + α, −α), Δ in degrees",
+}
+
+
+def experiments_on_starts() -> str:
+    """Median and central 90 % of the ratio of errors of joint 2, by experiment and interpretation."""
+    found = stored("predict_starts")
+    ratios = {
+        (row["experiment"], row["reading"]): f"{row['median']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
+        for experiment in found["experiments"]
+        for row in experiment["ratios"]
+        if row["joint"] == 2
+    }
+    return table(
+        ["experiment", *INTERPRETATIONS_OF_STARTS.values()],
+        [[label, *(ratios[name, reading] for reading in INTERPRETATIONS_OF_STARTS)]
+         for name, label in EXPERIMENTS_ON_STARTS.items()],
+    )
+
+
 READINGS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "plants": lambda held: f"{held['in_order']['plants']:,}",
     "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
     "1 first": lambda held: percent(held["first_best"]["share"]),
-    "1 last": lambda held: percent(held.get("first_worst", {}).get("share")),
+    "1 last": lambda held: percent(held["first_worst"]["share"]),
+    "… without 2 s": lambda held: percent(held["without_start"]["first_worst"]["share"]),
     "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
     "1 over 2": lambda held: ratio(held, "c1_c2"),
     "2 over 3": lambda held: ratio(held, "c2_c3"),
@@ -444,6 +483,7 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     ),
     "questions": lambda: records(stored("tune")["questions"], QUESTIONS),
     "at their best": lambda: at_their_best(stored("tune")["laws"]),
+    "experiments on starts": lambda: experiments_on_starts() if (RESULTS / "predict_starts.json").exists() else "soon",
     "given the tables": given_the_tables,
     "the closest": lambda: the_closest(stored("identify")),
     "closest plants": lambda: records(

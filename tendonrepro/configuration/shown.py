@@ -7,6 +7,8 @@ BOTH = "weights=extrapolating+Delta_unit=deg"
 STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
 FINE_STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.0032"
 """Readings with Eq. (15) as printed under which it comes out on some plants."""
+STARTS_APART = "starts=apart"
+"""Part of the name of a reading under which runs do not start on their reference."""
 
 AS_PUBLISHED = {
     "printed": "As published",
@@ -29,6 +31,7 @@ BEYOND = {
     "motion=ramp+starts=apart": "… on straight ramps",
     "Delta_unit=deg+motion=ramp+starts=apart": "… on straight ramps, with Δ in degrees",
     "feedback=motor+motion=ramp+starts=apart": "… on straight ramps, with motor encoders",
+    "run_friction=drawn": "Friction 0.7 to 1.4 times from run to run",
 }
 CHANGED = {
     "weights=extrapolating": "Weights (1 + α, −α)",
@@ -39,12 +42,13 @@ CHANGED = {
 }
 GROUPS = {
     "Equations as published": AS_PUBLISHED,
-    "Equations as published, other references and starts": BEYOND,
+    "Equations as published, other references and runs": BEYOND,
     "Equations changed": CHANGED,
 }
 """Readings of the ensemble that the picture and the table of findings show, and what a reader calls them.
 
-Outside the second group every run starts on its reference and gets its acceleration, except in the last row.
+Outside the second group every run starts on its reference and gets its acceleration, except in the last row,
+and friction is the same in every run.
 """
 KEPT = AS_PUBLISHED | BEYOND
 """Those that keep every equation as published."""

@@ -147,6 +147,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
     **{name: partial(_in_order, order=order) for name, order in ORDERS.items()},
     "share_c1_best": lambda errors: _all(errors[0] < errors[1:]),
     "share_c1_worst": lambda errors: _all(errors[0] > errors[1:]),
+    "share_c2_lt_c1": lambda errors: errors[1] < errors[0],
     "share_c2_ties_c3": lambda errors: abs(errors[1] - errors[2]) <= TIE * np.maximum(errors[1], errors[2]),
 }
 """What may hold of the errors of the three controllers, (3, N, n), on each plant and joint."""
@@ -156,23 +157,15 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     """What one reading makes of the claims.
 
-    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each.
+    Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. Rankings stand
+    once more under ``without_start``: of errors without the first two seconds.
     """
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
-    # Metric, controller, plant, joint.
-    errors = np.array([[data.statistic(run, reading, metric) for run in CONTROLLERS] for metric in METRICS])
-    errors[:, status == STATUSES.index("diverged")] = np.inf
+    errors = _errors(data, reading, status)
     result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    for key, hold in RANKINGS.items():
-        held = dict(zip(METRICS, map(hold, errors), strict=True))
-        held["mae_and_rmse"] = held["mae"] & held["rmse"]
-        result[key] = {
-            plants: {
-                metric: _shares(data.joints, hits, data.replicate, kept) for metric, hits in held.items()
-            }
-            for plants, kept in counted.items()
-        }
+    result |= _rankings(data, errors, counted)
+    result["without_start"] = _rankings(data, _errors(data, reading, status, "_settled"), counted)
     for key, pair in RATIOS.items():
         result[key] = {
             plants: {
@@ -193,6 +186,29 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
     result |= _shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate)
     return result | {"agreement": agreement(result, data.joints)}
+
+
+def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: str = "") -> Array:
+    """Errors by metric, controller, plant and joint, of whole runs or a part; infinite where one diverged."""
+    metrics = [f"{metric}{part}" for metric in METRICS]
+    errors = np.array([[data.statistic(run, reading, metric) for run in CONTROLLERS] for metric in metrics])
+    errors[:, status == STATUSES.index("diverged")] = np.inf
+    return errors
+
+
+def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -> dict[str, Any]:
+    """Shares of each of `RANKINGS`, from errors as `_errors` gives them."""
+    found: dict[str, Any] = {}
+    for key, hold in RANKINGS.items():
+        hits = dict(zip(METRICS, map(hold, errors), strict=True))
+        hits["mae_and_rmse"] = hits["mae"] & hits["rmse"]
+        found[key] = {
+            plants: {
+                metric: _shares(data.joints, held, data.replicate, kept) for metric, held in hits.items()
+            }
+            for plants, kept in counted.items()
+        }
+    return found
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:

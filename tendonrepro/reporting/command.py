@@ -90,7 +90,7 @@ def page(found: Stored) -> str:
     loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = contents.numbers(found.summary, found.ledger)
+    slots = contents.numbers(found.summary)
     entries = {entry["id"]: entry for entry in found.ledger["claims"]}
     days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
     return environment.get_template("page.html").render(

@@ -22,7 +22,7 @@ ROBUSTNESS_HEADS = (
     "published order",
     "Controller 1 first",
     "Controller 1 last",
-    "reverse order",
+    "… without the first 2 s",
     "error 1 / 2",
 )
 """Heads of `robustness`; the last is the median ratio of the MAE of Controllers 1 and 2 on joint 2."""
@@ -58,24 +58,46 @@ def by_name(summary: Mapping[str, Any], population: str = "box") -> dict[str, Ma
     return {reading["name"]: reading for reading in summary["populations"][population]["readings"]}
 
 
-def numbers(summary: Mapping[str, Any], ledger: Mapping[str, Any]) -> dict[str, str]:
+OF_ANSWER = {
+    "printed": "printed",
+    "absent": "reference_acceleration=absent",
+    "ramp": "motion=ramp",
+    "apart": "starts=apart",
+    "apart_absent": "reference_acceleration=absent+starts=apart",
+    "apart_ramp": "motion=ramp+starts=apart",
+    "friction": "run_friction=drawn",
+    "steps": STEPS,
+    "both": BOTH,
+    "changed_ramp": "weights=extrapolating+motion=ramp+starts=apart",
+}
+"""Ends of the slots of the answer's table, and the readings of its rows."""
+
+
+def numbers(summary: Mapping[str, Any]) -> dict[str, str]:
     """Numbers of the answer as text, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
-    claims = {entry["id"]: entry for entry in ledger["claims"]}
-    ahead = claims["share.controller_1_of_2.mae.joint_2"]["evidence"]["direction"]["share"]
     slots = {
         "first_fine": percent(readings[FINE_STEPS]["first_best"]["share"]),
         "tie": percent(printed["last_two_tie"]["share"]),
-        "behind": percent(1.0 - ahead),
         "plants": f"{summary['populations']['box']['plants']:,}",
         "stable": f"{printed['in_order']['plants']:,}",
         "ratio": f"{printed['c1_c2']['joint_2']['median']:.2f}",
+        "ratio_absent": f"{readings['reference_acceleration=absent']['c1_c2']['joint_2']['median']:.2f}",
         "ratio_surfaces": f"{printed['c2_c3']['joint_2']['median']:.2f}",
         "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
     }
-    for row, name in {"printed": "printed", "both": BOTH, "steps": STEPS}.items():
-        for column, key in {"order": "in_order", "first": "first_best", "smooth": "smoother"}.items():
-            slots[f"{column}_{row}"] = percent(readings[name][key]["share"])
+    for row, name in OF_ANSWER.items():
+        reading = readings[name]
+        shares = {
+            "order": reading["in_order"],
+            "first": reading["first_best"],
+            "last": reading["first_worst"],
+            "late": reading["without_start"]["first_worst"],
+            "behind": reading["behind_by_mae"]["whole"]["joint_2"],
+            "behind_late": reading["behind_by_mae"]["without_start"]["joint_2"],
+            "smooth": reading["smoother"],
+        }
+        slots |= {f"{column}_{row}": percent(share["share"]) for column, share in shares.items()}
     return slots
 
 
@@ -100,10 +122,11 @@ def robustness(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _cells(label: str, reading: Mapping[str, Any]) -> tuple[str, ...]:
-    orders = ("in_order", "first_best", "first_worst", "in_reverse")
-    shares = (percent(reading.get(key, {}).get("share")) for key in orders)
+    shares = [reading[key]["share"] for key in ("in_order", "first_best", "first_worst")]
+    late = reading["without_start"]["first_worst"]["share"] if "without_start" in reading else None
     ratio = reading["c1_c2"]["joint_2"]["median"] if "c1_c2" in reading else None
-    return label, f"{reading['in_order']['plants']:,}", *shares, "–" if ratio is None else f"{ratio:.2f}"
+    cells = map(percent, (*shares, late))
+    return label, f"{reading['in_order']['plants']:,}", *cells, "–" if ratio is None else f"{ratio:.2f}"
 
 
 def percent(share: float | None) -> str:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
+from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
-from tendonrepro.reporting.contents import by_name
+from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
@@ -64,7 +64,7 @@ class Stored:
         return ", ".join(dict.fromkeys(arm["name"] for arm in arms))
 
 
-_SHOWN = {"printed", "Delta_unit=deg", BOTH, STEPS, FINE_STEPS}
+_SHOWN = {"printed", "Delta_unit=deg", FINE_STEPS, *OF_ANSWER.values()}
 """Interpretations that the answer speaks of."""
 
 
@@ -99,6 +99,8 @@ def stored_under(folder: Path) -> Stored:
     if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
         found = _read(ensemble)
         own = found["of_paper"] and by_name(found).keys() >= _SHOWN
+        # An ensemble of an older version has no rankings without the start.
+        own = own and "without_start" in by_name(found)["printed"]
         summary = thinned(found) if own else summary
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
@@ -180,6 +182,14 @@ def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
     return orders("all_ok") | {
         "name": reading["name"],
         "diverged_last": orders("diverged_last"),
+        "without_start": {
+            name: reading["without_start"][_ORDERS[name]]["all_ok"]["mae_and_rmse"]["both"]
+            for name in ("in_order", "first_best", "first_worst")
+        },
+        "behind_by_mae": {
+            "whole": reading["share_c2_lt_c1"]["all_ok"]["mae"],
+            "without_start": reading["without_start"]["share_c2_lt_c1"]["all_ok"]["mae"],
+        },
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
         "smoother": reading["share_c1_smoother"],
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],

@@ -97,7 +97,7 @@ def test_groups_of_interpretations_add_up(generate):
     found = {title: numbers for title, *numbers in generate.of_groups(given([0.2, 0.1, 0.7]))}
     assert found["Equations as published"] == pytest.approx([2, 0.3, 0.65])
     assert found["Equations changed"] == pytest.approx([1, 0.7, 0.9])
-    assert found["Equations as published, other references and starts"][:2] == [0, 0.0]
+    assert found["Equations as published, other references and runs"][:2] == [0, 0.0]
 
 
 def test_the_tables_name_one_or_a_group_or_none(generate):

@@ -142,11 +142,27 @@ def test_ties_the_worst_law_and_the_ratio_of_the_joints():
         "share_c2_ties_c3": 0.125,
         "share_c1_worst": 0.75,
         "share_c1_best": 0.25,
+        "share_c2_lt_c1": 0.75,
         "share_c2_lt_c3_lt_c1": 0.75,
         "share_c3_lt_c1_lt_c2": 0.0,
     }.items():
         assert found[name]["all_ok"]["mae"]["both"]["share"] == share, name
     assert found["joint_3_over_2"]["controller_1"]["rmse"]["median"]["value"] == 4.0
+
+
+def test_rankings_without_the_start_are_of_errors_without_it():
+    """Controller 1 is best over whole runs, and worst without their start on joint 3 alone."""
+
+    def errors(run, _, metric):
+        late = metric.endswith("_settled") and run == "controller_1"
+        return np.tile([1.0, 3.0 if late else 1.0], (PLANTS, 1)) * {"controller_1": 0.5}.get(run, 1.0)
+
+    found = reading_summary(ensemble(errors, always_ok), "printed")
+    assert found["share_c1_best"]["all_ok"]["mae_and_rmse"]["both"]["share"] == 1.0
+    late = found["without_start"]
+    assert late["share_c1_best"]["all_ok"]["rmse"]["joint_2"]["share"] == 1.0
+    assert late["share_c1_worst"]["all_ok"]["mae_and_rmse"]["joint_3"]["share"] == 1.0
+    assert late["share_c1_worst"]["all_ok"]["mae_and_rmse"]["both"]["share"] == 0.0
 
 
 def test_the_reverse_and_the_rise_equal_brute_force(mixed):

@@ -8,9 +8,10 @@ import pytest
 from support import ROOT
 from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, whole
 
-from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
+from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.reporting.command import run_report
+from tendonrepro.reporting.contents import OF_ANSWER
 from tendonrepro.reporting.stored import stored_under, thinned
 
 
@@ -63,7 +64,8 @@ def test_a_damaged_result_is_named_and_the_sound_ones_are_shown(results, tmp_pat
 def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]
-    held += [{**held[1], "name": name} for name in (BOTH, STEPS, FINE_STEPS, "Delta_unit=deg")]
+    of_answer = {FINE_STEPS, "Delta_unit=deg", *OF_ANSWER.values()} - {"printed"}
+    held += [{**held[1], "name": name} for name in sorted(of_answer)]
     rest = {"tendonrepro_version": "0", "config_sha256": "0", "spot_check": {}, "cost": {}}
     return json.loads(json.dumps(summary | rest))
 

@@ -83,7 +83,7 @@ def test_every_verdict_has_words(ledger):
 
 def test_the_table_of_what_it_depends_on(made, found):
     changes, depends = made.one(id="why").all("table")
-    assert len(changes.cells()) == 4
+    assert len(changes.cells()) == 1 + len(contents.OF_ANSWER)
     head, *rows = depends.cells()
     assert tuple(head) == contents.ROBUSTNESS_HEADS
     assert [tuple(map(plain, row)) for row in rows] == contents.robustness(found.summary)

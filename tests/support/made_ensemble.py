@@ -57,8 +57,9 @@ def printed_like(factor):
     """Plants whose ratios scatter by 5 % around the printed ones times a factor for Controller 1."""
 
     def errors(run, reading, metric):
-        first = np.array(printed_ratios((0, 1), metric, JOINTS))
-        third = 1.0 / np.array(printed_ratios((1, 2), metric, JOINTS))
+        of_table = metric.removesuffix("_settled")
+        first = np.array(printed_ratios((0, 1), of_table, JOINTS))
+        third = 1.0 / np.array(printed_ratios((1, 2), of_table, JOINTS))
         size = {"controller_1": factor * first, "controller_3": third}.get(run, np.ones(2))
         return size * np.exp(0.05 * seeded(run, reading, metric).standard_normal((PLANTS, 2)))
 
