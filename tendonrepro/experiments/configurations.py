@@ -66,7 +66,7 @@ def config_init(
 @command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
 def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[dict[str, Any]]:
     """Check a configuration, and list all its mistakes."""
-    from tendonrepro.experiments.orders import check
+    from tendonrepro.experiments.paper import check
 
     known = check(config, set or (), talk)
     return Answer(known, f"{known['config']}: valid {known['kind']}", known)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import to_json
@@ -23,10 +24,13 @@ from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import USER_LAW, fitted_under
 from tendonrepro.simulation.loop import Loop, TimeDelayController
+from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.outcome import Outcome
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
+
+Solver: TypeAlias = Literal["scipy", "compiled"]
 
 
 class Prepared(NamedTuple):
@@ -35,22 +39,38 @@ class Prepared(NamedTuple):
     loaded: LoadedConfig
     laws: Sequence[UserLaw]
     loops: Mapping[str, Loop]
+    solver: Solver = "scipy"
 
 
-def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> Prepared:
-    """Build the loops of an experiment, which takes a user's laws into its digest."""
+def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: Solver = "scipy") -> Prepared:
+    """Build the loops of an experiment, which takes a user's laws into its digest.
+
+    Raises
+    ------
+    UsageError
+        If the solver cannot run a user's law.
+    """
+    if solver == "compiled" and laws:
+        message = "only the paper's own control laws run on lanes"
+        raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = with_user_laws(loaded, laws)
-    return Prepared(loaded, laws, all_loops(loaded, laws))
+    return Prepared(loaded, laws, all_loops(loaded, laws), solver)
 
 
-def begin_all(
-    experiments: Sequence[Prepared],
-    talk: Talk,
-    solver: Literal["scipy", "compiled"] = "scipy",
-    start: Start = map,
-) -> Iterator[list[Trace]]:
+def outcomes(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[Outcome]:
+    """Simulate experiments together, and yield what each found."""
+    for experiment, traces in zip(experiments, begin_all(experiments, talk, start), strict=True):
+        for trace in traces:
+            talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
+        manifest: dict[str, Any] = {"growing_hz": growing(experiment.loops)}
+        if experiment.solver == "compiled":
+            manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
+        yield replace(outcome_of(trace_file(experiment.loaded, traces, manifest)), manifest=manifest)
+
+
+def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
     """Begin to simulate, by what `workers` yields; yield the traces of one experiment after the other."""
-    if solver == "compiled":
+    if experiments[0].solver == "compiled":
         return (_simulate_together(one.loaded, one.loops, talk) for one in experiments)
     # Copies of this process need not import it once more.
     from tendonrepro.simulation import stepper
@@ -148,7 +168,7 @@ def _vectors(section: Any) -> dict[str, list[float]]:
 
 
 def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
-    """Runs with what they were made with; the manifest is without outputs."""
+    """Runs with what they were made with; the manifest is without outputs, and may be incomplete."""
     return TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",
@@ -158,7 +178,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
         config_yaml=loaded.yaml_text,
         config_sha256=loaded.sha256,
         manifest_json=to_json(manifest),
-        created=manifest["created"],
+        created=manifest.get("created", ""),
         tendonrepro_version=__version__,
     )
 
@@ -169,7 +189,8 @@ def outcome_of(file: TraceFile) -> Outcome:
     data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
     if file.experiment == "compare":
         data["growing_hz"] = json.loads(file.manifest_json).get("growing_hz", {})
-    return Outcome(data, [*made_tables(file), *_notes(file, data)])
+    diverged = "diverged" in data["status"].values()
+    return Outcome(data, [*made_tables(file), *_notes(file, data)], traces=file, diverged=diverged)
 
 
 def _notes(file: TraceFile, data: Mapping[str, Any]) -> Iterator[str]:

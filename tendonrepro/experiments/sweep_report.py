@@ -17,7 +17,9 @@ def sweep_outcome(sweep: Sweep) -> Outcome:
 
     grid = sweep.grid
     manifest = {"solver": {"name": COMPILED_STEPPER}, "over": grid.words, "points": len(grid.points)}
-    return Outcome(sweep_data(sweep), _tables(sweep), {"sweep": lambda: draw_sweep(sweep)}, manifest)
+    figures = {"sweep": lambda: draw_sweep(sweep)}
+    diverged = bool(sweep.named("diverged"))
+    return Outcome(sweep_data(sweep), _tables(sweep), figures, manifest, diverged=diverged)
 
 
 def sweep_data(sweep: Sweep) -> dict[str, Any]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.orders import Order
 from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
 
@@ -48,11 +46,8 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[
     return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
 
 
-def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, Any]:
-    """Write the page beside results of orders; a comparison of the user's own is among its presets."""
-    (compare, *_) = (order for order in orders if order.experiment == "compare")
-    loaded = compare.load() if compare.config is not None or compare.changes else None
-    force = compare.options["force"]
+def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> dict[str, Any]:
+    """Write the page; it has no preset of a user's own configuration that it cannot run."""
     try:
         return write_page(path, loaded, force=force)
     except UsageError as error:
