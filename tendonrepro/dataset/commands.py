@@ -61,7 +61,7 @@ def inspect(
     force
         Overwrite the mapping file.
     """
-    from tendonrepro.dataset.command import inspect_text, run_inspect
+    from tendonrepro.dataset.ingestion import inspect_text, run_inspect
 
     _refuse_none(paths)
     written = Path(mapping or MAPPING) if suggest or mapping is not None else None
@@ -90,7 +90,7 @@ def ingest(
     dry_run
         Check everything, write nothing.
     """
-    from tendonrepro.dataset.command import ingest_text, run_ingest
+    from tendonrepro.dataset.ingestion import ingest_text, run_ingest
 
     _refuse_none(paths)
     files = [*map(Path, paths)]

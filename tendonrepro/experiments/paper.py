@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.configuration.command import checked
+from tendonrepro.configuration.any_kind import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config
 from tendonrepro.configuration.overrides import Overrides

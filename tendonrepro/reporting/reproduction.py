@@ -42,7 +42,7 @@ def reproduce(
         Check everything, run nothing.
     """
     from tendonrepro.experiments.paper import paper_experiments, run_together, studies_below, summary_of
-    from tendonrepro.reporting.live.command import PAGE, check_target, live_text, page_beside
+    from tendonrepro.reporting.live.write import PAGE, check_target, live_text, page_beside
     from tendonrepro.studies.lifecycle import planned
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)

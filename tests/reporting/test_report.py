@@ -10,7 +10,7 @@ from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, wh
 
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, STEPS
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.reporting.command import run_report
+from tendonrepro.reporting.page import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
 
