@@ -1,7 +1,7 @@
 """The commands around the paper's data set, and anyone's measured data."""
 
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
@@ -11,6 +11,9 @@ from tendonrepro.studies.study import Answer
 Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
 Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
 MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")
+
+if TYPE_CHECKING:
+    from tendonrepro.dataset.fetch import Fetched
 
 
 @command(DATA, "tendonrepro fetch --out data/zenodo")
@@ -22,7 +25,7 @@ def fetch(
     dry_run: bool = False,
     force: bool = False,
     talk: Telling = TALK,
-) -> Answer[dict[str, Any]]:
+) -> Answer["Fetched"]:
     """Download the paper's data set and verify it.
 
     A second run needs no network.

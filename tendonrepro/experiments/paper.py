@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.configuration.any_kind import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
@@ -100,14 +99,15 @@ def run_together(
     return dict(zip(experiments, answers, strict=True))
 
 
-def summary_of(answers: Mapping[str, Mapping[str, Any]]) -> str:
+def summary_of(answers: Mapping[str, Answer[Result]]) -> str:
     """Mean errors as published, fitted and printed, where both comparisons were run."""
-    if not {"compare", CLOSEST} <= answers.keys() or "table2" not in answers[CLOSEST]:
+    if not {"compare", CLOSEST} <= answers.keys() or "table2" not in answers[CLOSEST].data:
         return ""
+    ours, fitted = answers["compare"].value, answers[CLOSEST].value
     tables = {
-        "as published, on our typical arm": answers["compare"]["table2"],
-        "fitted to the paper's tables": answers[CLOSEST]["table2"],
-        "paper": answers[CLOSEST]["printed"]["table2"],
+        "as published, on our typical arm": ours.data["table2"],
+        "fitted to the paper's tables": fitted.data["table2"],
+        "paper": fitted.data["printed"]["table2"],
     }
     rows = [
         {"MAE of joint 2 / joint 3, degrees": name}
@@ -117,7 +117,7 @@ def summary_of(answers: Mapping[str, Mapping[str, Any]]) -> str:
     return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
 
 
-def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, Any]:
+def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, object]:
     """Kind, digest and runs of a configuration, checked as running it would."""
     read = checked(config, overrides)
     known = {"schema_version": 1, "config": config}

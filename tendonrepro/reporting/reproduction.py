@@ -50,7 +50,7 @@ def reproduce(
     if dry_run:
         studies = zip(experiments, studies_below(experiments, above, folder), strict=True)
         plans = {name: planned(command, study, talk) for name, (command, study) in studies}
-        text = "\n\n".join(plan["text"] for plan in plans.values())
+        text = "\n\n".join(str(plan["text"]) for plan in plans.values())
         return Answer({"schema_version": 1, **plans}, text, {})
     path = above / PAGE
     check_target(path, force=force)
@@ -58,7 +58,7 @@ def reproduce(
     is_own = config is not None or bool(set)
     page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)
     data = {name: answer.data for name, answer in answers.items()}
-    texts = [*(answer.text for answer in answers.values()), summary_of(data), live_text(page)]
+    texts = [*(answer.text for answer in answers.values()), summary_of(answers), live_text(page)]
     return Answer(
         {"schema_version": 1, **data, "live": page["path"]},
         "\n\n".join(filter(None, texts)),

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypedDict
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
@@ -247,7 +247,25 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def environment() -> dict[str, Any]:
+class GitState(TypedDict):
+    """Commit of a checkout, and whether it has been changed."""
+
+    commit: str
+    dirty: bool
+
+
+class Environment(TypedDict):
+    """Python, machine, library versions and the state of the checkout, if this is one."""
+
+    python: str
+    platform: str
+    cpu: str | None
+    cpu_count: int | None
+    versions: dict[str, str]
+    git: GitState | None
+
+
+def environment() -> Environment:
     """Python, machine, library versions and the state of the checkout, if this is one."""
     return {
         "python": platform.python_version(),
@@ -267,7 +285,7 @@ def cpu_name() -> str | None:
     return next(iter(names), platform.processor() or None)
 
 
-def git_state() -> dict[str, Any] | None:
+def git_state() -> GitState | None:
     """Commit of the checkout the package runs from, and whether it has been changed; None elsewhere."""
     folder = Path(__file__).resolve().parent
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from tendonrepro.files import write_atomically
 
-TableRows: TypeAlias = Sequence[Mapping[str, Any]]
+TableRows: TypeAlias = Sequence[Mapping[str, object]]
 """Rows by column name; where there is no value a column is left out or None."""
 
 TableColumns: TypeAlias = Mapping[str, tuple[str, str]]

@@ -52,7 +52,7 @@ def carry_out(name: str, study: Study, talk: Talk, *, dry_run: bool = False) -> 
     """
     if dry_run:
         plan = planned(name, study, talk)
-        return Answer(plan, plan["text"], None)
+        return Answer(plan, str(plan["text"]), None)
     if study.shown:
         result, outcome = _in_memory(name, study, talk)
         return Answer({**outcome.data, **outcome.beside}, outcome.text(), result, _exit_code(outcome))
@@ -133,7 +133,7 @@ def _loading_meanwhile(start: Start) -> Start:
     return begin
 
 
-def _answer(name: str, study: Study, outcome: Outcome, manifest: dict[str, Any]) -> Answer[Result]:
+def _answer(name: str, study: Study, outcome: Outcome, manifest: dict[str, object]) -> Answer[Result]:
     target = _target(name, study)
     text = f"{outcome.text()}\n\nResults are in {target}"
     place = {"out": str(target), "manifest": str(target / MANIFEST)}
@@ -145,7 +145,7 @@ def _answer(name: str, study: Study, outcome: Outcome, manifest: dict[str, Any])
         value = Result(name, outcome, manifest)
     told = {**data, **outcome.beside, "text": text}
     if study.lists_files:
-        told["files"] = [str(target / file) for file in manifest["outputs"]]
+        told["files"] = [str(target / file) for file in read_manifest(target)["outputs"]]
     return Answer(told, text, value, _exit_code(outcome))
 
 
@@ -173,14 +173,14 @@ def _formats(study: Study) -> tuple[str, ...]:
     return formats_of(study.options["formats"], figures=study.options["figures"])
 
 
-def manifest_of(name: str, study: Study, outcome: Outcome, seconds: float) -> dict[str, Any]:
+def manifest_of(name: str, study: Study, outcome: Outcome, seconds: float) -> dict[str, object]:
     """How a result came about; what only its study knows comes last."""
     loaded = study.loaded
     known = made_here(name, _digest(name, study)) if loaded is None else make_manifest(loaded, seconds, name)
     return known | dict(outcome.manifest)
 
 
-def planned(name: str, study: Study, talk: Talk) -> dict[str, Any]:
+def planned(name: str, study: Study, talk: Talk) -> dict[str, object]:
     """What ``--json`` prints of a dry run; tells what would be refused."""
     _tell_remarks(study, talk)
     _formats(study)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start
@@ -44,13 +44,13 @@ class Outcome:
         Whether a check that the user asked for fails.
     """
 
-    data: Mapping[str, Any]
+    data: Mapping[str, object]
     parts: Sequence[Table | str] = ()
     figures: Mapping[str, Callable[[], Drawing]] = field(default_factory=dict)
-    manifest: Mapping[str, Any] = field(default_factory=dict)
+    manifest: Mapping[str, object] = field(default_factory=dict)
     traces: TraceFile | None = None
     files: Mapping[str, str] = field(default_factory=dict)
-    beside: Mapping[str, Any] = field(default_factory=dict)
+    beside: Mapping[str, object] = field(default_factory=dict)
     diverged: bool = False
     fails_check: bool = False
 
@@ -73,7 +73,7 @@ class Outcome:
 
         return {name: partial(draw, name, self.traces) for name in available(self.traces)}
 
-    def stamped(self, manifest: Mapping[str, Any]) -> Outcome:
+    def stamped(self, manifest: Mapping[str, object]) -> Outcome:
         """Return it with what made it also in its traces."""
         return self if self.traces is None else replace(self, traces=self.traces.made_by(manifest))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.studies.parameters import FOLDER, Folder, Place
@@ -69,7 +69,7 @@ class Study:
     lists_files: bool = False
     place: Path | None = None
     numbers: str | None = ""
-    plan: Mapping[str, Any] = field(default_factory=dict)
+    plan: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def options(self) -> Folder:
@@ -81,7 +81,7 @@ class Study:
 class Answer(Generic[V_co]):
     """What a command tells: `data` as JSON, `text` in words, and its `value` to Python."""
 
-    data: Mapping[str, Any]
+    data: Mapping[str, object]
     text: str
     value: V_co
     exit_code: int = 0

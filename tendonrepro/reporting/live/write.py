@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
@@ -18,13 +18,22 @@ _MARK = b'<meta name="generator" content="live page of tendonrepro'
 """What every page has near its beginning."""
 
 
+class Page(TypedDict):
+    """What ``--json`` prints of a page: its file, size, and names of its presets."""
+
+    schema_version: int
+    path: str
+    bytes: int
+    presets: list[str]
+
+
 def check_target(path: Path, *, force: bool) -> None:
     """Raise a UsageError where a page would replace what is none; `force` allows that for files."""
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
     refuse_existing(path, force=force or earlier)
 
 
-def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[str, Any]:
+def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> Page:
     """Write the page, a user's configuration among its presets; return what ``--json`` prints.
 
     It replaces an earlier page, any other file with `force` alone.
@@ -42,11 +51,11 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[
         presets.insert(0, preset(loaded, "own", "Your configuration", about, library))
     content = build_page(presets, library).encode()
     write_atomically(path, content)
-    names = [one["name"] for one in presets]
+    names = [str(preset["name"]) for preset in presets]
     return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
 
 
-def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> dict[str, Any]:
+def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> Page:
     """Write the page; it has no preset of a user's own configuration that it cannot run."""
     try:
         return write_page(path, loaded, force=force)
@@ -55,6 +64,6 @@ def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: b
         return write_page(path, None, force=force)
 
 
-def live_text(found: dict[str, Any]) -> str:
+def live_text(page: Page) -> str:
     """What the terminal says."""
-    return f"{found['path']}: {found['bytes'] / 1e3:.0f} kB, open it in a browser"
+    return f"{page['path']}: {page['bytes'] / 1e3:.0f} kB, open it in a browser"
