@@ -223,7 +223,7 @@ def mix_case(draws=MIX_DRAWS, turns=TURNS):
     """Experiments per second of what an ensemble runs: draws of the shipped box under all its readings."""
     from tendonrepro.monte_carlo.block import loops_of
     from tendonrepro.monte_carlo.box import scrambled_sobol
-    from tendonrepro.monte_carlo.command import load_study
+    from tendonrepro.monte_carlo.ensemble import load_study
     from tendonrepro.simulation.batch import simulate_batch
 
     study = load_study(None, (), None, "default")

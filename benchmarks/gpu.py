@@ -27,7 +27,7 @@ from bench_common import IDEAL_ENCODER, say, stated_case
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.monte_carlo.box import scrambled_sobol
-from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.parallel import processors
 from tendonrepro.simulation.batch import simulate_batch

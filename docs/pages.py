@@ -88,7 +88,7 @@ def of_decouple(key: str, both: bool) -> bool:
 
 def keys() -> str:
     """Every key of experiments and arm as the schema has it; readings have a table of their own."""
-    from tendonrepro.configuration.command import json_schema
+    from tendonrepro.configuration.any_kind import json_schema
 
     rows: dict[str, tuple[str, str]] = {}
     for kind, above in (("compare", ()), ("decouple", ()), ("manipulator", ("manipulator",))):

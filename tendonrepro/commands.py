@@ -100,4 +100,4 @@ def open(folder: str | Path) -> Result:
     file = read_traces(path)
     # A measured file has a mapping in place of a configuration.
     manifest = {"config": {"sha256": file.config_sha256}, **json.loads(file.manifest_json)}
-    return Result(file.experiment, outcome_of(file), manifest, file)
+    return Result(file.experiment, outcome_of(file), manifest)

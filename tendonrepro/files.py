@@ -101,7 +101,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         temporary.write_bytes(data)
 
 
-def digest_of(content: Mapping[str, Any]) -> str:
+def digest_of(content: Mapping[str, object]) -> str:
     """SHA-256 of plain values, which JSON of them holds beside them."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -131,7 +131,7 @@ def _digest(path: Path, new: Callable[[], Any]) -> str:
         raise DataMissingError(message) from error
 
 
-def to_json(content: Any) -> str:
+def to_json(content: object) -> str:
     """JSON text with a final newline; numbers that are not finite become null."""
     finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
     return json.dumps(finite, indent=2, ensure_ascii=False) + "\n"

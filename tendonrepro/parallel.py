@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import ExitStack, contextmanager, suppress
-from functools import partial
 from queue import Empty
 from typing import Any, TypeAlias, TypeVar
 
@@ -44,6 +43,8 @@ def processors() -> int:
 def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
     """Keep processes for a block of work, `most` of them, while there are processors and pieces of work.
 
+    Nothing is started before there is work.
+
     Yields
     ------
     callable
@@ -55,15 +56,20 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
     TendonreproError
         If a worker process dies.
     """
-    jobs = min(most, processors())
+    anew: list[Executor] = []
     with ExitStack() as stack:
-        if jobs < 2:
-            yield map
-        elif _can_fork():
-            yield partial(_forked, stack, jobs)
-        else:
-            executor = stack.enter_context(_processes(min(jobs, MOST_STARTED)))
-            yield partial(_submitted, executor)
+
+        def start(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
+            jobs = min(most, processors())
+            if jobs < 2:
+                return map(function, items)
+            if not anew and _can_fork():
+                return _forked(stack, jobs, function, items)
+            if not anew:
+                anew.append(stack.enter_context(_processes(min(jobs, MOST_STARTED))))
+            return _submitted(anew[0], function, items)
+
+        yield start
 
 
 def _forked(

@@ -55,13 +55,13 @@ OWNERS = {
     "urllib3": ["dataset/fetch.py"],
     "filelock": ["results/place.py", "dataset/fetch.py"],
     "joblib": ["parallel.py", "dataset/read.py"],
-    "distributed": ["monte_carlo/command.py"],
+    "distributed": ["monte_carlo/ensemble.py"],
     "SALib": ["verdicts/sensitivity.py"],
     "cupy": ["simulation/device.py"],
     "cma": ["monte_carlo/box.py"],
     "rich": ["console.py"],
-    "jinja2": ["reporting/command.py"],
-    "markdown_it": ["reporting/command.py"],
+    "jinja2": ["reporting/page.py"],
+    "markdown_it": ["reporting/page.py"],
     "typer": ["cli/*"],
 }
 

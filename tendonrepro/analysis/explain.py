@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, get_args
+from typing import TypedDict, get_args
 
 import numpy as np
 
@@ -47,15 +47,38 @@ _MOTION_SHARE = 0.99
 """Share of the power of the desired velocity that lies within the motion's bandwidth."""
 
 
-@dataclass(frozen=True)
-class RunMargins:
-    """Stability of one run, the worst of several postures for every number.
+class RunModes(TypedDict):
+    """What holds of all joints of a run together.
 
     ``decay``, s⁻¹, is of the slowest mode, negative where the loop grows; ``ringing_decay`` of the slowest
     fast one, or NaN.
     """
 
-    of_run: Mapping[str, Any]
+    law: str
+    payload_kg: float
+    output_delay: int
+    spectral_radius: float
+    stable: bool
+    decay: float
+    decay_hz: float
+    ringing_decay: float
+    ringing_hz: float
+    disk_margin: float
+    disk_margin_hz: float
+
+
+class Change(TypedDict):
+    """What one change makes of the slowest mode of each run, s⁻¹, and of each pair's ratios by joint."""
+
+    decay: dict[str, float]
+    ratio: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class RunMargins:
+    """Stability of one run, the worst of several postures for every number."""
+
+    of_run: RunModes
     joints: Sequence[ChannelMargins]
 
 
@@ -79,7 +102,7 @@ class Explanation:
 
     `postures` (P, n), rad, are start, middle and far end of the reference. A curve is Hz (F,) and every
     joint's channel (n, F) at the middle posture. `ratios` are by pair, size of the error, deg, and joint.
-    `what_if` has ``decay``, s⁻¹, by run and ``ratio`` by pair.
+    `what_if` is by the change.
     """
 
     joints: tuple[int, ...]
@@ -88,7 +111,7 @@ class Explanation:
     margins: Mapping[str, RunMargins]
     curves: Mapping[str, tuple[Array, Complex]]
     ratios: Mapping[str, Mapping[float, list[float]]]
-    what_if: Mapping[str, Mapping[str, Mapping[str, Any]]]
+    what_if: Mapping[str, Change]
     borders: TendonMap
     loads: Loads
     origin: str
@@ -150,7 +173,7 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     disk, disk_hz = min(
         (disk_margin(cut, L) for cut in cuts), key=lambda pair: np.nan_to_num(pair[0], nan=-1.0)
     )
-    of_run = {
+    of_run: RunModes = {
         "law": view.law_name,
         "payload_kg": view.payload,
         "output_delay": view.delay,
@@ -247,7 +270,7 @@ def _bandwidth(dq_d: Array, L: float) -> float:
 
 def _what_ifs(
     config: CompareConfig, views: Mapping[str, View], postures: Array
-) -> Iterator[tuple[str, dict[str, Any]]]:
+) -> Iterator[tuple[str, Change]]:
     """One more sample of delay, and every other reading, one at a time."""
     later = {name: view._replace(delay=view.delay + 1) for name, view in views.items()}
     yield f"output_delay={next(iter(later.values())).delay}", _changed(later, postures)
@@ -265,7 +288,7 @@ def _what_ifs(
             yield f"{axis}={value}", _changed(run_views(changed), postures)
 
 
-def _changed(views: Mapping[str, View], postures: Array) -> dict[str, Any]:
+def _changed(views: Mapping[str, View], postures: Array) -> Change:
     return {
         "decay": {
             run: decay_rate(list(postures), view.plant, view.law, view.delay) for run, view in views.items()

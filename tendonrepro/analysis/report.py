@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from tendonrepro.analysis.explain import PAIRS, Explanation, RunMargins, explain, view_pairs
+from tendonrepro.analysis.explain import PAIRS, Change, Explanation, RunMargins, explain, view_pairs
 from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import TendonreproError
@@ -51,18 +50,18 @@ def explain_outcome(loaded: LoadedConfig) -> Outcome:
     return Outcome(explanation_data(found), explanation_parts(found), figures(found))
 
 
-def explanation_data(found: Explanation) -> dict[str, Any]:
+def explanation_data(found: Explanation) -> dict[str, object]:
     """Plain numbers with the keys of ``--json``, some NaN."""
-    runs = {run: _run_data(held, found.views[run]) for run, held in found.margins.items()}
+    margins = found.margins
 
-    def of_torque(name: str) -> dict[str, Any]:
-        return {run: held["torque"][name] for run, held in runs.items()}
+    def of_torque(name: str) -> dict[str, list[float]]:
+        return {run: [getattr(joint, name) for joint in held.joints] for run, held in margins.items()}
 
     return {
         "schema_version": SCHEMA_VERSION,
         "joints": list(found.joints),
         "postures_deg": np.rad2deg(found.postures).tolist(),
-        "spectral_radius": {run: held["spectral_radius"] for run, held in runs.items()},
+        "spectral_radius": {run: held.of_run["spectral_radius"] for run, held in margins.items()},
         "gain_margin": of_torque("gain_margin"),
         "phase_margin": of_torque("phase_margin_deg"),
         "loop_gain": of_torque("loop_gain"),
@@ -73,8 +72,8 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
             pair: {f"{size:g}": ratio for size, ratio in sizes.items()}
             for pair, sizes in found.ratios.items()
         },
-        "predicted_ratio_holds": all(held["stable"] for held in runs.values()),
-        "runs": runs,
+        "predicted_ratio_holds": all(held.of_run["stable"] for held in margins.values()),
+        "runs": {run: _run_data(held, found.views[run]) for run, held in margins.items()},
         "what_if": found.what_if,
         "load_to_error": {
             "hz": found.loads.hertz.tolist(),
@@ -85,7 +84,7 @@ def explanation_data(found: Explanation) -> dict[str, Any]:
     }
 
 
-def _run_data(held: RunMargins, view: View) -> dict[str, Any]:
+def _run_data(held: RunMargins, view: View) -> dict[str, object]:
     torque = {
         name: [getattr(joint, name) for joint in held.joints]
         for name in ChannelMargins._fields
@@ -121,7 +120,7 @@ def explanation_parts(found: Explanation) -> list[Table | str]:
     return parts
 
 
-def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+def slow_rows(found: Explanation) -> Iterator[dict[str, object]]:
     """Yield neighbouring laws' ratio of errors on each joint, and its factors."""
     e = float(np.deg2rad(TYPICAL_ERROR_DEG))
     for pair, a, b in view_pairs(found.views):
@@ -138,9 +137,9 @@ def slow_rows(found: Explanation) -> Iterator[dict[str, Any]]:
             }
 
 
-def change_rows(found: Explanation) -> Iterator[dict[str, Any]]:
+def change_rows(found: Explanation) -> Iterator[dict[str, object]]:
     """Yield a row for the configuration and for every change to it."""
     decay = {run: held.of_run["decay"] for run, held in found.margins.items()}
-    now = {"decay": decay, "ratio": _typical(found)}
+    now: Change = {"decay": decay, "ratio": _typical(found)}
     for name, what in {"as configured": now, **found.what_if}.items():
         yield {"change": name, **what["decay"], **what["ratio"]}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from types import GenericAlias, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -53,12 +52,11 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
             # The flag of what holds by default says that it shall not.
             keywords[name] = not words[name] if parameter.default is True else words[name]
     prepared = command.function(*positional, **keywords)
-    answer: Answer[Any] = prepared
-    if command.lifecycle:
-        lifecycle = import_module(command.lifecycle)
-        dry_run = {"dry_run": words["dry_run"]} if command.has_dry_run else {}
-        answer = lifecycle.carry_out(command.name, prepared, talk, **dry_run)
-    return answer
+    if isinstance(prepared, Answer):
+        return prepared
+    from tendonrepro.studies.lifecycle import carry_out
+
+    return carry_out(command.name, prepared, talk, dry_run=words.get("dry_run", False))
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:

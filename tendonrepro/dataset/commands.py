@@ -1,7 +1,7 @@
 """The commands around the paper's data set, and anyone's measured data."""
 
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
@@ -11,6 +11,9 @@ from tendonrepro.studies.study import Answer
 Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
 Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
 MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")
+
+if TYPE_CHECKING:
+    from tendonrepro.dataset.fetch import Fetched
 
 
 @command(DATA, "tendonrepro fetch --out data/zenodo")
@@ -22,7 +25,7 @@ def fetch(
     dry_run: bool = False,
     force: bool = False,
     talk: Telling = TALK,
-) -> Answer[dict[str, Any]]:
+) -> Answer["Fetched"]:
     """Download the paper's data set and verify it.
 
     A second run needs no network.
@@ -61,7 +64,7 @@ def inspect(
     force
         Overwrite the mapping file.
     """
-    from tendonrepro.dataset.command import inspect_text, run_inspect
+    from tendonrepro.dataset.ingestion import inspect_text, run_inspect
 
     _refuse_none(paths)
     written = Path(mapping or MAPPING) if suggest or mapping is not None else None
@@ -90,7 +93,7 @@ def ingest(
     dry_run
         Check everything, write nothing.
     """
-    from tendonrepro.dataset.command import ingest_text, run_ingest
+    from tendonrepro.dataset.ingestion import ingest_text, run_ingest
 
     _refuse_none(paths)
     files = [*map(Path, paths)]

@@ -31,7 +31,7 @@ def is_digitised(time: Array) -> bool:
     return bool((np.abs(steps - middle) > _EVEN * middle).mean() > 0.5)
 
 
-def packaged(path: Path) -> dict[Path, dict[str, Any]]:
+def packaged(path: Path) -> dict[Path, dict[str, object]]:
     """Paths and descriptions of the tables of a frictionless data package; none of other files."""
     try:
         tree = json.loads(path.read_text(encoding="utf-8-sig"))
@@ -67,7 +67,7 @@ def read_package(path: Path) -> Tables:
     return found
 
 
-def _fields(resource: dict[str, Any]) -> dict[str, str]:
+def _fields(resource: dict[str, object]) -> dict[str, str]:
     schema = resource.get("schema")
     listed: Sequence[Any] = schema.get("fields", []) if isinstance(schema, dict) else []
     named = (one for one in listed if isinstance(one, dict) and "name" in one)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypedDict
 from urllib.parse import quote, urlsplit
 
 from filelock import FileLock, Timeout
@@ -28,8 +28,53 @@ VARIABLE = "TENDONREPRO_ZENODO_URL"
 AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
 BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
-Entry: TypeAlias = dict[str, Any]
-"""``key``, ``size`` in bytes and ``md5`` of a file."""
+
+class Entry(TypedDict):
+    """A file of a record: its name, size in bytes and MD5."""
+
+    key: str
+    size: int
+    md5: str
+
+
+class Record(TypedDict):
+    """What the lock beside the files says of a record."""
+
+    schema_version: int
+    record: str
+    requested: str
+    base_url: str
+    doi: str | None
+    title: str | None
+    version: str | None
+    licence: str | None
+    fetched_at: str
+    files: list[Entry]
+
+
+class Present(Entry):
+    """A file, and whether it was ``downloaded`` or ``present``."""
+
+    action: str
+
+
+class Fetched(TypedDict):
+    """What ``--json`` prints."""
+
+    schema_version: int
+    record: str
+    requested: str
+    base_url: str
+    doi: str | None
+    title: str | None
+    version: str | None
+    licence: str | None
+    fetched_at: str
+    out: str
+    lock: str
+    dry_run: bool
+    files: list[Present]
+
 
 _TIMEOUT = 15.0, 60.0
 """For a connection and for the next bytes, s."""
@@ -41,7 +86,7 @@ _TRIES = 10
 
 def run_fetch(
     record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
-) -> dict[str, Any]:
+) -> Fetched:
     """Bring the files of a record into a folder, or show that they are there; the lock is beside it.
 
     `record` is a number, DOI or address; `base_url`, or the environment, names another site.
@@ -56,11 +101,13 @@ def run_fetch(
     number = record_number(record)
     refuse_file(out)
     held = out.resolve().with_name(f"{out.resolve().name}.lock.json")
-    lock = json.loads(held.read_text(encoding="utf-8")) if held.exists() else {}
-    if number not in {lock.get("record"), lock.get("requested")}:
-        if lock and not force:
-            message = f"holds record {lock['record']}, not {number}"
-            raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
+    stored: Record | None = json.loads(held.read_text(encoding="utf-8")) if held.exists() else None
+    if stored and number in {stored["record"], stored.get("requested")}:
+        lock = stored
+    elif stored and not force:
+        message = f"holds record {stored['record']}, not {number}"
+        raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
+    else:
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
@@ -72,11 +119,13 @@ def run_fetch(
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(held, to_json(lock))
-    files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
-    return lock | {"out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
+    files: list[Present] = [
+        {**file, "action": "downloaded" if file in wanted else "present"} for file in lock["files"]
+    ]
+    return {**lock, "out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
 
 
-def fetch_text(found: dict[str, Any]) -> str:
+def fetch_text(found: Fetched) -> str:
     """What a terminal shows."""
     head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
     shown = ("key", "size", "action")
@@ -100,14 +149,14 @@ def _is_same(path: Path, file: Entry) -> bool:
     return path.is_file() and path.stat().st_size == file["size"] and md5_of(path) == file["md5"]
 
 
-def _described(site: str, number: str) -> dict[str, Any]:
+def _described(site: str, number: str) -> Record:
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
     with _asked(_session(), url) as response:
         try:
             data = response.json()
             meta, number_now = data["metadata"], str(data["id"])
-            files = [
+            files: list[Entry] = [
                 {"key": file["key"], "size": file["size"], "md5": file["checksum"].removeprefix("md5:")}
                 for file in data.get("files") or ()
             ]
@@ -158,7 +207,7 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
-def _obtain(files: list[Entry], out: Path, lock: dict[str, Any], talk: Talk) -> None:
+def _obtain(files: list[Entry], out: Path, lock: Record, talk: Talk) -> None:
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
     session, size = _session(), sum(file["size"] for file in files)

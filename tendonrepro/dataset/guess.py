@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -50,15 +50,20 @@ class _Table:
         return self.source.columns[column].dtype.kind == "f"
 
 
-def guess_mapping(sources: Sequence[Source], title: str) -> dict[str, Any]:
-    """Guess which column is which variable.
+class Guessed(TypedDict):
+    """A guessed mapping.
 
-    Returns
-    -------
-    dict
-        ``suggestion``, the text of a mapping; ``runs``, their numbers of columns; and ``left``, lines for the
-        other columns, and why.
+    ``suggestion`` is its text; ``runs`` are their numbers of columns; ``left`` are lines for the other
+    columns, and why.
     """
+
+    suggestion: str
+    runs: dict[str, int]
+    left: list[str]
+
+
+def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
+    """Guess which column is which variable."""
     runs: dict[str, RunGuess] = {}
     asked: dict[str, list[Asked]] = {}
     left: list[str] = []

@@ -127,7 +127,7 @@ class Run(Model):
 
     sources: Annotated[list[str], Field(min_length=1)]
     columns: Uses | None = None
-    where: dict[str, Any] = Field(default_factory=dict)
+    where: dict[str, object] = Field(default_factory=dict)
     payload_mass_kg: Size | None = None
     period_s: Size | None = None
     from_s: Number = -float("inf")

@@ -79,7 +79,7 @@ class Assembly:
             places = np.array(joints) - 1
             variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(places, places)].T
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
-        attributes: dict[str, Any] = {"law": MEASURED, "gains": {}, "readings": {}}
+        attributes: dict[str, object] = {"law": MEASURED, "gains": {}, "readings": {}}
         attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
         attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
         attributes |= _status(time, variables, joints)
@@ -163,7 +163,7 @@ def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
     variables |= {"q_d": filled, "q_encoder": q, "e": filled - q}
 
 
-def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, Any]:
+def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -> dict[str, object]:
     """Worst of the joints, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si

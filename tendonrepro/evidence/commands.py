@@ -39,7 +39,7 @@ def predict(
     loaded = load_ensemble(config, overrides=set, seed=seed)
     base = replace(loaded.base, sha256=identity_of(loaded, draws, names, device), origin=loaded.origin)
     return Study(
-        base, lambda talk, _: predict_outcome(loaded, draws, names, talk, device), folder, stored=True
+        base, lambda site: predict_outcome(loaded, draws, names, site.talk, device), folder, stored=True
     )
 
 
@@ -58,4 +58,4 @@ def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> St
 
     file, paper = read_traces(Path(log)), load_config(None, "compare")
     base = replace(paper, sha256=identity_of(file, paper))
-    return Study(base, lambda talk, _: recover_outcome(file, str(Path(log)), paper, talk), folder)
+    return Study(base, lambda site: recover_outcome(file, str(Path(log)), paper, site.talk), folder)

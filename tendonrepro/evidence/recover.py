@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -338,7 +337,7 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     return found
 
 
-def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, Any]]:
+def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     paper = load_config(None, "compare")
     assert isinstance(paper.config, CompareConfig)
@@ -374,8 +373,8 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, talk: Talk)
     return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(held)])
 
 
-def _data(one: Recovered) -> dict[str, Any]:
-    head: dict[str, Any] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
+def _data(one: Recovered) -> dict[str, object]:
+    head: dict[str, object] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
     head["sentence"] = one.sentence
     if not one.found:
         return head

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Unpack
+from typing import Annotated, Any, Literal, TypeAlias, Unpack
 
 from tendonrepro.studies.command import EXPLORE, REPRODUCE, command, study
 from tendonrepro.studies.parameters import (
@@ -22,20 +22,11 @@ from tendonrepro.studies.parameters import (
 )
 from tendonrepro.studies.study import Answer, Study, written
 
-if TYPE_CHECKING:
-    from tendonrepro.experiments.orders import Order
-
 Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
 
 
-EXPERIMENTS = "tendonrepro.experiments.lifecycle"
-"""They share workers, and draw while they write."""
-
-
-@study(
-    REPRODUCE, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha', EXPERIMENTS
-)
+@study(REPRODUCE, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha')
 def compare(
     config: Source = None,
     *,
@@ -45,7 +36,7 @@ def compare(
     laws: Laws = None,
     solver: Literal["scipy", "compiled"] = "scipy",
     **folder: Unpack[Folder],
-) -> "Order":
+) -> Study:
     """Controllers 1 to 3, payload: Figures 13 to 16, Tables 2 and 3.
 
     Parameters
@@ -55,24 +46,23 @@ def compare(
     solver
         SciPy, or the one of ensembles.
     """
-    from tendonrepro.experiments.orders import Order
+    from tendonrepro.experiments.paper import experiment_study, read_experiment
     from tendonrepro.experiments.user_law import laws_of
 
-    return Order("compare", config, set, seed, controllers, laws_of(laws), solver, folder)
+    experiment = read_experiment(
+        "compare", config, set, seed, controllers=controllers, laws=laws_of(laws), solver=solver
+    )
+    return experiment_study(experiment, folder)
 
 
-@study(
-    REPRODUCE,
-    "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped",
-    EXPERIMENTS,
-)
+@study(REPRODUCE, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(
     config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
-) -> "Order":
+) -> Study:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.experiments.orders import Order
+    from tendonrepro.experiments.paper import experiment_study, read_experiment
 
-    return Order("decouple", config, set, seed, folder=folder)
+    return experiment_study(read_experiment("decouple", config, set, seed), folder)
 
 
 @command(REPRODUCE, "tendonrepro figures 14 15")
@@ -203,7 +193,7 @@ def sweep(
     from tendonrepro.experiments.sweep_report import sweep_outcome
 
     grid = load_grid(over, config, overrides=set, seed=seed, controllers=controllers)
-    return Study(grid.base, lambda talk, _: sweep_outcome(simulate(grid, talk)), folder)
+    return Study(grid.base, lambda site: sweep_outcome(simulate(grid, site.talk)), folder)
 
 
 @study(EXPLORE, "tendonrepro statics --set manipulator.tensioner.force=30")
@@ -219,4 +209,4 @@ def statics(
     from tendonrepro.experiments.statics_report import statics_outcome
 
     loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
-    return Study(loaded, lambda *_: statics_outcome(survey(loaded)), folder)
+    return Study(loaded, lambda _: statics_outcome(survey(loaded)), folder)

@@ -28,7 +28,7 @@ def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
 @command(EXPLORE, "tendonrepro config show compare", "config show")
 def config_show(config: Named, *, set: Changes = None) -> Answer[dict[str, Any]]:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.configuration.command import shown
+    from tendonrepro.configuration.any_kind import shown
 
     tree, text = shown(config, set or ())
     return Answer(tree, text.rstrip(), tree)
@@ -53,7 +53,7 @@ def config_init(
     out
         Folder, or the file of the arm.
     """
-    from tendonrepro.configuration.command import init_config
+    from tendonrepro.configuration.any_kind import init_config
     from tendonrepro.configuration.own_arm import init_arm
 
     if (name is None) == (joints is None):
@@ -66,7 +66,7 @@ def config_init(
 @command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
 def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[dict[str, Any]]:
     """Check a configuration, and list all its mistakes."""
-    from tendonrepro.experiments.orders import check
+    from tendonrepro.experiments.paper import check
 
     known = check(config, set or (), talk)
     return Answer(known, f"{known['config']}: valid {known['kind']}", known)
@@ -81,7 +81,7 @@ def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[dict[s
     kind
         compare, decouple, ensemble or manipulator [default: any].
     """
-    from tendonrepro.configuration.command import json_schema
+    from tendonrepro.configuration.any_kind import json_schema
     from tendonrepro.files import to_json
 
     schema = json_schema(kind)

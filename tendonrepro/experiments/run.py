@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,20 +14,23 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import all_loops, friction_scale, run_status
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import to_json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import USER_LAW, fitted_under
+from tendonrepro.results.summary import USER_LAW, fitted_under, tension_sizes
 from tendonrepro.simulation.loop import Loop, TimeDelayController
+from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.outcome import Outcome
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
+
+Solver: TypeAlias = Literal["scipy", "compiled"]
 
 
 class Prepared(NamedTuple):
@@ -35,22 +39,38 @@ class Prepared(NamedTuple):
     loaded: LoadedConfig
     laws: Sequence[UserLaw]
     loops: Mapping[str, Loop]
+    solver: Solver = "scipy"
 
 
-def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> Prepared:
-    """Build the loops of an experiment, which takes a user's laws into its digest."""
+def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: Solver = "scipy") -> Prepared:
+    """Build the loops of an experiment, which takes a user's laws into its digest.
+
+    Raises
+    ------
+    UsageError
+        If the solver cannot run a user's law.
+    """
+    if solver == "compiled" and laws:
+        message = "only the paper's own control laws run on lanes"
+        raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
     loaded = with_user_laws(loaded, laws)
-    return Prepared(loaded, laws, all_loops(loaded, laws))
+    return Prepared(loaded, laws, all_loops(loaded, laws), solver)
 
 
-def begin_all(
-    experiments: Sequence[Prepared],
-    talk: Talk,
-    solver: Literal["scipy", "compiled"] = "scipy",
-    start: Start = map,
-) -> Iterator[list[Trace]]:
+def outcomes(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[Outcome]:
+    """Simulate experiments together, and yield what each found."""
+    for experiment, traces in zip(experiments, begin_all(experiments, talk, start), strict=True):
+        for trace in traces:
+            talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
+        manifest: dict[str, object] = {"growing_hz": growing(experiment.loops)}
+        if experiment.solver == "compiled":
+            manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
+        yield replace(outcome_of(trace_file(experiment.loaded, traces, manifest)), manifest=manifest)
+
+
+def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
     """Begin to simulate, by what `workers` yields; yield the traces of one experiment after the other."""
-    if solver == "compiled":
+    if experiments[0].solver == "compiled":
         return (_simulate_together(one.loaded, one.loops, talk) for one in experiments)
     # Copies of this process need not import it once more.
     from tendonrepro.simulation import stepper
@@ -118,7 +138,7 @@ def _trace(
     return Trace(name, variables.pop("time"), loaded.config.joints, variables, attributes)
 
 
-def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, Any]:
+def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict[str, object]:
     """What a trace stores of its law and payload."""
     if not isinstance(config, CompareConfig):
         run = config.runs[name]
@@ -147,8 +167,8 @@ def _vectors(section: Any) -> dict[str, list[float]]:
     return {name: vector.si.tolist() for name, vector in section if vector is not None}
 
 
-def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, Any]) -> TraceFile:
-    """Runs with what they were made with; the manifest is without outputs."""
+def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, object]) -> TraceFile:
+    """Runs with what they were made with; the manifest is without outputs, and may be incomplete."""
     return TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",
@@ -158,7 +178,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
         config_yaml=loaded.yaml_text,
         config_sha256=loaded.sha256,
         manifest_json=to_json(manifest),
-        created=manifest["created"],
+        created=str(manifest.get("created", "")),
         tendonrepro_version=__version__,
     )
 
@@ -167,20 +187,23 @@ def outcome_of(file: TraceFile) -> Outcome:
     """Numbers, tables and notes of an experiment."""
     joints = list(next(iter(file.runs.values())).joint)
     data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
+    growing_hz: dict[str, float] = {}
     if file.experiment == "compare":
-        data["growing_hz"] = json.loads(file.manifest_json).get("growing_hz", {})
-    return Outcome(data, [*made_tables(file), *_notes(file, data)])
+        growing_hz = json.loads(file.manifest_json).get("growing_hz", {})
+        data["growing_hz"] = growing_hz
+    diverged = any(trace.status == "diverged" for trace in file.runs.values())
+    return Outcome(data, [*made_tables(file), *_notes(file, growing_hz)], traces=file, diverged=diverged)
 
 
-def _notes(file: TraceFile, data: Mapping[str, Any]) -> Iterator[str]:
+def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:
     if under := fitted_under(file):
         yield f"The plant was fitted to the published tables under {under}, so agreement proves nothing."
-    for run, sizes in data["tension"].items():
-        for tendon, seconds in zip(data["joints"], sizes["slack_s"], strict=True):
+    for name, trace in file.runs.items():
+        sizes = tension_sizes(file, trace)
+        for tendon, seconds in zip(trace.joint, sizes["slack_s"], strict=True) if sizes else ():
             if seconds:
-                yield f"Tendon {tendon} does not pull in {run} for {seconds:.3f} s."
+                yield f"Tendon {tendon} does not pull in {name} for {seconds:.3f} s."
     # A loop may grow so slowly that its run ends before the status tells.
-    growing, status = data.get("growing_hz", {}), data["status"]
-    if runs := [f"{run} at {hz:.1f} Hz" for run, hz in growing.items() if status[run] == "ok"]:
+    if runs := [f"{run} at {hz:.1f} Hz" for run, hz in growing_hz.items() if file.runs[run].status == "ok"]:
         loops = ", ".join(runs)
         yield f"Linearised without friction these loops grow: {loops}. See tendonrepro explain."

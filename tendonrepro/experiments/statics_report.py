@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from tendonrepro.experiments.rig import start_angles
@@ -21,7 +19,7 @@ def statics_outcome(survey: Survey) -> Outcome:
     return Outcome(statics_data(survey), _parts(survey), figures, {"solver": None})
 
 
-def statics_data(survey: Survey) -> dict[str, Any]:
+def statics_data(survey: Survey) -> dict[str, object]:
     """Numbers by the keys of ``--json``."""
     config, joints = survey.loaded.config, survey.joints
     return {
@@ -60,7 +58,7 @@ def statics_data(survey: Survey) -> dict[str, Any]:
     }
 
 
-def _course_data(course: Course) -> dict[str, Any]:
+def _course_data(course: Course) -> dict[str, object]:
     of_course = {
         "tension_per_newton": course.per_newton.tolist(),
         "change_of_length_mm": 1e3 * course.travel,
@@ -75,7 +73,7 @@ def _course_data(course: Course) -> dict[str, Any]:
     }
 
 
-def _extremes_data(over: Extremes) -> dict[str, Any]:
+def _extremes_data(over: Extremes) -> dict[str, object]:
     return {
         "least_tension_N": over.least,
         "tendon": over.tendon,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from tendonrepro.experiments.sweep import IN_DEGREES, IN_SI, Point, Sweep, text_of
 from tendonrepro.results.tables import Table
@@ -17,10 +16,12 @@ def sweep_outcome(sweep: Sweep) -> Outcome:
 
     grid = sweep.grid
     manifest = {"solver": {"name": COMPILED_STEPPER}, "over": grid.words, "points": len(grid.points)}
-    return Outcome(sweep_data(sweep), _tables(sweep), {"sweep": lambda: draw_sweep(sweep)}, manifest)
+    figures = {"sweep": lambda: draw_sweep(sweep)}
+    diverged = bool(sweep.named("diverged"))
+    return Outcome(sweep_data(sweep), _tables(sweep), figures, manifest, diverged=diverged)
 
 
-def sweep_data(sweep: Sweep) -> dict[str, Any]:
+def sweep_data(sweep: Sweep) -> dict[str, object]:
     """Numbers by the keys of ``--json``; what does not exist is NaN."""
     grid = sweep.grid
     return {
@@ -62,7 +63,7 @@ def sweep_data(sweep: Sweep) -> dict[str, Any]:
     }
 
 
-def _run_data(sweep: Sweep, p: int, r: int) -> dict[str, Any]:
+def _run_data(sweep: Sweep, p: int, r: int) -> dict[str, object]:
     return {
         "status": str(sweep.status[p, r]),
         "status_time_s": float(sweep.status_time[p, r]),
@@ -89,7 +90,7 @@ def _cells(sweep: Sweep) -> Iterator[tuple[int, Point, int, int]]:
             yield p, point, k, joint
 
 
-def point_rows(sweep: Sweep) -> Iterator[dict[str, Any]]:
+def point_rows(sweep: Sweep) -> Iterator[dict[str, object]]:
     """MAE of every run, ratios, and the runs that are not ok."""
     runs, mae = sweep.grid.runs, sweep.sizes["mae_deg"]
     for p, point, k, joint in _cells(sweep):
@@ -100,13 +101,17 @@ def point_rows(sweep: Sweep) -> Iterator[dict[str, Any]]:
         yield row | {"status": bad or "ok"}
 
 
-def run_rows(sweep: Sweep) -> Iterator[dict[str, Any]]:
+def run_rows(sweep: Sweep) -> Iterator[dict[str, object]]:
     """Values of the keys, then all numbers of a run and joint."""
     for p, point in enumerate(sweep.grid.points):
         texts = {key: text_of(value) for key, value in point.values.items()}
         for r, run in enumerate(sweep.grid.runs):
-            numbers = _run_data(sweep, p, r)
             for k, joint in enumerate(sweep.grid.joints):
-                row = texts | {"run": run, "joint": joint}
-                row |= {name: numbers[name] for name in ("status", "status_time_s")}
-                yield row | {name: numbers[name][k] for name in (*IN_DEGREES, *IN_SI)}
+                yield {
+                    **texts,
+                    "run": run,
+                    "joint": joint,
+                    "status": str(sweep.status[p, r]),
+                    "status_time_s": float(sweep.status_time[p, r]),
+                    **{name: float(sweep.sizes[name][p, r, k]) for name in (*IN_DEGREES, *IN_SI)},
+                }

@@ -49,8 +49,8 @@ def identify(
         Names of the parameters to search instead, comma-separated.
     """
     from tendonrepro.configuration.ensemble import load_ensemble
-    from tendonrepro.identification.command import identification
     from tendonrepro.identification.search import Effort
+    from tendonrepro.identification.searches import identification
 
     return identification(
         load_ensemble(config, overrides=set, seed=seed),

@@ -34,7 +34,7 @@ def ensemble(
     dask
         Scheduler to send the work to.
     """
-    from tendonrepro.monte_carlo.command import ensemble_study, load_study
+    from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
     from tendonrepro.simulation.device import require
 
     require(device)

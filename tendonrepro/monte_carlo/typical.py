@@ -21,7 +21,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import Simulate, compute_block
 from tendonrepro.monte_carlo.box import configured
-from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch

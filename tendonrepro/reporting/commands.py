@@ -26,7 +26,7 @@ def report(
     force
         Overwrite a file that is no report.
     """
-    from tendonrepro.reporting.command import report_text, run_report
+    from tendonrepro.reporting.page import report_text, run_report
 
     page = run_report(Path(results), None if out is None else Path(out), force=force)
     return Answer(page, report_text(page), Path(page["path"]))
@@ -52,7 +52,7 @@ def live(
         Overwrite a file that is no such page.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.reporting.live.command import live_text, write_page
+    from tendonrepro.reporting.live.write import live_text, write_page
 
     is_own = config is not None or bool(set)
     loaded = load_config(config, "compare", overrides=set) if is_own else None

@@ -6,10 +6,11 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
+from tendonrepro.configuration.strict_yaml import Node
+from tendonrepro.reporting.answer import EnsembleAnswer, Entry, Orders, ReadingAnswer
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import ByChoice, changing
@@ -53,7 +54,7 @@ _WORDS = {
 """What stands in a claim or statement, and what a reader sees."""
 
 
-def by_name(summary: Mapping[str, Any], population: str = "box") -> dict[str, Mapping[str, Any]]:
+def by_name(summary: EnsembleAnswer, population: str = "box") -> dict[str, ReadingAnswer]:
     """Readings of an ensemble by their names."""
     return {reading["name"]: reading for reading in summary["populations"][population]["readings"]}
 
@@ -73,7 +74,7 @@ OF_ANSWER = {
 """Ends of the slots of the answer's table, and the readings of its rows."""
 
 
-def numbers(summary: Mapping[str, Any]) -> dict[str, str]:
+def numbers(summary: EnsembleAnswer) -> dict[str, str]:
     """Numbers of the answer as text, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
     slots = {
@@ -106,27 +107,29 @@ def filled(name: str, values: Mapping[str, str]) -> str:
     return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
 
 
-def labelled(summary: Mapping[str, Any], labels: Mapping[str, str]) -> list[tuple[str, Mapping[str, Any]]]:
+def labelled(summary: EnsembleAnswer, labels: Mapping[str, str]) -> list[tuple[str, ReadingAnswer]]:
     """Labels and readings, where the ensemble has the reading."""
     stored = by_name(summary)
     return [(label, stored[name]) for name, label in labels.items() if name in stored]
 
 
-def robustness(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def robustness(summary: EnsembleAnswer) -> list[tuple[str, ...]]:
     """Rows of the table that says what the answer depends on."""
     (label, printed), *others = labelled(summary, SHOWN)
-    rows = [(label, printed), ("… diverged controllers ranked last", printed["diverged_last"])]
+    rows = [_cells(label, printed, printed)]
+    rows.append(_cells("… diverged controllers ranked last", printed["diverged_last"], None))
     if "firm" in summary["populations"]:
-        rows.append(("… better known parameters alone varied", by_name(summary, "firm")["printed"]))
-    return [_cells(*row) for row in rows + others]
+        firm = by_name(summary, "firm")["printed"]
+        rows.append(_cells("… better known parameters alone varied", firm, firm))
+    return rows + [_cells(label, reading, reading) for label, reading in others]
 
 
-def _cells(label: str, reading: Mapping[str, Any]) -> tuple[str, ...]:
-    shares = [reading[key]["share"] for key in ("in_order", "first_best", "first_worst")]
-    late = reading["without_start"]["first_worst"]["share"] if "without_start" in reading else None
-    ratio = reading["c1_c2"]["joint_2"]["median"] if "c1_c2" in reading else None
-    cells = map(percent, (*shares, late))
-    return label, f"{reading['in_order']['plants']:,}", *cells, "–" if ratio is None else f"{ratio:.2f}"
+def _cells(label: str, orders: Orders, reading: ReadingAnswer | None) -> tuple[str, ...]:
+    kinds = [orders["in_order"], orders["first_best"], orders["first_worst"]]
+    shares = [percent(kind["share"]) for kind in kinds]
+    late = percent(reading["without_start"]["first_worst"]["share"] if reading else None)
+    ratio = f"{reading['c1_c2']['joint_2']['median']:.2f}" if reading else "–"
+    return label, f"{orders['in_order']['plants']:,}", *shares, late, ratio
 
 
 def percent(share: float | None) -> str:
@@ -146,16 +149,20 @@ def percent(share: float | None) -> str:
     return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
 
 
-def named(entry: Mapping[str, Any]) -> str:
+def named(entry: Entry) -> str:
     """A claim in its words; a number by its name and value."""
     if "." not in entry["id"]:
         return in_words(entry["printed"])
-    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{_UNITS.get(entry['unit'], '')}")
+    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{_unit(entry)}")
 
 
-def ours(entry: Mapping[str, Any]) -> str:
+def _unit(entry: Entry) -> str:
+    return _UNITS.get(entry["unit"] or "", "")
+
+
+def ours(entry: Entry) -> str:
     """What came out here."""
-    evidence, value, unit = entry["evidence"], entry["ours"], _UNITS.get(entry["unit"], "")
+    evidence, value, unit = entry["evidence"], entry["ours"], _unit(entry)
     if evidence.get("missing"):
         return in_words(f"missing: {evidence['missing']}")
     if entry["unit"] == SHARE and value is not None:
@@ -169,7 +176,7 @@ def ours(entry: Mapping[str, Any]) -> str:
     return f"{value:.4g}{unit}"
 
 
-def unless(entry: Mapping[str, Any]) -> str:
+def unless(entry: Entry) -> str:
     """Motions and starts under which the verdict is another one, and which."""
     choices = [ByChoice(**one) for one in entry.get("by_choice", ())]
     found = changing(entry["verdict"], choices)
@@ -183,7 +190,7 @@ def in_words(statement: str) -> str:
     return statement
 
 
-def statements(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+def statements(entry: Entry) -> list[tuple[str, str]]:
     """Parts of a claim, and the share of plants on which each holds."""
     evidence = entry["evidence"]
     held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
@@ -203,7 +210,7 @@ def _short(value: str | float) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
-def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def quantities(tree: Node, path: tuple[str, ...] = ()) -> Iterator[tuple[str, dict[str, Node]]]:
     """Quantities of a configuration by their keys."""
     if isinstance(tree, dict) and {"value", "unit", "source"} <= tree.keys():
         yield ".".join(path), tree
@@ -212,13 +219,13 @@ def quantities(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Map
             yield from quantities(value, (*path, str(key)))
 
 
-def value_rows(trees: Sequence[Any]) -> list[tuple[str, ...]]:
+def value_rows(trees: Sequence[Node]) -> list[tuple[str, ...]]:
     """Quantities of some configurations, as `VALUE_HEADS`; of each key the first."""
-    held: dict[str, Mapping[str, Any]] = {}
+    first: dict[str, dict[str, Node]] = {}
     for key, quantity in (pair for tree in trees for pair in quantities(tree)):
-        held.setdefault(key, quantity)
+        first.setdefault(key, quantity)
     rows: list[tuple[str, ...]] = []
-    for key, quantity in held.items():
-        origin, _, why = quantity["source"].partition(": ")
-        rows.append((f"`{key}`", json.dumps(quantity["value"]), quantity["unit"], origin, why))
+    for key, quantity in first.items():
+        origin, _, why = str(quantity["source"]).partition(": ")
+        rows.append((f"`{key}`", json.dumps(quantity["value"]), str(quantity["unit"]), origin, why))
     return rows

@@ -12,6 +12,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STARTS_APART, STEPS
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
+from tendonrepro.reporting.answer import EnsembleAnswer, ReadingAnswer
 from tendonrepro.reporting.contents import by_name, labelled
 from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
@@ -40,9 +41,9 @@ _LABELLED = 0.08
 
 
 @journal_style()
-def draw_orders(summary: Mapping[str, Any]) -> Drawing:
+def draw_orders(summary: EnsembleAnswer) -> Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
-    rows: list[tuple[str, Any]] = []
+    rows: list[tuple[str, ReadingAnswer | None]] = []
     for title, names in GROUPS.items():
         if held := labelled(summary, names):
             rows += [(title, None), *held]
@@ -79,7 +80,7 @@ def draw_orders(summary: Mapping[str, Any]) -> Drawing:
     return Drawing("orders", figure, [panel], caption, origin=_of_plants(summary))
 
 
-def _mark_without_start(panel: Axes, readings: Sequence[Mapping[str, Any] | None]) -> None:
+def _mark_without_start(panel: Axes, readings: Sequence[ReadingAnswer | None]) -> None:
     """Mark where the last bar of runs that start apart would begin without the first two seconds."""
     edges = [
         (1.0 - reading["without_start"]["first_worst"]["share"], row)
@@ -91,7 +92,7 @@ def _mark_without_start(panel: Axes, readings: Sequence[Mapping[str, Any] | None
         panel.plot(*zip(*edges, strict=True), "D", label="without the first 2 s", **look)
 
 
-def order_shares(reading: Mapping[str, Any]) -> list[float]:
+def order_shares(reading: ReadingAnswer) -> list[float]:
     """Shares of the four kinds of order; their sum is 1, or 0 without stable plants."""
     if not reading["in_order"]["plants"]:
         return [0.0] * len(_LOOKS)
@@ -100,7 +101,7 @@ def order_shares(reading: Mapping[str, Any]) -> list[float]:
 
 
 @journal_style()
-def draw_ranges(summary: Mapping[str, Any]) -> Drawing:
+def draw_ranges(summary: EnsembleAnswer) -> Drawing:
     """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
     labels, readings = zip(*labelled(summary, SHOWN), strict=True)
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
@@ -157,7 +158,7 @@ _REGIONS = {
 
 
 @journal_style()
-def draw_map(summary: Mapping[str, Any], closest: Sequence[Mapping[str, Any]]) -> Drawing:
+def draw_map(summary: EnsembleAnswer, closest: Sequence[Mapping[str, Any]]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel a joint.
 
     ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
@@ -201,7 +202,7 @@ def draw_map(summary: Mapping[str, Any], closest: Sequence[Mapping[str, Any]]) -
     return Drawing("map", figure, panels, caption, origin=origin)
 
 
-def _of_plants(summary: Mapping[str, Any]) -> str:
+def _of_plants(summary: EnsembleAnswer) -> str:
     return f"Simulated, {summary['populations']['box']['plants']:,} plants of the parameter ranges"
 
 
@@ -232,7 +233,7 @@ def _draw_regions(panel: Axes) -> None:
 
 
 def _draw_readings(
-    panel: Axes, summary: Mapping[str, Any], joint: str
+    panel: Axes, summary: EnsembleAnswer, joint: str
 ) -> list[tuple[str, tuple[float, float], str]]:
     """Draw a dot at the medians of each reading, a larger one where it has a name, and return the names."""
     medians = {

@@ -1,7 +1,7 @@
 """The command that makes everything: both experiments, the fitted plant, and the page in a browser."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tendonrepro.studies.command import REPRODUCE, command
 from tendonrepro.studies.parameters import TALK, Changes, Folder, Formats, Seed, Telling
@@ -41,26 +41,27 @@ def reproduce(
     dry_run
         Check everything, run nothing.
     """
-    from tendonrepro.experiments.lifecycle import plan_of, run_experiments, summary_of
-    from tendonrepro.experiments.orders import paper_orders
-    from tendonrepro.reporting.live.command import PAGE, check_target, live_text, page_beside
-    from tendonrepro.studies.lifecycle import DIVERGED
+    from tendonrepro.experiments.paper import paper_experiments, run_together, studies_below, summary_of
+    from tendonrepro.reporting.live.write import PAGE, check_target, live_text, page_beside
+    from tendonrepro.studies.lifecycle import planned
 
-    folder: Folder = {"out": out, "formats": formats, "figures": figures, "force": force}
-    orders = paper_orders(None if config is None else Path(config), set, seed, folder)
+    above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
+    experiments = paper_experiments(None if config is None else Path(config), set, seed)
     if dry_run:
-        plans = {order.name: plan_of(order, order.prepared(talk), talk) for order in orders}
-        text = "\n\n".join(plan["text"] for plan in plans.values())
+        studies = zip(experiments, studies_below(experiments, above, folder), strict=True)
+        plans = {name: planned(command, study, talk) for name, (command, study) in studies}
+        text = "\n\n".join(str(plan["text"]) for plan in plans.values())
         return Answer({"schema_version": 1, **plans}, text, {})
-    path = Path(out) / PAGE
+    path = above / PAGE
     check_target(path, force=force)
-    made = run_experiments(orders, talk)
-    page = page_beside(path, orders, talk)
-    data: dict[str, Any] = {name: one.data for name, one in made.items()}
-    texts = [*(one["text"] for one in data.values()), summary_of(data), live_text(page)]
+    answers = run_together(experiments, above, folder, talk)
+    is_own = config is not None or bool(set)
+    page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)
+    data = {name: answer.data for name, answer in answers.items()}
+    texts = [*(answer.text for answer in answers.values()), summary_of(answers), live_text(page)]
     return Answer(
         {"schema_version": 1, **data, "live": page["path"]},
         "\n\n".join(filter(None, texts)),
-        {name: one.result for name, one in made.items()},
-        DIVERGED if any(one.diverged for one in made.values()) else 0,
+        {name: answer.value for name, answer in answers.items()},
+        max(answer.exit_code for answer in answers.values()),
     )

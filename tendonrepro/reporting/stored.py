@@ -12,6 +12,14 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
+from tendonrepro.reporting.answer import (
+    EnsembleAnswer,
+    Ledger,
+    Orders,
+    Quantiles,
+    ReadingAnswer,
+    ShareOfPlants,
+)
 from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
@@ -27,15 +35,6 @@ PARTS = {
 }
 """Experiments that stand on the page, each with its title and tables."""
 
-_ORDERS = {
-    "in_order": "share_c1_lt_c2_lt_c3",
-    "in_reverse": "share_c3_lt_c2_lt_c1",
-    "first_best": "share_c1_best",
-    "first_worst": "share_c1_worst",
-    "last_two_tie": "share_c2_ties_c3",
-}
-"""What is kept of the rankings, and its name in an ensemble's ``summary.json``."""
-
 
 @dataclass(frozen=True)
 class Stored:
@@ -49,8 +48,8 @@ class Stored:
 
     parts: Mapping[str, Path]
     manifests: Mapping[str, Mapping[str, Any]]
-    summary: Mapping[str, Any]
-    ledger: Mapping[str, Any]
+    summary: EnsembleAnswer
+    ledger: Ledger
     origins: Mapping[str, str]
     left_out: Mapping[str, str]
 
@@ -94,8 +93,9 @@ def stored_under(folder: Path) -> Stored:
     claims, ensemble = (sound[name] / file if name in sound else None for name, file in _FILES.items())
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
-    ledger = _read(claims if claims is not None and judged else ours / "claims.json")
-    summary, own = _read(ours / "ensemble.json"), False
+    ledger: Ledger = _read(claims if claims is not None and judged else ours / "claims.json")
+    summary: EnsembleAnswer = _read(ours / "ensemble.json")
+    own = False
     if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
         found = _read(ensemble)
         own = found["of_paper"] and by_name(found).keys() >= _SHOWN
@@ -149,7 +149,7 @@ def _is_damaged(path: Path) -> DataMissingError:
     return DataMissingError("is damaged", where=str(path), hint="run its command again")
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Any:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -159,36 +159,60 @@ def _read(path: Path) -> dict[str, Any]:
     return content
 
 
-def thinned(summary: Mapping[str, Any]) -> dict[str, Any]:
+def thinned(summary: Mapping[str, Any]) -> EnsembleAnswer:
     """Of an ensemble's ``summary.json`` what is shown, and what it is of."""
-    kept = ("tendonrepro_version", "config_sha256", "draws", "scramblings", "spot_check", "cost")
-    populations = {
-        name: {"plants": held["plants"], "readings": [_thin_reading(reading) for reading in held["readings"]]}
-        for name, held in summary["populations"].items()
+    return {
+        "tendonrepro_version": summary["tendonrepro_version"],
+        "config_sha256": summary["config_sha256"],
+        "draws": summary["draws"],
+        "scramblings": summary["scramblings"],
+        "spot_check": summary["spot_check"],
+        "cost": summary["cost"],
+        "populations": {
+            name: {"plants": part["plants"], "readings": [*map(_thin_reading, part["readings"])]}
+            for name, part in summary["populations"].items()
+        },
     }
-    return {key: summary[key] for key in kept} | {"populations": populations}
 
 
-def _thin_reading(reading: Mapping[str, Any]) -> dict[str, Any]:
-    def orders(plants: str) -> dict[str, Any]:
-        return {name: reading[key][plants]["mae_and_rmse"]["both"] for name, key in _ORDERS.items()}
+def _thin_reading(reading: Mapping[str, Any]) -> ReadingAnswer:
+    late = reading["without_start"]
 
-    def quantiles(numbers: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
+    def order(key: str, plants: str, rankings: Mapping[str, Any] = reading) -> ShareOfPlants:
+        share: ShareOfPlants = rankings[key][plants]["mae_and_rmse"]["both"]
+        return share
+
+    def orders(plants: str) -> Orders:
         return {
-            key: {name: held[name]["value"] for name in ("q05", "median", "q95")}
-            for key, held in numbers.items()
+            "in_order": order("share_c1_lt_c2_lt_c3", plants),
+            "in_reverse": order("share_c3_lt_c2_lt_c1", plants),
+            "first_best": order("share_c1_best", plants),
+            "first_worst": order("share_c1_worst", plants),
+            "last_two_tie": order("share_c2_ties_c3", plants),
         }
 
-    return orders("all_ok") | {
+    def quantiles(numbers: Mapping[str, Any]) -> dict[str, Quantiles]:
+        return {
+            key: {
+                "q05": known["q05"]["value"],
+                "median": known["median"]["value"],
+                "q95": known["q95"]["value"],
+            }
+            for key, known in numbers.items()
+        }
+
+    return {
+        **orders("all_ok"),
         "name": reading["name"],
         "diverged_last": orders("diverged_last"),
         "without_start": {
-            name: reading["without_start"][_ORDERS[name]]["all_ok"]["mae_and_rmse"]["both"]
-            for name in ("in_order", "first_best", "first_worst")
+            "in_order": order("share_c1_lt_c2_lt_c3", "all_ok", late),
+            "first_best": order("share_c1_best", "all_ok", late),
+            "first_worst": order("share_c1_worst", "all_ok", late),
         },
         "behind_by_mae": {
             "whole": reading["share_c2_lt_c1"]["all_ok"]["mae"],
-            "without_start": reading["without_start"]["share_c2_lt_c1"]["all_ok"]["mae"],
+            "without_start": late["share_c2_lt_c1"]["all_ok"]["mae"],
         },
         "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
         "smoother": reading["share_c1_smoother"],

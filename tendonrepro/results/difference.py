@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,13 +28,13 @@ class _Side:
     """What one of two results says; `numbers` are of a command that leaves no traces."""
 
     command: str
-    config: Mapping[str, Any]
-    versions: Mapping[str, Any]
-    numbers: Mapping[str, Any]
+    config: Mapping[str, object]
+    versions: Mapping[str, object]
+    numbers: Mapping[str, object]
     runs: Mapping[str, Trace]
 
 
-def difference(first: Path, second: Path) -> dict[str, Any]:
+def difference(first: Path, second: Path) -> dict[str, object]:
     """Compare two trace files, or results folders; a DataMissingError where one cannot be read.
 
     Returns
@@ -75,16 +74,16 @@ def _side(path: Path) -> _Side:
     return _Side(file.experiment, _configuration(file), _versions(file), {}, file.runs)
 
 
-def _configuration(file: TraceFile) -> dict[str, Any]:
+def _configuration(file: TraceFile) -> dict[str, object]:
     return _leaves(load(file.config_yaml, "config_yaml").tree)
 
 
-def _versions(file: TraceFile) -> dict[str, Any]:
+def _versions(file: TraceFile) -> dict[str, object]:
     environment = json.loads(file.manifest_json or "{}").get("environment", {})
     return {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
 
 
-def _numbers(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def _numbers(node: object, path: str = "") -> Iterator[tuple[str, object]]:
     """Values by dotted key; an item of a list by its name, if it has one, else by its place."""
     if isinstance(node, dict):
         for key, part in node.items():
@@ -98,27 +97,27 @@ def _numbers(node: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path.removeprefix("."), node
 
 
-def _statuses(runs: Mapping[str, Trace]) -> dict[str, Any]:
+def _statuses(runs: Mapping[str, Trace]) -> dict[str, object]:
     return {name: trace.status for name, trace in runs.items()}
 
 
-def _leaves(node: Node, path: str = "") -> dict[str, Any]:
+def _leaves(node: Node, path: str = "") -> dict[str, object]:
     """Values of a tree by dotted key; a list is one value."""
     if not isinstance(node, dict):
         return {path.removeprefix("."): node}
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for key, part in node.items():
         found |= _leaves(part, f"{path}.{key}")
     return found
 
 
-def _unequal(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _unequal(first: Mapping[str, object], second: Mapping[str, object]) -> Iterator[dict[str, object]]:
     for key in dict.fromkeys([*first, *second]):
         if first.get(key) != second.get(key):
             yield {"key": key, "first": first.get(key), "second": second.get(key)}
 
 
-def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
+def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
     if "e" in first and "e" in second and first.joint == second.joint:
         a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
         for name in a:
@@ -128,7 +127,7 @@ def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
                     yield row | {"first": x, "second": y}
 
 
-def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
+def _traces(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
     both = [
         {"time": trace.time[:, np.newaxis], "joint": np.array([trace.joint]), **trace.variables}
         for trace in (first, second)
@@ -144,7 +143,7 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, Any]]:
             yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
 
 
-def difference_text(found: Mapping[str, Any]) -> str:
+def difference_text(found: Mapping[str, object]) -> str:
     """Words for a terminal."""
     if found["same"]:
         return "The two results have the same command, configuration, versions, numbers and traces."
@@ -152,7 +151,7 @@ def difference_text(found: Mapping[str, Any]) -> str:
     return "\n\n".join(_kind_text(kind, rows) for kind, rows in kinds.items())
 
 
-def _kind_text(kind: str, rows: list[dict[str, Any]]) -> str:
+def _kind_text(kind: str, rows: list[dict[str, object]]) -> str:
     left = len(rows) - _SHOWN
     table = Table(kind, f"{kind}: {len(rows)}", rows[:_SHOWN]).text()
     return f"{table}\n({left} more, --json shows them all)" if left > 0 else table

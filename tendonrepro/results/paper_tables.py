@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
 
-TableRow: TypeAlias = dict[str, Any]
+TableRow: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
 
 ERRORS = ("mae_deg", "rmse_deg", "max_deg")
@@ -96,13 +96,13 @@ def made_tables(file: TraceFile) -> list[Table]:
     return found
 
 
-def table_data(file: TraceFile) -> dict[str, Any]:
+def table_data(file: TraceFile) -> dict[str, object]:
     """Numbers of an experiment's tables under the keys of ``--json``; lists run over a run's joints.
 
     ``table2`` and ``table3`` hold `ERRORS` over the run without the first ``errors_from`` seconds,
     ``windows`` over others, ``printed`` and ``plausible`` what stands `beside`.
     """
-    both: dict[str, Any] = {"status": {name: trace.status for name, trace in file.runs.items()}}
+    both: dict[str, object] = {"status": {name: trace.status for name, trace in file.runs.items()}}
     for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
         both[key] = {name: _lists(found) for name, trace in file.runs.items() if (found := size(file, trace))}
     if file.experiment == "decouple":
@@ -114,13 +114,13 @@ def table_data(file: TraceFile) -> dict[str, Any]:
         return {**matrices, "errors": errors, **both}
     tables = {"table2": summary.compared_runs(file), "table3": summary.loaded_runs(file)}
 
-    def of_rows(numbers: Callable[[Trace], Sizes]) -> dict[str, dict[str, Any]]:
+    def of_rows(numbers: Callable[[Trace], Sizes]) -> dict[str, dict[str, object]]:
         return {
             table: {row: _lists(numbers(trace)) for row, trace in runs.items()}
             for table, runs in tables.items()
         }
 
-    windows: dict[str, dict[str, Any]] = {}
+    windows: dict[str, dict[str, object]] = {}
     of_tables = summary.without_start_name(left_out(file))
     for name, trace in file.runs.items():
         for window in summary.tracking_errors(trace):
@@ -273,7 +273,7 @@ def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
             yield {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
                 "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
-                "as_published": _ORDER.get(found["agrees"]),
+                "as_published": None if found["agrees"] is None else _ORDER[found["agrees"]],
             }
 
 

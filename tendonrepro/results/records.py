@@ -10,6 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import to_json
 
 SCHEMA_VERSION = 1
 
@@ -168,6 +169,10 @@ class TraceFile:
     created: str
     tendonrepro_version: str
     schema_version: int = SCHEMA_VERSION
+
+    def made_by(self, manifest: Mapping[str, Any]) -> TraceFile:
+        """The file with a manifest, which says when it was made."""
+        return replace(self, manifest_json=to_json(dict(manifest)), created=manifest["created"])
 
     def part(self, experiment: str) -> TraceFile:
         """The file with the runs of ``compare`` or ``decouple`` alone; there may be none."""

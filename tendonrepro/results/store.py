@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypedDict
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
@@ -202,15 +202,23 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
             yield folder / name, "was changed since tendonrepro wrote it"
 
 
-def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
-    """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
-    config = loaded.config
+def made_here(command: str, digest: str) -> dict[str, Any]:
+    """What every manifest says: by which command, when and where; `digest` is of what decides the result."""
     return {
         "schema_version": 1,
         "tendonrepro_version": __version__,
-        "experiment": config.experiment,
-        "command": command or config.experiment,
+        "command": command,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "environment": environment(),
+        "config": {"sha256": digest},
+    }
+
+
+def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
+    """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
+    config = loaded.config
+    return made_here(command or config.experiment, loaded.sha256) | {
+        "experiment": config.experiment,
         "config": {"origin": loaded.origin, "sha256": loaded.sha256, "tree": loaded.tree},
         "overrides": list(loaded.overrides),
         "seed": int(config.seed.si),
@@ -222,7 +230,6 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
             "max_step_s": config.solver.max_step.si,
         },
         "wall_time_s": round(seconds, 3),
-        "environment": environment(),
         "inputs": {str(path): sha256_of(path) for path in loaded.inputs},
     }
 
@@ -240,7 +247,25 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def environment() -> dict[str, Any]:
+class GitState(TypedDict):
+    """Commit of a checkout, and whether it has been changed."""
+
+    commit: str
+    dirty: bool
+
+
+class Environment(TypedDict):
+    """Python, machine, library versions and the state of the checkout, if this is one."""
+
+    python: str
+    platform: str
+    cpu: str | None
+    cpu_count: int | None
+    versions: dict[str, str]
+    git: GitState | None
+
+
+def environment() -> Environment:
     """Python, machine, library versions and the state of the checkout, if this is one."""
     return {
         "python": platform.python_version(),
@@ -260,7 +285,7 @@ def cpu_name() -> str | None:
     return next(iter(names), platform.processor() or None)
 
 
-def git_state() -> dict[str, Any] | None:
+def git_state() -> GitState | None:
     """Commit of the checkout the package runs from, and whether it has been changed; None elsewhere."""
     folder = Path(__file__).resolve().parent
 

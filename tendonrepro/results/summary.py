@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from itertools import accumulate, pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypedDict
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -186,19 +186,29 @@ def run_title(trace: Trace) -> str:
     return trace.name if is_user_law(trace) else trace.name.replace("_", " ").capitalize()
 
 
-def ranking(file: TraceFile) -> dict[str, dict[str, dict[str, Any]]]:
+class Ranking(TypedDict):
+    """An order of runs by size of error.
+
+    ``order`` has their names, best first and diverged ones last. ``agrees`` says whether that is the printed
+    order; None of another experiment than the paper's.
+    """
+
+    order: list[str]
+    agrees: bool | None
+
+
+def ranking(file: TraceFile) -> dict[str, dict[str, Ranking]]:
     """Order of all laws by size of error, and whether the printed order 1 < 2 < 3 holds.
 
     Returns
     -------
     dict
-        By joint and metric ``order``, names of the runs, best first and diverged ones last, and ``agrees``,
-        None of another experiment than the paper's.
+        By joint and metric.
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
-    result: dict[str, dict[str, dict[str, Any]]] = {}
+    result: dict[str, dict[str, Ranking]] = {}
     for metric in ("mae", "rmse") if len(runs) > 1 else ():
         sizes = np.array([table_errors(trace)[metric] for trace in runs])
         for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):

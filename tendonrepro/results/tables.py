@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from tendonrepro.files import write_atomically
 
-TableRows: TypeAlias = Sequence[Mapping[str, Any]]
+TableRows: TypeAlias = Sequence[Mapping[str, object]]
 """Rows by column name; where there is no value a column is left out or None."""
 
 TableColumns: TypeAlias = Mapping[str, tuple[str, str]]
@@ -43,6 +43,8 @@ class Table:
         In order; else all keys of the rows.
     terminal : sequence of str, optional
         Columns shown there, else all; no table if empty.
+    folder : str
+        Where in a result its files lie.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Table:
     columns: TableColumns | None = None
     terminal: Sequence[str] | None = None
     suffixes: Sequence[str] = ("csv", "md", "tex")
+    folder: str = "tables"
 
     def write(self, folder: Path) -> list[Path]:
         """Write its files into a folder; a TendonreproError where one cannot be written."""

@@ -10,18 +10,16 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, wraps
-from importlib import import_module
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
-from tendonrepro.studies.study import Answer
+from tendonrepro.studies.study import Answer, Study
 
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result
 
 P = ParamSpec("P")
-S = TypeVar("S")
 V = TypeVar("V")
 
 REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
@@ -32,14 +30,13 @@ REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the 
 class Command:
     """An entry of the registry.
 
-    `function` gives an `Answer`, or, where there is a `lifecycle`, what that module carries out: a `Study`.
+    `function` gives an `Answer`, or a `Study`, which the lifecycle carries out.
     """
 
     name: str
     panel: str
     example: str
-    function: Callable[..., Any]
-    lifecycle: str = ""
+    function: Callable[..., Answer[Any] | Study]
     has_dry_run: bool = False
 
     @cached_property
@@ -66,25 +63,19 @@ COMMANDS: dict[str, Command] = {}
 
 
 def study(
-    panel: str,
-    example: str,
-    lifecycle: str = "tendonrepro.studies.lifecycle",
-    *,
-    has_dry_run: bool = True,
-) -> Callable[[Callable[P, S]], Callable[P, Result]]:
-    """Make a function that checks and prepares a study a command; for Python it gives a result.
+    panel: str, example: str, *, has_dry_run: bool = True
+) -> Callable[[Callable[P, Study]], Callable[P, Result]]:
+    """Make a function that checks and prepares a study a command; for Python it gives a result."""
 
-    `lifecycle` is the module whose `carry_out` and `result_of` take what the function gives.
-    """
-
-    def register(function: Callable[P, S]) -> Callable[P, Result]:
+    def register(function: Callable[P, Study]) -> Callable[P, Result]:
         name = function.__name__
-        COMMANDS[name] = Command(name, panel, example, function, lifecycle, has_dry_run)
+        COMMANDS[name] = Command(name, panel, example, function, has_dry_run)
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> Result:
-            result: Result = import_module(lifecycle).result_of(name, function(*args, **kwargs))
-            return result
+            from tendonrepro.studies.lifecycle import result_of
+
+            return result_of(name, function(*args, **kwargs))
 
         return _public(call, COMMANDS[name])
 

@@ -26,7 +26,7 @@ Source: TypeAlias = Annotated[
     str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")
 ]
 Changes: TypeAlias = Annotated[
-    Sequence[str] | Mapping[str, Any] | None,
+    Sequence[str] | Mapping[str, object] | None,
     Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
 ]
 Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all noise.")]

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.formats import FORMATS, formats_of
-from tendonrepro.results.records import TraceFile
+from tendonrepro.results.records import Trace
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
-from tendonrepro.results.traces import TRACES, dataset_of, write_traces
-from tendonrepro.studies.outcome import Outcome, figure_formats
+from tendonrepro.results.traces import dataset_of
+from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
-
-    from tendonrepro.results.figures.style import Drawing
 
 
 @dataclass(eq=False, repr=False)
@@ -41,8 +39,11 @@ class Result:
     command: str
     _outcome: Outcome
     manifest: dict[str, Any]
-    _file: TraceFile | None = None
     _folder: Path | None = None
+
+    @property
+    def _runs(self) -> Mapping[str, Trace]:
+        return self._outcome.traces.runs if self._outcome.traces else {}
 
     @cached_property
     def data(self) -> dict[str, Any]:
@@ -50,19 +51,17 @@ class Result:
         return dict(self._outcome.data)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._file.runs if self._file else ())
+        return iter(self._runs)
 
     def __len__(self) -> int:
-        return len(self._file.runs) if self._file else 0
+        return len(self._runs)
 
     def __bool__(self) -> bool:
         return True
 
     def __getitem__(self, run: str) -> xr.Dataset:
         """Return a run with the dimensions time and joint; units stand in the attributes."""
-        if self._file is None or run not in self._file.runs:
-            raise KeyError(run)
-        return dataset_of(self._file.runs[run])
+        return dataset_of(self._runs[run])
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -78,18 +77,9 @@ class Result:
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property
-    def _drawings(self) -> Mapping[str, Callable[[], Drawing]]:
-        """How each figure is drawn; of an experiment all that its runs allow."""
-        if self._file is None:
-            return self._outcome.figures
-        from tendonrepro.results.figures.catalogue import available, draw
-
-        return {name: partial(draw, name, self._file) for name in available(self._file)}
-
-    @property
     def figures(self) -> list[str]:
         """Names that `plot` takes."""
-        return list(self._drawings)
+        return list(self._outcome.drawings)
 
     def plot(self, name: str | int) -> Figure:
         """Draw one of `figures`, by name or by its number in the paper.
@@ -99,7 +89,7 @@ class Result:
         UsageError
             When there is none, or the runs do not hold what it shows.
         """
-        drawings = self._drawings
+        drawings = self._outcome.drawings
         stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
         if stem not in drawings:
             message = f"this result of {self.command} has no figure {name}"
@@ -145,13 +135,12 @@ class Result:
         if self._folder is not None:
             take_over(self._folder, result.path, read_manifest(self._folder)["outputs"])
             return
-        outcome = replace(self._outcome, figures=self._drawings) if formats else self._outcome
-        outcome.save(result, self.command, formats)
-        if self._file is not None:
-            write_traces(result.path / TRACES, self._file)
+        self._outcome.write(result, self.command)
+        for _ in begin_drawing([(self._outcome, result.path)], formats):
+            pass
 
     def __repr__(self) -> str:
-        runs = f", {count_of(len(self), 'run')}" if self._file else ""
+        runs = f", {count_of(len(self), 'run')}" if self._outcome.traces else ""
         return f"<tendonrepro {self.command}{runs}, configuration {self.manifest['config']['sha256'][:8]}>"
 
     def __str__(self) -> str:

@@ -5,16 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.studies.parameters import FOLDER, Folder, Place
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.parallel import Start
     from tendonrepro.studies.outcome import Outcome
 
 V = TypeVar("V")
+V_co = TypeVar("V_co", covariant=True)
+
+
+class Site(NamedTuple):
+    """Where a study works: whom to tell of progress, and a folder for files of its own.
+
+    `start` begins work in other processes, as `workers` does; with `map` all is done in this one.
+    """
+
+    talk: Talk
+    files: Path
+    start: Start = map
 
 
 @dataclass(frozen=True)
@@ -23,30 +36,40 @@ class Study:
 
     Attributes
     ----------
-    loaded : LoadedConfig
-        What the manifest tells of; its digest is that of all that decides the results.
+    loaded : LoadedConfig, optional
+        What the manifest tells of; its digest is that of all that decides the results. None where no
+        configuration does.
     run : callable
-        Finds the outcome. Gets whom to tell of progress, and a folder for files of its own.
+        Finds the outcome, at a `Site`.
     keep : str
         Folder inside that one for finished parts, with which an interrupted study goes on.
     stays : bool
         Whether finished parts are part of the result, too.
-    numbers : str
-        Stem of the file of numbers; else the command's name.
+    place : Path, optional
+        Results folder, where none is named; else the command's own below reports.
+    numbers : str, optional
+        Stem of the file of numbers; else the command's name. None: traces hold them.
     plan : mapping
         What ``--json`` of a dry run says beside, or instead of, what it says of every study.
     stored : bool
         Whether results are written from Python, too, though no folder is named: they took long.
+    shown : bool
+        Whether results are only shown, and nothing is written.
+    lists_files : bool
+        Whether ``--json`` names every file.
     """
 
-    loaded: LoadedConfig
-    run: Callable[[Talk, Path], Outcome]
+    loaded: LoadedConfig | None
+    run: Callable[[Site], Outcome]
     folder: Place = field(default_factory=Place)
     keep: str = ""
     stays: bool = False
     stored: bool = False
-    numbers: str = ""
-    plan: Mapping[str, Any] = field(default_factory=dict)
+    shown: bool = False
+    lists_files: bool = False
+    place: Path | None = None
+    numbers: str | None = ""
+    plan: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def options(self) -> Folder:
@@ -55,12 +78,12 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Answer(Generic[V]):
+class Answer(Generic[V_co]):
     """What a command tells: `data` as JSON, `text` in words, and its `value` to Python."""
 
-    data: Mapping[str, Any]
+    data: Mapping[str, object]
     text: str
-    value: V
+    value: V_co
     exit_code: int = 0
 
 

@@ -50,7 +50,7 @@ def tune(
     """
     from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.experiments.user_law import laws_of
-    from tendonrepro.tuning.command import Effort, tuning
+    from tendonrepro.tuning.tuning import Effort, tuning
 
     effort = Effort(plants, searches, generations, population)
     effort.check()

@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Unpack
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, study
 from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Seed, Source
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Site, Study
+
+if TYPE_CHECKING:
+    from tendonrepro.studies.outcome import Outcome
 
 
 @study(DATA, "tendonrepro validate data/measured.h5")
@@ -39,6 +42,8 @@ def validate(
     base = load_config(config, experiment, overrides=set, seed=seed)
     digest = digest_of({"config": base.sha256, "measured": sha256_of(path)})
     base = replace(base, sha256=digest, inputs=(*base.inputs, path))
-    return Study(
-        base, lambda talk, files: validation_outcome(file, path, base, files, talk), folder, stored=True
-    )
+
+    def run(site: Site) -> "Outcome":
+        return validation_outcome(file, path, base, site.files, site.talk)
+
+    return Study(base, run, folder, stored=True)

@@ -88,7 +88,8 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
         "missing": [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing,
     }
     figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
-    return Outcome(data, [*_parts(data, measured, paper)], figures, {"experiment": "validate"})
+    parts, manifest = [*_parts(data, measured, paper)], {"experiment": "validate"}
+    return Outcome(data, parts, figures, manifest, diverged="diverged" in status.values())
 
 
 def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:

@@ -1,16 +1,14 @@
 """The command that judges the paper's claims."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Formats, Word
-
-if TYPE_CHECKING:
-    from tendonrepro.verdicts.command import Asked
+from tendonrepro.studies.parameters import Folder, Formats, Word
+from tendonrepro.studies.study import Study
 
 
-@study(EXPLORE, "tendonrepro claims C2", "tendonrepro.verdicts.command", has_dry_run=False)
+@study(EXPLORE, "tendonrepro claims C2", has_dry_run=False)
 def claims(
     *ids: Annotated[str, Word(metavar="[ID]...")],
     out: Path | str = Path("reports"),
@@ -21,7 +19,7 @@ def claims(
     formats: Formats = None,
     figures: bool = True,
     force: bool = False,
-) -> "Asked":
+) -> Study:
     """The verdict on every published number and claim.
 
     The command line writes the ledger, if no claims are named. Python writes nothing.
@@ -45,16 +43,14 @@ def claims(
     force
         Overwrite edited verdicts, or those of others.
     """
-    from tendonrepro.results.formats import formats_of
-    from tendonrepro.verdicts.command import Asked
+    from tendonrepro.verdicts.ledger import claims_study
 
-    return Asked(
-        out=Path(out),
-        ids=ids,
+    return claims_study(
+        Path(out),
+        ids,
         baseline=None if baseline is None else Path(baseline),
         measured=None if measured is None else Path(measured),
         check=check,
         every=all,
-        force=force,
-        formats=formats_of(formats, figures=figures),
+        folder=Folder(formats=formats, figures=figures, force=force),
     )

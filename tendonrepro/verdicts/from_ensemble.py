@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
@@ -149,7 +148,7 @@ def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Deci
     return rules.of_claim(wholes[best], overall), evidence
 
 
-def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[dict[str, Any]]:
+def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
     rows = []
     for one in statements:
         share = _share(plants, one.holds, counted)

@@ -134,7 +134,7 @@ def decoupling(file: TraceFile) -> Judged:
     return Judged(of_model(decided), None, rows | {"remarks": remarks})
 
 
-def _agreement(size: Array, reach: Array) -> dict[str, Any]:
+def _agreement(size: Array, reach: Array) -> Evidence:
     statements = {
         "joint 3's error is the largest": size[2] > size[:2].max(),
         f"joint 1's error is below {100 * TINY:g} % of its range": size[0] < TINY * reach[0],

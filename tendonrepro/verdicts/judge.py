@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, ErrorOf, formula_of
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Judged, changing, missing
+from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Evidence, Judged, changing, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 
@@ -57,7 +56,7 @@ class Verdict:
     rule: str
     verdict: str
     borderline: bool
-    evidence: Mapping[str, Any]
+    evidence: Evidence
     depends_on: tuple[str, ...]
     readings_that_change_it: tuple[str, ...]
     repeats: str | None = None

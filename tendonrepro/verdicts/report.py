@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
@@ -77,13 +76,11 @@ def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = No
     }
 
 
-def write_claims(
-    verdicts: Sequence[Verdict], folder: Path, ensemble: Mapping[str, Any] | None = None
-) -> None:
-    """Write ``claims.json``, ``.csv`` and ``.md``; `ensemble` as in `as_data`."""
-    write_atomically(folder / "claims.json", to_json(as_data(verdicts, ensemble)))
+def claims_table(verdicts: Sequence[Verdict]) -> Table:
+    """``claims.csv`` and ``.md``, beside ``claims.json``."""
     caption = " ".join([CAPTION, *shipped_note(verdicts)])
-    Table("claims", caption, [_row(verdict) for verdict in verdicts], suffixes=("csv", "md")).write(folder)
+    rows = [_row(verdict) for verdict in verdicts]
+    return Table("claims", caption, rows, terminal=(), suffixes=("csv", "md"), folder="")
 
 
 def _row(verdict: Verdict) -> dict[str, Any]:

@@ -49,6 +49,7 @@ NO_POWER = 0.5
 
 Mask: TypeAlias = NDArray[np.bool_]
 Evidence: TypeAlias = dict[str, Any]
+"""What a verdict rests on; its keys differ from rule to rule."""
 Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import share_of
 from tendonrepro.physics.arm import weight_moment
 from tendonrepro.physics.statics import SLACK, tendon_tension
-from tendonrepro.verdicts.rules import Decision, Judged, Mask, of_claim, of_courses
+from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, of_claim, of_courses
 
 MARGINS = (5.0, 10.0, 20.0)
 """How far every link stays away from the edges of the half-plane, deg; a verdict has to hold for all."""
@@ -44,8 +44,12 @@ def tension(data: EnsembleData | None) -> Judged:
     """T1 on the draws of an ensemble, else of the shipped box."""
     config = load_config(None, "decouple").config
     machines = machines_of(data, config.manipulator)
-    rows = [_course(course, mechanism(config, course), machines) for course in COURSES]
-    evidence = {
+    decisions = {}
+    rows: list[Evidence] = []
+    for course in COURSES:
+        decisions[course], row = _course(course, mechanism(config, course), machines)
+        rows.append(row)
+    evidence: Evidence = {
         "courses": rows,
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
         "remarks": [
@@ -53,14 +57,13 @@ def tension(data: EnsembleData | None) -> Judged:
             "that a motor's pull is constant is an input of the model, no result",
         ],
     }
-    readings = {f"tensioner={row['course']}": row["verdict"] for row in rows}
+    readings = {f"tensioner={course}": decision.verdict for course, decision in decisions.items()}
     # The claim is about tendon 4, so a machine without it can tell nothing.
     readings["tensioner=absent"] = "not_testable"
-    decision = of_courses([Decision(row["verdict"], row["borderline"]) for row in rows])
-    return Judged(decision, None, evidence, readings)
+    return Judged(of_courses(list(decisions.values())), None, evidence, readings)
 
 
-def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]:
+def _course(course: str, route: Mechanism, machines: Machines) -> tuple[Decision, Evidence]:
     travel = route.travel()
     shares, decisions = {}, []
     for margin in MARGINS:
@@ -69,9 +72,10 @@ def _course(course: str, route: Mechanism, machines: Machines) -> dict[str, Any]
         whole, opposite, kept = (share_of(hits, machines.replicate) for hits in masks)
         decisions.append(of_claim(whole, opposite))
         shares[f"at_{margin:g}_deg"] = asdict(kept) | {"verdict": decisions[-1].verdict}
-    return {
+    decision = of_courses(decisions)
+    return decision, {
         "course": course,
-        **asdict(of_courses(decisions)),
+        **asdict(decision),
         "every_tendon_tense": shares,
         "spring_varies": travel > 0.0,
         "length_change_mm": 1e3 * travel,
@@ -107,7 +111,7 @@ def machines_of(data: EnsembleData | None, manipulator: Manipulator) -> Machines
     else:
         names, draws, replicate = _shipped_draws()
     draw = dict(zip(names, draws.T, strict=True))
-    tree: dict[str, Any] = {}
+    tree: dict[str, dict[str, Array]] = {}
     put_links(tree, draw)
     links = {key: np.array(tree[key]["value"]) for key in ("length", "mass", "com")}
     for key, values in links.items():

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tendonrepro.configuration.command import checked, shown
+from tendonrepro.configuration.any_kind import checked, shown
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.own_arm import init_arm

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tendonrepro.configuration.command import checked, init_config, json_schema
+from tendonrepro.configuration.any_kind import checked, init_config, json_schema
 from tendonrepro.configuration.load import CompareConfig, load_config, shipped_folder, shipped_names
 from tendonrepro.configuration.quantity import Quantity
 from tendonrepro.configuration.strict_yaml import read_text

@@ -13,7 +13,7 @@ from support import synthetic_record
 from support.matlab_bytes import classic, objects, record, records, timeseries
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.command import run_ingest, run_inspect
+from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available

@@ -18,7 +18,7 @@ from support.command import answer
 from support.matlab_bytes import classic, record, records
 
 from tendonrepro.console import Talk
-from tendonrepro.dataset.command import run_ingest, run_inspect
+from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.traces import read_traces, write_traces

@@ -21,7 +21,7 @@ from typer.main import get_command
 
 import tendonrepro
 from tendonrepro.cli.app import app
-from tendonrepro.configuration.command import json_schema
+from tendonrepro.configuration.any_kind import json_schema
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import (
     ExperimentName,

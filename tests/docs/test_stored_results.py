@@ -17,8 +17,8 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.monte_carlo.block import loops_of
-from tendonrepro.monte_carlo.command import load_study
 from tendonrepro.monte_carlo.data import Block
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch, simulate_batch

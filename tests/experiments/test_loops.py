@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.overrides import on_plain_arm, quantity
 
-from tendonrepro.configuration.command import init_config
+from tendonrepro.configuration.any_kind import init_config
 from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments import loops

@@ -15,7 +15,7 @@ def mixed():
 def no_figures():
     """Figures take most of the time of a run and have tests of their own."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("tendonrepro.monte_carlo.command.ensemble_figures", lambda *_: {})
+        patched.setattr("tendonrepro.monte_carlo.ensemble.ensemble_figures", lambda *_: {})
         yield
 
 

@@ -20,7 +20,7 @@ pytestmark = [
 def context():
     """Processes that start with everything imported, so that kills hit the work and not the imports."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["support.fake_batch", "tendonrepro.monte_carlo.command"])
+    context.set_forkserver_preload(["support.fake_batch", "tendonrepro.monte_carlo.ensemble"])
     return context
 
 

@@ -8,7 +8,7 @@ from support.fake_batch import small_study
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo import plan
-from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.ensemble import load_study
 
 
 def test_blocks_hold_every_draw_once():

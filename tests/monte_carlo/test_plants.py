@@ -14,7 +14,7 @@ from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import Box, configured, scrambled_sobol
-from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.monte_carlo.plants import Draws
 

@@ -5,7 +5,7 @@ import json
 import pytest
 from support.html_page import read_page
 
-from tendonrepro.reporting.command import page
+from tendonrepro.reporting.page import page
 from tendonrepro.reporting.stored import stored_under
 
 LIKE_HTML = "a<b & <i>c</i>"

@@ -12,8 +12,8 @@ from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.reporting import contents
-from tendonrepro.reporting.command import page, pictures, plate
 from tendonrepro.reporting.contents import percent
+from tendonrepro.reporting.page import page, pictures, plate
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.report import MAIN, in_words

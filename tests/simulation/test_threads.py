@@ -17,7 +17,7 @@ from tendonrepro.configuration.models.readings import case_of, parse_reading
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.monte_carlo.box import scrambled_sobol
-from tendonrepro.monte_carlo.command import load_study
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import batch, crowd, device

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from tendonrepro.console import Talk
-from tendonrepro.monte_carlo.command import ensemble_study, load_study
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
+from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
@@ -82,7 +82,7 @@ def slow_batch(loops, limits):
 
 def run_small(folder, jobs):
     """Body of a process that may be killed: figures left out, for they are no part of what is resumed."""
-    from tendonrepro.monte_carlo import command as ensemble
+    from tendonrepro.monte_carlo import ensemble
 
     ensemble.ensemble_figures = lambda *_: {}
     run_ensemble_of(folder, jobs=jobs)

@@ -7,7 +7,7 @@ import pytest
 
 import tendonrepro as tr
 from tendonrepro.console import Talk
-from tendonrepro.dataset.command import run_ingest, run_inspect
+from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.results.traces import read_traces
 

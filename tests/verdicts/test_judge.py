@@ -1,7 +1,6 @@
 """The ledger: what changes a verdict, what is missing, what decides, and how it is written."""
 
 import csv
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from support.synthetic import make_compare_file
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.report import as_data, table_text, write_claims
+from tendonrepro.verdicts.report import as_data, claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL, LONGER
 
@@ -138,16 +137,14 @@ class TestLedger:
         assert changed({}, now[:1]) == {now[0].id: (None, "exact")}
 
     def test_files(self, found, tmp_path):
-        write_claims(found, tmp_path)
-        paths = [tmp_path / f"claims.{suffix}" for suffix in ("json", "csv", "md")]
-        content = json.loads(paths[0].read_text(encoding="utf-8"))
-        assert [claim["id"] for claim in content["claims"]] == [v.id for v in found]
-        with paths[1].open(encoding="utf-8", newline="") as file:
+        paths = claims_table(found).write(tmp_path)
+        assert [path.name for path in paths] == ["claims.csv", "claims.md"]
+        with paths[0].open(encoding="utf-8", newline="") as file:
             rows = {row["id"]: row for row in csv.DictReader(file)}
         assert rows["E1"]["verdict"] == "contradicted"
         assert float(rows["table2.controller_1.mae.joint_2"]["also_passing"]) > 0.0
         assert (rows["S.21"]["repeats"], rows["K1"]["repeats"]) == ("K1", "")
-        assert "| E1 | section 4.2 |" in paths[2].read_text(encoding="utf-8")
+        assert "| E1 | section 4.2 |" in paths[1].read_text(encoding="utf-8")
 
 
 def test_which_unknown_decides(data, paper):

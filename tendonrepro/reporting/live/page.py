@@ -76,7 +76,7 @@ APART = {
 }
 """Starts, deg, found by hand: with them the plain arm comes near to Table 2."""
 
-VARIANTS: Sequence[dict[str, Any]] = (
+VARIANTS: Sequence[dict[str, object]] = (
     {
         "name": "no_acceleration",
         "of": "published",
@@ -118,9 +118,9 @@ class Library:
 
     functions: dict[str, str] = field(default_factory=dict)
     models: list[str] = field(default_factory=list)
-    knobs: list[dict[str, Any]] = field(default_factory=list)
+    knobs: list[dict[str, object]] = field(default_factory=list)
 
-    def knob(self, held: dict[str, Any]) -> int:
+    def knob(self, held: dict[str, object]) -> int:
         """Number of what is said of a control, new or known."""
         if held not in self.knobs:
             self.knobs.append(held)
@@ -185,7 +185,7 @@ def comparison(loaded: LoadedConfig) -> CompareConfig:
     return config
 
 
-def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Library) -> dict[str, Any]:
+def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Library) -> dict[str, object]:
     """A configuration as the page's script takes it."""
     config = comparison(loaded)
     loops = all_loops(loaded)
@@ -227,7 +227,7 @@ def _notes(loops: Mapping[str, Loop]) -> list[str]:
     return notes
 
 
-Control: TypeAlias = tuple[dict[str, Any], tuple[float, float]]
+Control: TypeAlias = tuple[dict[str, object], tuple[float, float]]
 """What is said of a control under any configuration; its value, and the file's unit in the page's."""
 
 
@@ -263,7 +263,7 @@ def _control(
     knob: Knob,
     entry: int | None,
     part: str,
-    at: dict[str, Any],
+    at: dict[str, object],
     run: str | None = None,
 ) -> Control:
     """One number that can be moved, and where it goes."""
@@ -308,9 +308,9 @@ def _rules(parts: Iterable[Any]) -> Iterator[Physical]:
         yield from _rules(get_args(part))
 
 
-def _limits(rule: Physical, unit: str) -> dict[str, Any]:
+def _limits(rule: Physical, unit: str) -> dict[str, object]:
     """Numbers that the configuration allows, in a unit; where there is no limit, none is named."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for name, limit in rule.limits.items():
         side = "least" if name in ("above", "at_least") else "most"
         found[side] = limit / to_si(1.0, unit)
@@ -319,7 +319,7 @@ def _limits(rule: Physical, unit: str) -> dict[str, Any]:
     return found
 
 
-def _choices(config: CompareConfig) -> list[dict[str, Any]]:
+def _choices(config: CompareConfig) -> list[dict[str, object]]:
     numbers = len(inputs_of(config).numbers)
     found = []
     for k, choice in enumerate(choices_of(config)):
@@ -361,7 +361,7 @@ def _label(run: str) -> str:
     return f"{words} with payload" if run.endswith(PAYLOAD) else words
 
 
-def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> list[dict[str, Any]]:
+def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> list[dict[str, object]]:
     """Runs with their steps a sample, by the rule of the batch, and the printed errors."""
     places = dict(enumerate(loops.values()))
     steps = {name: int(rule.max()) for name, rule in zip(loops, _steps(places), strict=True)}
@@ -398,9 +398,9 @@ def _steps(loops: Mapping[int, Loop]) -> list[Any]:
     return [*plant_needs(loops, TOLERANCE, map)[0].values()]
 
 
-def _tables(config: CompareConfig) -> list[dict[str, Any]]:
+def _tables(config: CompareConfig) -> list[dict[str, object]]:
     compared = [name for name in config.runs if not name.endswith(PAYLOAD)]
-    tables = [
+    tables: list[dict[str, object]] = [
         {
             "caption": "Table 2, mean errors of the runs",
             "rows": [{"run": name, "label": _label(name)} for name in compared],
@@ -413,9 +413,9 @@ def _tables(config: CompareConfig) -> list[dict[str, Any]]:
     return tables
 
 
-def _figures(config: CompareConfig) -> list[dict[str, Any]]:
+def _figures(config: CompareConfig) -> list[dict[str, object]]:
     compared = [name for name in config.runs if not name.endswith(PAYLOAD)]
-    figures = [
+    figures: list[dict[str, object]] = [
         {"title": "Fig. 14: tracking", "runs": compared, "quantities": ["q", "e"]},
         {
             "title": "Fig. 15: sliding variable, estimate and torque",
@@ -434,13 +434,13 @@ def _figures(config: CompareConfig) -> list[dict[str, Any]]:
     return figures
 
 
-def _tries(config: CompareConfig) -> list[dict[str, Any]]:
+def _tries(config: CompareConfig) -> list[dict[str, object]]:
     """Changes of one thing that show what it does."""
 
     def alpha(value: float) -> dict[str, float]:
         return {f"control.gains.alpha.{joint}": value for joint in config.joints}
 
-    tries: list[dict[str, Any]] = [
+    tries: list[dict[str, object]] = [
         {"label": "α = 0", "set": alpha(0.0)},
         {"label": "α = 0.5", "set": alpha(0.5)},
     ]
@@ -455,12 +455,14 @@ def _tries(config: CompareConfig) -> list[dict[str, Any]]:
     return tries
 
 
-def build_page(presets: Sequence[dict[str, Any]], library: Library) -> str:
+def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
     """The HTML file."""
-    first = next(one["tree"] for one in presets if "tree" in one)
+    trees = [tree for preset in presets if isinstance(tree := preset.get("tree"), dict)]
     short = [
-        one if one.get("tree", first) is first else one | {"tree": _changes(one["tree"], first)}
-        for one in presets
+        preset | {"tree": _changes(tree, trees[0])}
+        if isinstance(tree := preset.get("tree"), dict) and tree is not trees[0]
+        else preset
+        for preset in presets
     ]
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
@@ -474,9 +476,9 @@ def build_page(presets: Sequence[dict[str, Any]], library: Library) -> str:
     return re.sub("|".join(parts), lambda found: parts[found[0]], _file("page.html"))
 
 
-def _changes(tree: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
+def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[str, object]:
     """What to lay over another configuration for this one; None takes a key away."""
-    found: dict[str, Any] = {key: None for key in first if key not in tree}
+    found: dict[str, object] = {key: None for key in first if key not in tree}
     for key, value in tree.items():
         held = first.get(key)
         if isinstance(value, dict) and isinstance(held, dict):
@@ -487,7 +489,7 @@ def _changes(tree: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any
     return found
 
 
-def _script_json(data: Any) -> str:
+def _script_json(data: object) -> str:
     """JSON that cannot end a script."""
     return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
 
@@ -501,7 +503,7 @@ def _compact(name: str) -> str:
     return re.sub(r"^(\s+|//.*\n)+", "", _file(name), flags=re.M)
 
 
-def shipped_presets(library: Library) -> list[dict[str, Any]]:
+def shipped_presets(library: Library) -> list[dict[str, object]]:
     """The presets that tell the paper's story; a variant is another preset with some values changed."""
     published_ = preset(
         load_config("plain", "compare"),

@@ -10,8 +10,8 @@ from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, wh
 
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.reporting.command import run_report
 from tendonrepro.reporting.contents import OF_ANSWER
+from tendonrepro.reporting.page import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
 

@@ -26,6 +26,7 @@ from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.study import Site
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
@@ -65,11 +66,11 @@ class Tuned:
         """Folder of finished plants; those of another tuning are not taken up."""
         return f"plants-{self.base.sha256[:16]}"
 
-    def outcome(self, talk: Talk, folder: Path) -> Outcome:
+    def outcome(self, site: Site) -> Outcome:
         """Find usable plants, tune on them, and compare the laws."""
         task = self.task
         numbers = _usable(task, self.plants, every=self.any_plant)
-        drawn = _tuned(task, numbers, folder / self.states, self.jobs, talk)
+        drawn = _tuned(task, numbers, site.files / self.states, self.jobs, site.talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": task.seed, "solver": solver}
         return replace(outcome(task, drawn), manifest=head | {"ensemble_sha256": task.loaded.sha256})

@@ -16,7 +16,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.identification import command
+from tendonrepro.identification import searches
 from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.reporting.contents import quantities
@@ -43,9 +43,9 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
-        patch.setattr(command, "simulate_batch", made_up)
+        patch.setattr(searches, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
-        patch.setattr(command, "published", lambda: paper or made_up_paper())
+        patch.setattr(searches, "published", lambda: paper or made_up_paper())
         study = COMMANDS["identify"].function(**asked, out=out, force=force)
         return carry_out("identify", study, QUIET, dry_run=dry_run).data
 
@@ -225,7 +225,7 @@ def truth():
 
 @pytest.mark.slow
 def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "published", lambda: paper_with(truth, decimals=6))
+    monkeypatch.setattr(searches, "published", lambda: paper_with(truth, decimals=6))
     effort = {"generations": 40, "population": 24, "seeds": 2}
     asked = {"readings": EXTRAPOLATING, "unknowns": 40, "set": OVERRIDES, "out": tmp_path / "out"}
     found = tr.identify(**effort, **asked).data["readings"][0]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.orders import Order
 from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
 
@@ -20,13 +18,22 @@ _MARK = b'<meta name="generator" content="live page of tendonrepro'
 """What every page has near its beginning."""
 
 
+class Page(TypedDict):
+    """What ``--json`` prints of a page: its file, size, and names of its presets."""
+
+    schema_version: int
+    path: str
+    bytes: int
+    presets: list[str]
+
+
 def check_target(path: Path, *, force: bool) -> None:
     """Raise a UsageError where a page would replace what is none; `force` allows that for files."""
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
     refuse_existing(path, force=force or earlier)
 
 
-def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[str, Any]:
+def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> Page:
     """Write the page, a user's configuration among its presets; return what ``--json`` prints.
 
     It replaces an earlier page, any other file with `force` alone.
@@ -44,15 +51,12 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> dict[
         presets.insert(0, preset(loaded, "own", "Your configuration", about, library))
     content = build_page(presets, library).encode()
     write_atomically(path, content)
-    names = [one["name"] for one in presets]
+    names = [str(preset["name"]) for preset in presets]
     return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
 
 
-def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, Any]:
-    """Write the page beside results of orders; a comparison of the user's own is among its presets."""
-    (compare, *_) = (order for order in orders if order.experiment == "compare")
-    loaded = compare.load() if compare.config is not None or compare.changes else None
-    force = compare.options["force"]
+def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> Page:
+    """Write the page; it has no preset of a user's own configuration that it cannot run."""
     try:
         return write_page(path, loaded, force=force)
     except UsageError as error:
@@ -60,6 +64,6 @@ def page_beside(path: Path, orders: Sequence[Order], talk: Talk) -> dict[str, An
         return write_page(path, None, force=force)
 
 
-def live_text(found: dict[str, Any]) -> str:
+def live_text(page: Page) -> str:
     """What the terminal says."""
-    return f"{found['path']}: {found['bytes'] / 1e3:.0f} kB, open it in a browser"
+    return f"{page['path']}: {page['bytes'] / 1e3:.0f} kB, open it in a browser"

@@ -14,8 +14,8 @@ from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensembl
 from tendonrepro import files
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.monte_carlo.command import load_study
 from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.results.figures.style import Drawing
 
 QUIET = Talk(quiet=True)
@@ -31,7 +31,7 @@ def test_figures_are_written(unbroken, monkeypatch):
     def draw():
         return Drawing("one", Figure(), [], "")
 
-    monkeypatch.setattr("tendonrepro.monte_carlo.command.ensemble_figures", lambda *_: {"one": draw})
+    monkeypatch.setattr("tendonrepro.monte_carlo.ensemble.ensemble_figures", lambda *_: {"one": draw})
     run_ensemble_of(unbroken)
     assert (unbroken / "figures" / "one.svg").exists()
 

@@ -16,7 +16,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import Source
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.console import Talk, count_of
+from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
@@ -33,6 +33,7 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.study import Site
 from tendonrepro.studies.study import Study as Runnable
 
 
@@ -93,7 +94,8 @@ def ensemble_study(
     make, processes = partial(make_blocks, study, simulate=simulate), jobs if study.device == "cpu" else 1
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
-    def run(talk: Talk, files: Path) -> Outcome:
+    def run(site: Site) -> Outcome:
+        talk, files = site.talk, site.files
         shards = files / SHARDS
         _take_over(earlier, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}

@@ -10,22 +10,27 @@ from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
-from tendonrepro.verdicts.command import Asked, run_claims, shipped_ledger, with_shipped
+from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.report import write_claims
+from tendonrepro.verdicts.ledger import claims_study, shipped_ledger, with_shipped
+from tendonrepro.verdicts.report import as_data
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 
 
-def claimed(out, ids=(), **asked):
-    return run_claims(Asked(out, ids, **asked), Talk(quiet=True))
+def claimed(out, ids=(), *, force=False, talk=None, **asked):
+    """What the command answers."""
+    study = claims_study(out, ids, folder={"force": force}, **asked)
+    return carry_out("claims", study, talk or Talk(quiet=True))
 
 
 def test_a_baseline_tells_what_changed(tmp_path):
     verdicts = with_shipped(judge_all(Sources()), shipped_ledger())
-    write_claims([replace(one, verdict="exact") if one.id == "C2" else one for one in verdicts], tmp_path)
     path = tmp_path / "claims.json"
+    earlier = [replace(one, verdict="exact") if one.id == "C2" else one for one in verdicts]
+    path.write_text(to_json(as_data(earlier)), encoding="utf-8")
     assert claimed(tmp_path / "none", baseline=path).data["changed"] == {"C2": ("exact", "not_met")}
     for content in (path.read_bytes()[:-100], b"[]", b'{"claims": [1]}', None):
         path.write_bytes(content) if content else path.unlink()
@@ -41,16 +46,16 @@ def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
     fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
     for stored, told in ((file, ""), (replace(file, runs=runs), str(tmp_path)), (fitted, str(tmp_path))):
         write_traces(tmp_path / "compare" / TRACES, stored)
-        (number,) = run_claims(Asked(tmp_path, ("table2.controller_1.mae.joint_2",)), Talk()).verdicts
+        (number,) = claimed(tmp_path, ["table2.controller_1.mae.joint_2"], talk=Talk()).data["claims"]
         assert told in capsys.readouterr().err
-        assert ("shipped_run" in number.evidence) != bool(told)
+        assert ("shipped_run" in number["evidence"]) != bool(told)
 
 
 def test_the_measured_file_is_read(tmp_path):
     path = tmp_path / "SYNTHETIC.h5"
     write_traces(path, make_compare_file(**FEW, source="measured"))
-    (claim,) = claimed(tmp_path, ["C2"], measured=path).verdicts
-    assert "verdict" in claim.evidence["measured"]
+    (claim,) = claimed(tmp_path, ["C2"], measured=path).data["claims"]
+    assert "verdict" in claim["evidence"]["measured"]
 
 
 def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
@@ -102,9 +107,14 @@ class TestFreshClone:
         for key in ("draws", "tendonrepro_version", "created"):
             assert str(origin[key]).partition("T")[0] in ledger.text
 
-    def test_they_count_for_a_check_as_any_verdict_does(self, ledger):
-        failing = {name for name, one in entries(ledger.data).items() if one["verdict"] in FAILURES}
-        assert set(ledger.failed) == failing != set()
+    def test_they_count_for_a_check_as_any_verdict_does(self, ledger, tmp_path):
+        failing = [
+            name
+            for name, one in entries(ledger.data).items()
+            if one["shipped"] and one["verdict"] in FAILURES
+        ]
+        assert claimed(tmp_path, failing[:1], check=True).exit_code == AGAINST
+        assert ledger.exit_code == 0
 
 
 def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
@@ -121,8 +131,8 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     (tmp_path / "ensemble").mkdir()
     (tmp_path / "ensemble" / PLAN).touch()
     (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
-    monkeypatch.setattr("tendonrepro.verdicts.command.read_ensemble", lambda _: own)
-    monkeypatch.setattr("tendonrepro.verdicts.command.rankings", lambda _: {})
+    monkeypatch.setattr("tendonrepro.verdicts.ledger.read_ensemble", lambda _: own)
+    monkeypatch.setattr("tendonrepro.verdicts.ledger.rankings", lambda _: {})
     ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}

@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 import math
 import re
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import jinja2
 from markdown_it import MarkdownIt
@@ -37,7 +38,17 @@ _COLUMN_PT = 300.0
 _READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
-def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]:
+class ReportFile(TypedDict):
+    """What ``--json`` prints: the page, where its parts come from, and why other folders are not shown."""
+
+    schema_version: int
+    path: str
+    bytes: int
+    parts: dict[str, str]
+    left_out: Mapping[str, str]
+
+
+def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
     """Write the page of the folder above the results, or of one; return what ``--json`` prints.
 
     It replaces an earlier page; any other file with `force` alone.
@@ -65,11 +76,16 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> dict[str, Any]
     write_atomically(path, content)
     # What the package stores is of the paper's arm.
     parts = {name: origin for name, origin in found.origins.items() if not found.own_arm or origin == "run"}
-    told = {"parts": parts, "left_out": found.left_out}
-    return {"schema_version": 1, "path": str(path), "bytes": len(content), **told}
+    return {
+        "schema_version": 1,
+        "path": str(path),
+        "bytes": len(content),
+        "parts": parts,
+        "left_out": found.left_out,
+    }
 
 
-def report_text(found: dict[str, Any]) -> str:
+def report_text(found: ReportFile) -> str:
     """What the terminal says."""
     lines = [f"{found['path']}: {found['bytes'] / 1e6:.1f} MB, open it in a browser"]
     told = {
@@ -114,7 +130,7 @@ def page(found: Stored) -> str:
     )
 
 
-def part(name: str, folder: Path) -> dict[str, Any]:
+def part(name: str, folder: Path) -> dict[str, object]:
     """Figures and tables of an experiment, none if it was not run; or of the result of another command."""
     others = sorted(path.stem for path in folder.glob("tables/*.md"))
     title, tables = PARTS.get(name, (f"The result of tendonrepro {name}", others))
@@ -133,7 +149,7 @@ def pictures(folder: Path) -> list[Path]:
     return [found[name] for name in sorted(found)]
 
 
-def plate(path: Path) -> dict[str, Any]:
+def plate(path: Path) -> dict[str, object]:
     """A figure with the caption that lies beside it; narrow ones stand side by side."""
     image, caption = path.read_bytes(), path.with_suffix(".txt")
     return {
@@ -189,7 +205,7 @@ def line(markdown: str) -> Markup:
     return Markup(re.sub(r"<code>[^<]*", lambda code: re.sub(r"([+._])", r"\1<wbr>", code[0]), html))
 
 
-def _unbroken(html: Any) -> str:
+def _unbroken(html: object) -> str:
     """A unit stays with its number, and a line may end between two numbers."""
     html = re.sub(r"(?<=\d)/(?=\d)", "/<wbr>", str(html))
     return re.sub(r"(?<=\d) (?=%|N m\b|rad|ms\b|Hz\b|kg\b)", "\u00a0", html).replace("N m", "N\u00a0m")

@@ -46,7 +46,7 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Site, Study
 
 Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
@@ -197,8 +197,8 @@ def identification(
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
     states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
 
-    def run(talk: Talk, files: Path) -> Outcome:
-        return _outcome(task, head, _searches(task, files / states, jobs, talk), files)
+    def run(site: Site) -> Outcome:
+        return _outcome(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
 
     base = replace(loaded.base, sha256=identity)
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))

@@ -1,60 +1,53 @@
-"""What ``tendonrepro claims`` does."""
+"""The verdicts on the paper's claims, judged by what lies below the results, as a study."""
 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from tendonrepro import __version__
-from tendonrepro.configuration.load import load_config
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import refuse_file, shipped, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
-from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.store import NewResult, environment, make_manifest, read_manifest, replaced
+from tendonrepro.results.store import read_manifest
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
+from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
-from tendonrepro.studies.outcome import Outcome, figure_formats
-from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Answer
-from tendonrepro.verdicts.judge import SCHEMA_VERSION, Sources, Verdict, changed, judge_all
+from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.study import Site, Study
+from tendonrepro.verdicts.judge import Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
-from tendonrepro.verdicts.report import as_data, changes_text, details_text, table_text, write_claims
+from tendonrepro.verdicts.report import as_data, changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES, ByChoice
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
 
+if TYPE_CHECKING:
+    from tendonrepro.results.figures.style import Drawing
+
 FOLDER = "claims"
 ENSEMBLE = "ensemble"
-AGAINST = 3
-"""Exit code of a check that fails."""
 
 
-class Ledger(NamedTuple):
-    """Verdicts, as `text` for a terminal and as `data` for ``--json``.
+def claims_study(
+    above: Path,
+    ids: Sequence[str] = (),
+    *,
+    baseline: Path | None = None,
+    measured: Path | None = None,
+    check: bool = False,
+    every: bool = False,
+    folder: Folder,
+) -> Study:
+    """Prepare the judging of claims.
 
-    `failed` are the claims that fail a check; with a baseline, those that changed.
-    """
-
-    verdicts: tuple[Verdict, ...]
-    failed: tuple[str, ...]
-    text: str
-    data: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is asked of the ledger.
-
-    Attributes
+    Parameters
     ----------
-    out : Path
+    above : Path
         Folder above the results.
     ids : sequence of str
         Claims to show with all their evidence; nothing is written then.
@@ -62,93 +55,58 @@ class Asked:
         An earlier ``claims.json``; only changes fail a check then.
     measured : Path, optional
         By default ``data/measured.h5``.
+    check : bool
+        Whether a verdict against the paper fails the command.
     every : bool
         Show more than the main claims.
-    force : bool
-        Overwrite what no ledger wrote.
-    formats : sequence of str
-        Of the picture.
-    """
-
-    out: Path
-    ids: Sequence[str] = ()
-    baseline: Path | None = None
-    measured: Path | None = None
-    check: bool = False
-    every: bool = False
-    force: bool = False
-    formats: Sequence[str] = FORMATS
-
-
-def carry_out(name: str, asked: Asked, talk: Talk) -> Answer[Result | None]:
-    """Judge, write the ledger and print it."""
-    del name
-    ledger = run_claims(asked, talk)
-    return Answer(ledger.data, ledger.text, None, AGAINST if asked.check and ledger.failed else 0)
-
-
-def result_of(name: str, asked: Asked) -> Result:
-    """Judge for Python, where nothing is written."""
-    started = time.perf_counter()
-    _, verdicts, judged_by = judged(asked.out, asked.measured, asked.ids, Talk())
-    shown = map(details_text, verdicts) if asked.ids else [table_text(verdicts, every=True)]
-    outcome = Outcome(as_data(verdicts, judged_by), ["\n\n".join(shown)])
-    manifest = make_manifest(load_config(None, "compare"), time.perf_counter() - started, name)
-    return Result(name, outcome, manifest)
-
-
-def run_claims(asked: Asked, talk: Talk) -> Ledger:
-    """Judge the claims from what lies under `out`, and write the ledger.
 
     Raises
     ------
     DataMissingError
-        If the baseline or the measured file cannot be read.
+        If the baseline cannot be read.
     UsageError
-        For an unknown id, a baseline with ids, or where something would be overwritten.
+        For a baseline with ids.
     """
-    out, ids = asked.out, asked.ids
-    refuse_file(out)
-    before = None if asked.baseline is None else _baseline(asked.baseline, ids)
-    sources, verdicts, judged_by = judged(out, asked.measured, ids, talk)
-    changes = {} if before is None else changed(before, verdicts)
-    failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
-    failed = tuple(failing if before is None else changes)
-    data = as_data(verdicts, judged_by) | ({} if before is None else {"changed": changes})
-    if ids:
-        return Ledger(tuple(verdicts), failed, "\n\n".join(map(details_text, verdicts)), data)
-    ensemble = sources.ensemble
-    with replaced(out / FOLDER, FOLDER, command=FOLDER, force=asked.force, talk=talk) as result:
-        write_claims(verdicts, result.path, judged_by)
-        if ensemble is not None:
-            _write_influences(ensemble, result, asked.formats)
-        # Whatever lies under the results, the ledger is the same command's.
-        result.manifest = {
-            "schema_version": SCHEMA_VERSION,
-            "tendonrepro_version": __version__,
-            "command": FOLDER,
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "environment": environment(),
-            "config": {"sha256": FOLDER},
-            **figure_formats(asked.formats),
-            "ensemble": None if ensemble is None else [ensemble.identity, ensemble.planned],
-        }
-    data["files"] = [str(out / FOLDER / name) for name in read_manifest(out / FOLDER)["outputs"]]
-    since = [] if before is None else [changes_text(changes)]
-    parts = [table_text(verdicts, every=asked.every), *since, f"The ledger is in {out / FOLDER}"]
-    return Ledger(tuple(verdicts), failed, "\n\n".join(parts), data)
+    refuse_file(above)
+    before = None if baseline is None else _baseline(baseline, ids)
 
-
-def _write_influences(data: EnsembleData, result: NewResult, formats: Sequence[str]) -> None:
-    found = rankings(data)
-    result.write("decides.json", to_json(found))
-    if found and formats:
-        from tendonrepro.results.figures.style import save_drawing
-
-        drawn = replace(
-            draw_influences(found), origin=f"Simulated, {count_of(len(data), 'plant')} of the box"
+    def run(site: Site) -> Outcome:
+        sources, verdicts, judged_by = judged(above, measured, ids, site.talk)
+        data = as_data(verdicts, judged_by)
+        changes = {} if before is None else changed(before, verdicts)
+        failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
+        told = Outcome(
+            data,
+            list(map(details_text, verdicts)),
+            beside={} if before is None else {"changed": changes},
+            fails_check=check and bool(failing if before is None else changes),
         )
-        save_drawing(drawn, result.path / "figures", formats)
+        if ids:
+            return told
+        since = [] if before is None else [changes_text(changes)]
+        parts: list[Table | str] = [table_text(verdicts, every=every), *since, claims_table(verdicts)]
+        return _with_influences(replace(told, parts=parts), sources.ensemble)
+
+    # Whatever lies under the results, the ledger is the same command's.
+    return Study(None, run, folder, place=above / FOLDER, shown=bool(ids), lists_files=True)
+
+
+def _with_influences(outcome: Outcome, data: EnsembleData | None) -> Outcome:
+    """Add what an ensemble tells of the unknowns that decide."""
+    if data is None:
+        return replace(outcome, manifest={"ensemble": None})
+    influences = rankings(data)
+
+    def draw() -> Drawing:
+        origin = f"Simulated, {count_of(len(data), 'plant')} of the box"
+        return replace(draw_influences(influences), origin=origin)
+
+    return replace(
+        outcome,
+        manifest={"ensemble": [data.identity, data.planned]},
+        files={"decides.json": to_json(influences)},
+        figures={"decides": draw} if influences else {},
+    )
 
 
 def judged(

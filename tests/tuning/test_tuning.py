@@ -13,7 +13,7 @@ import tendonrepro as tr
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
-from tendonrepro.tuning import command, report, search
+from tendonrepro.tuning import report, search, tuning
 from tendonrepro.tuning.laws import LAWS
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
@@ -32,7 +32,7 @@ surface.bounds = {"M_bar": (1e-4, 0.1), "lam": (2.0, 200.0), "beta": (1.0, 100.0
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws under one condition, so that a tuning takes seconds."""
-    monkeypatch.setattr(command, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
+    monkeypatch.setattr(tuning, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
     monkeypatch.setattr(report, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
     for module in (search, report):
         monkeypatch.setattr(module, "CONDITIONS", (("none", False),))

@@ -1,0 +1,131 @@
+"""The paper's two experiments, read and checked, as studies; and the fit that runs beside them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tendonrepro.configuration.any_kind import checked
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config
+from tendonrepro.configuration.overrides import Overrides
+from tendonrepro.console import Talk
+from tendonrepro.experiments.loops import all_loops
+from tendonrepro.experiments.run import Prepared, Solver, outcomes, prepared
+from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.tables import Table
+from tendonrepro.studies.lifecycle import carry_out_together, remarks
+from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.result import Result
+from tendonrepro.studies.study import Answer, Site, Study
+
+CLOSEST = "closest"
+"""Name of the shipped configuration that was fitted to Tables 2 and 3."""
+
+
+def read_experiment(
+    experiment: ExperimentName,
+    config: Source,
+    changes: Overrides | None,
+    seed: int | None,
+    *,
+    controllers: str | Sequence[int] | None = None,
+    laws: Sequence[UserLaw] = (),
+    solver: Solver = "scipy",
+) -> Prepared:
+    """Read one of the paper's experiments and build its loops; the digest covers stepper and laws."""
+    loaded = load_config(config, experiment, overrides=changes, seed=seed, controllers=controllers)
+    if solver == "compiled":
+        digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
+        loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
+    return prepared(loaded, laws, solver)
+
+
+def experiment_study(experiment: Prepared, folder: Folder) -> Study:
+    """One of the paper's experiments as a study of its own."""
+    loaded = experiment.loaded
+    samples = {name: loop.reference.time.size for name, loop in experiment.loops.items()}
+    plan = {"experiment": loaded.config.experiment, "config": loaded.origin, "samples": samples}
+    return Study(
+        loaded,
+        lambda site: next(outcomes([experiment], site.talk, site.start)),
+        folder,
+        numbers=None,
+        plan=plan,
+    )
+
+
+def paper_experiments(
+    configs: Path | None, changes: Overrides | None, seed: int | None
+) -> dict[str, Prepared]:
+    """Both experiments of the paper, and the comparison fitted to its tables.
+
+    `configs` is a folder with ``decouple.yaml`` and ``compare.yaml``. The fitted plant runs only as it is
+    shipped.
+    """
+    names: tuple[ExperimentName, ...] = ("decouple", "compare")
+    files = {name: None if configs is None else str(configs / f"{name}.yaml") for name in names}
+    experiments: dict[str, Prepared] = {
+        name: read_experiment(name, files[name], changes, seed) for name in names
+    }
+    if configs is None and not changes and seed is None:
+        experiments[CLOSEST] = read_experiment("compare", CLOSEST, None, None)
+    return experiments
+
+
+def studies_below(
+    experiments: Mapping[str, Prepared], above: Path, folder: Folder
+) -> list[tuple[str, Study]]:
+    """Experiments as studies, each with its command, whose folders lie in one."""
+    return [
+        (experiment.loaded.config.experiment, experiment_study(experiment, {**folder, "out": above / name}))
+        for name, experiment in experiments.items()
+    ]
+
+
+def run_together(
+    experiments: Mapping[str, Prepared], above: Path, folder: Folder, talk: Talk
+) -> dict[str, Answer[Result]]:
+    """Run experiments with the same processes, each into the folder of its name."""
+
+    def run(sites: Sequence[Site]) -> Iterator[Outcome]:
+        return outcomes(list(experiments.values()), talk, sites[0].start)
+
+    answers = carry_out_together(studies_below(experiments, above, folder), run, talk)
+    return dict(zip(experiments, answers, strict=True))
+
+
+def summary_of(answers: Mapping[str, Answer[Result]]) -> str:
+    """Mean errors as published, fitted and printed, where both comparisons were run."""
+    if not {"compare", CLOSEST} <= answers.keys() or "table2" not in answers[CLOSEST].data:
+        return ""
+    ours, fitted = answers["compare"].value, answers[CLOSEST].value
+    tables = {
+        "as published, on our typical arm": ours.data["table2"],
+        "fitted to the paper's tables": fitted.data["table2"],
+        "paper": fitted.data["printed"]["table2"],
+    }
+    rows = [
+        {"MAE of joint 2 / joint 3, degrees": name}
+        | {run: " / ".join(f"{size:.3f}" for size in table[run]["mae_deg"]) for run in CONTROLLERS}
+        for name, table in tables.items()
+    ]
+    return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
+
+
+def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, object]:
+    """Kind, digest and runs of a configuration, checked as running it would."""
+    read = checked(config, overrides)
+    known = {"schema_version": 1, "config": config}
+    if isinstance(read, LoadedEnsemble):
+        return known | {"kind": "ensemble", "config_sha256": read.sha256}
+    if not isinstance(read, LoadedConfig):
+        return known | {"kind": "manipulator"}
+    for sentence in remarks(read):
+        talk.note(sentence)
+    runs = list(all_loops(read))
+    return known | {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
