@@ -137,7 +137,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),
         "joints": list(joints),
-        "around": around and {"arm": around.arm, "spread": around.spread},
+        "around": around and around.as_data(),
         "questions": questions,
         "comparisons": found,
         "laws": at_best,
