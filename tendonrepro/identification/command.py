@@ -36,7 +36,8 @@ from tendonrepro.identification.search import (
 from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.monte_carlo.held import held_at
-from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.monte_carlo.plan import SECONDS_PER_EXPERIMENT, code_digest
+from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, processors
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
@@ -93,6 +94,15 @@ class Task:
             case = axes.reading({axis: value for axis, value in held.settings if axis in changing})
             found.setdefault(case, []).append(held)
         return found
+
+    def cost(self) -> dict[str, float]:
+        """Experiments at most, and about how many hours of one processor they take."""
+        plants = self.effort.evaluations * len(self.cases())
+        experiments = plants * len(self.fitted)
+        return {
+            "experiments": experiments,
+            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
+        }
 
     def outline(self) -> dict[str, Any]:
         """What is known beforehand."""
@@ -197,9 +207,17 @@ def identification(
 def _plan(task: Task, head: Mapping[str, Any]) -> dict[str, Any]:
     """What ``--json`` of a dry run says."""
     searches = count_of(len(head["searches"]), "search", "searches")
-    text = f"identify would make {searches} of {head['evaluations']} plants\nwould write to {head['out']}"
+    cost = task.cost()
+    text = f"identify would make {searches} of {head['evaluations']} plants: {work_text(*cost.values())}"
+    text += f"\nwould write to {head['out']}"
     readings = [reading.name for reading in task.readings]
-    return {**head, "config_sha256": task.loaded.sha256, "readings": readings, "text": text}
+    return {
+        **head,
+        "config_sha256": task.loaded.sha256,
+        "readings": readings,
+        "cost": cost,
+        "text": text,
+    }
 
 
 def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -> Outcome:
@@ -247,6 +265,7 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     simulate = partial(simulate_batch, threads=threads, device=task.device)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     found: Results = {}
+    talk.note(f"at most {work_text(*task.cost().values())}")
     with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)

@@ -115,7 +115,18 @@ def cost_text(cost: Mapping[str, float]) -> str:
     >>> cost_text({"experiments": 1e9, "processor_hours": 2900.0, "gigabytes": 243.2})
     '1,000,000,000 experiments, about 2,900 hours of one processor and 243 GB'
     """
-    hours, size = cost["processor_hours"], cost["gigabytes"]
-    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else count_of(round(max(60.0 * hours, 1.0)), "minute")
+    size = cost["gigabytes"]
     takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
-    return f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor and {takes}"
+    return f"{work_text(cost['experiments'], cost['processor_hours'])} and {takes}"
+
+
+def work_text(experiments: float, hours: float) -> str:
+    """Experiments and the hours of one processor that they take, in words.
+
+    Examples
+    --------
+    >>> work_text(40200, 0.08)
+    '40,200 experiments, about 5 minutes of one processor'
+    """
+    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else count_of(round(max(60.0 * hours, 1.0)), "minute")
+    return f"{experiments:,.0f} experiments, about {lasts} of one processor"

@@ -188,6 +188,7 @@ def test_dry_run_writes_nothing(tmp_path):
     assert not (tmp_path / "out").exists()
     assert data["evaluations"] == 29 * 16 * (3 + 1), "three seeds, and the polish of the best"
     assert len(data["readings"]) >= len(data["searches"]) > 10
+    assert data["cost"]["experiments"] == data["evaluations"] * 4 * len(data["searches"]), "four runs a plant"
 
 
 @pytest.mark.parametrize("option", ["population", "generations", "seeds", "jobs"])
