@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from tendonrepro.configuration.command import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config, shipped_folder
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -114,9 +114,8 @@ def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, Any]:
 
 
 def remark(loaded: LoadedConfig, talk: Talk) -> None:
-    """Name the shipped file that completed a user's configuration, and keys that change nothing."""
+    """Name shipped files that stand in for files that are not there, and keys that change nothing."""
     for sentence in loaded.unread:
         talk.note(sentence)
-    for path in loaded.inputs:
-        if path.parent == shipped_folder() != loaded.folder:
-            talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
+    for path in loaded.stand_ins:
+        talk.note(f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}")
