@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from tendonrepro.configuration.around import Around
 from tendonrepro.configuration.load import (
     Draft,
     LoadedConfig,
     Source,
     config_digest,
-    find_source,
     load_config,
 )
 from tendonrepro.configuration.models.box import WORDS, BoxConfig, Confidence
@@ -24,12 +24,9 @@ from tendonrepro.configuration.overrides import Override, Overrides, overrides_o
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Scalar, positive, whole
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.strict_yaml import Key, dump, load
-from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.configuration.strict_yaml import Key, dump
+from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
-
-MOST_SPREAD = 9.0
-"""Largest spread of values around an arm: a factor of ten."""
 
 FAST_PERIOD = 3.33  # of the motion fast_sine, s: 0.3 Hz
 
@@ -92,25 +89,6 @@ class EnsembleConfig(Model):
 
 
 @dataclass(frozen=True)
-class Around:
-    """Draws around an arm of one's own.
-
-    Its values are multiplied by factors up to 1 + `spread` and down to its inverse; where that is None by the
-    shipped ranges over their nominal values.
-    """
-
-    arm: str
-    spread: float | None = None
-
-    @property
-    def told(self) -> str:
-        """In words, for tables and pictures: these are the user's ranges, not those of the paper's arm."""
-        if self.spread is None:
-            return f"around {self.arm}, the shipped ranges relative to its values"
-        return f"around {self.arm}, each value within a factor of {1.0 + self.spread:g}"
-
-
-@dataclass(frozen=True)
 class LoadedEnsemble:
     """A validated ensemble and where it came from.
 
@@ -147,7 +125,7 @@ def load_ensemble(
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
         found = f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}"
-        draft.refuse(("base",), found, "Another arm: tendonrepro tune --config with its comparison.")
+        draft.refuse(("base",), found, "For another arm give --config the file of its comparison.")
     return LoadedEnsemble(
         config=config,
         # What draws and readings decide is no matter of the base.
@@ -166,55 +144,3 @@ def load_ensemble(
 def is_of_base(change: Override) -> bool:
     """Whether an override of an ensemble changes the comparison that it names."""
     return change.path[0] == "base" and len(change.path) > 1
-
-
-def load_around(
-    source: Source, spread: float | None = None, *, overrides: Overrides | None = None
-) -> LoadedEnsemble:
-    """Read a comparison, around whose arm plants are drawn.
-
-    Raises
-    ------
-    UsageError
-        Unless `spread` is positive.
-    ConfigError
-        If the comparison has no law ``controller_2``, by which others are measured.
-    """
-    if spread is not None and not 0.0 < spread <= MOST_SPREAD:
-        raise UsageError(f"must be above 0 and at most {MOST_SPREAD:g}, found {spread:g}", where="--spread")
-    base = load_config(source, "compare", overrides=overrides)
-    assert isinstance(base.config, CompareConfig)
-    missing = {"controller_1", "controller_2", "controller_3"} - base.config.control.laws.keys()
-    if missing:
-        words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
-        raise ConfigError(words, where=base.origin)
-    ranges, around = load_ensemble(None), Around(base.config.manipulator.name, spread)
-    content = {"ranges": ranges.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
-    return replace(
-        ranges,
-        base=base,
-        yaml_text=base.yaml_text,
-        sha256=config_digest(content),
-        origin=base.origin,
-        around=around,
-    )
-
-
-def load_plants(
-    source: Source, spread: float | None = None, overrides: Overrides | None = None
-) -> LoadedEnsemble:
-    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn.
-
-    Raises
-    ------
-    UsageError
-        For a `spread` of an ensemble, whose ranges say how far its plants lie apart.
-    """
-    text = find_source(source, "ensemble")
-    tree = load(text.text, text.origin).tree
-    if isinstance(tree, dict) and tree.get("experiment") == "compare":
-        return load_around(text, spread, overrides=overrides)
-    if spread is not None:
-        message = "is for plants around an arm of your own"
-        raise UsageError(message, where="--spread", hint="name its comparison, --config compare.yaml")
-    return load_ensemble(text, overrides=overrides)

@@ -86,13 +86,15 @@ def find_source(source: Source, kind: str | None) -> ConfigSource:
 class Draft:
     """A configuration as plain values, complete, and where each came from.
 
-    `kind` is one of `KINDS`, the `wanted` one unless None.
+    `kind` is one of `KINDS`, the `wanted` one unless None. `stand_ins` are shipped files in place of
+    files that the configuration names with their ending, and that are not there.
     """
 
     def __init__(self, source: Source, wanted: str | None, overrides: Sequence[Override] = ()) -> None:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
+        self.stand_ins: list[Path] = []
         self._document = load(text, str(path or STDIN))
         tree = self._document.tree
         if not isinstance(tree, dict):
@@ -136,6 +138,7 @@ class Draft:
             message = f"base: {'is itself' if found else f'no file {name!r}'}"
             raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
         self.files.append(found)
+        self._note_stand_in(name, found)
         base = load(read_text(found), str(found))
         self._complete_arm(base, found, (*below, *([path] if path else [])))
         try:
@@ -144,6 +147,11 @@ class Draft:
             raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
         stem = path.stem if path else "arm"
         complete_arm(arm, base.tree, found.stem, stem)
+
+    def _note_stand_in(self, name: str, path: Path) -> None:
+        """Without its ending a shipped file is named on purpose."""
+        if path.parent == shipped_folder() != self.folder and name.endswith(path.suffix):
+            self.stand_ins.append(path)
 
     def _file_beside(self, name: str, path: Path | None) -> Path | None:
         """A file that another names: beside it, else a shipped one, with or without its ending."""
@@ -169,6 +177,8 @@ class Draft:
     def _named_document(self, name: str, key: str) -> Document:
         path = self.named_file(name, key)
         self.files.append(path)
+        if self._document.place((key,)).name == self._document.place(()).name:
+            self._note_stand_in(name, path)
         return load(read_text(path), str(path))
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
@@ -229,7 +239,7 @@ class LoadedConfig:
     `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
     reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
-    a sentence about each override that changes nothing.
+    a sentence about each override that changes nothing, and `stand_ins` are as of `Draft`.
     """
 
     config: Config
@@ -243,6 +253,7 @@ class LoadedConfig:
     folder: Path
     places: Mapping[str, str]
     unread: tuple[str, ...]
+    stand_ins: tuple[Path, ...] = ()
 
 
 def load_config(
@@ -304,6 +315,7 @@ def load_config(
         folder=draft.folder,
         places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
         unread=tuple(_unread(config, changes)),
+        stand_ins=tuple(draft.stand_ins),
     )
 
 

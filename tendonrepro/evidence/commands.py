@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, On, Place, Seed, Source
+from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, On, Place, Ranges, Seed, Source, Spread
 from tendonrepro.studies.study import Study
 
 
@@ -17,26 +17,30 @@ def predict(
     set: Changes = None,
     seed: Seed = None,
     readings: str | None = None,
+    spread: Spread = None,
+    ranges: Ranges = None,
     device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """What experiments on a bench would give, by interpretation.
+
+    With a comparison as configuration, plants are drawn around its arm.
 
     Parameters
     ----------
     draws
         Plants.
     readings
-        Comma-separated names [default: fourteen main ones].
+        Comma-separated names [default: the main ones].
     """
-    from tendonrepro.configuration.ensemble import load_ensemble
-    from tendonrepro.evidence.predict import READINGS, asked_for, identity_of, predict_outcome
+    from tendonrepro.configuration.plants import load_study_plants
+    from tendonrepro.evidence.predict import asked_for, default_readings_on, identity_of, predict_outcome
     from tendonrepro.simulation.device import require
 
-    names = readings or READINGS
-    asked_for(draws, names)
+    loaded = load_study_plants(config, spread, ranges, overrides=set, seed=seed)
+    names = readings or default_readings_on(loaded)
+    asked_for(loaded, draws, names)
     require(device)
-    loaded = load_ensemble(config, overrides=set, seed=seed)
     base = replace(loaded.base, sha256=identity_of(loaded, draws, names, device), origin=loaded.origin)
     return Study(
         base, lambda site: predict_outcome(loaded, draws, names, site.talk, device), folder, stored=True

@@ -76,9 +76,15 @@ def in_words(reading: str) -> str:
 
 @journal_style()
 def draw_predictions(
-    experiments: Sequence[Mapping[str, Any]], readings: Sequence[str], joints: Sequence[int]
+    experiments: Sequence[Mapping[str, Any]],
+    readings: Sequence[str],
+    joints: Sequence[int],
+    told: str = "",
 ) -> Drawing:
-    """Draw ``experiments`` of ``predict.json``: ratios, median and central 90 %; a panel for each joint."""
+    """Draw ``experiments`` of ``predict.json``: ratios, median and central 90 %; a panel for each joint.
+
+    `told` says around which arm of a user's own plants lie.
+    """
     step = len(readings) + 1.5
     around = _AROUND_MM + _ENTRY_MM * ceil(len(readings) / 2)
     row_mm = min(_ROW_MM, (_TALLEST_MM - around) / (step * len(experiments)))
@@ -121,7 +127,8 @@ def draw_predictions(
         "errors, median and central 90 % of the plants on which both runs are stable. "
         "An arrow at the edge means that the range goes on."
     )
-    return Drawing("predictions", figure, list(panels), caption, origin="Simulated, tendonrepro predict")
+    origin = f"Simulated, plants {told}" if told else "Simulated, tendonrepro predict"
+    return Drawing("predictions", figure, list(panels), caption, origin=origin)
 
 
 def _parts(about: str) -> list[str]:

@@ -21,7 +21,8 @@ from tendonrepro.configuration.models.readings import Reading, named_readings, p
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_law, build_loops
-from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.around import AroundArm, draws_rows, readings_around
+from tendonrepro.monte_carlo.box import Box, configured, make_box
 from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, polynomial
@@ -46,6 +47,8 @@ READINGS = (
 """Interpretations whose predictions are asked for unless others are named."""
 LEAST = 20
 """Stable plants below which no interval is given."""
+PUBLISHED_PERIOD = 1e-3
+"""Sampling period, s, of which the doubled one is a variation."""
 AT_ONCE: Mapping[DeviceName, int] = {"cpu": 16, "gpu": 256}
 """Plants simulated together."""
 
@@ -211,11 +214,11 @@ def identity_of(loaded: LoadedEnsemble, draws: int, readings: str, device: Devic
     return hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
 
 
-def asked_for(draws: int, readings: str) -> None:
+def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
     """Raise a UsageError for too few or many draws, or an unknown interpretation."""
     if not LEAST <= draws <= MOST_DRAWS:
         raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
-    named_readings(readings)
+    _chosen(loaded, readings)
 
 
 def predict_outcome(
@@ -227,7 +230,7 @@ def predict_outcome(
     if draws & (draws - 1):
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
-    chosen, joints = named_readings(readings), loaded.compare.joints
+    chosen, joints, experiments_run = _chosen(loaded, readings), loaded.compare.joints, experiments_on(loaded)
     found = list(predictions(loaded, chosen, draws, talk, device))
     names = [held.name for held in chosen]
     gaps = gaps_between(found, names)
@@ -241,18 +244,56 @@ def predict_outcome(
             "gaps": [*told[one.name].values()],
             "ratios": [vars(row) for row in found if row.experiment == one.name],
         }
-        for one in EXPERIMENTS
+        for one in experiments_run
     ]
+    around = loaded.around
     data = {
         "schema_version": SCHEMA_VERSION,
         "draws": draws,
+        **({"around": around.as_data()} if around else {}),
         "joints": list(joints),
         "readings": names,
         "never_told_apart": never,
         "experiments": experiments,
     }
-    figures = {"predictions": lambda: draw_predictions(experiments, names, joints)}
-    return Outcome(data, _tables(found, gaps, never, draws), figures)
+    where = around.told if around else ""
+    on = f"{draws} plants {where}".strip()
+    figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
+    return Outcome(data, _tables(found, gaps, never, on, experiments_run), figures)
+
+
+def _chosen(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm those that its comparison can be run under."""
+    return readings_around(loaded, names) if loaded.around else named_readings(names)
+
+
+def default_readings_on(loaded: LoadedEnsemble) -> str:
+    """Names of the readings that are asked for unless others are named."""
+    if not loaded.around:
+        return READINGS
+    return ",".join(name for name in READINGS.split(",") if not draws_rows(parse_reading(name)))
+
+
+def experiments_on(loaded: LoadedEnsemble) -> Sequence[Experiment]:
+    """Experiments that the arm of a comparison can make, named by its own joints and payload."""
+    if not loaded.around:
+        return EXPERIMENTS
+    config = loaded.compare
+    apart = any(run.start_offset for run in config.runs.values())
+    left_out = {
+        "repeat": not apart,
+        "joint_3_alone": len(config.joints) == 1,
+        "period_doubled": config.sampling_period.si != PUBLISHED_PERIOD,
+        "payload": LOADED not in config.runs,
+    }
+    own = {
+        "joint_3_alone": f"Controller 1 with joint {config.joints[-1]} alone over all joints",
+        "same_slope": "Controller 2 with η of the same slope over Controller 3",
+    }
+    if LOADED in config.runs:
+        own["payload"] = f"Controller 1 with {config.runs[LOADED].payload.si:g} kg over without"
+    kept = [one for one in EXPERIMENTS if not left_out.get(one.name)]
+    return [replace(one, about=own.get(one.name, one.about)) for one in kept]
 
 
 def predictions(
@@ -263,40 +304,50 @@ def predictions(
     device: DeviceName = "cpu",
 ) -> Iterator[Prediction]:
     """Yield every experiment's ratio under every reading on every joint."""
-    box, joints = make_box(loaded.config), loaded.compare.joints
-    values = box.values(scrambled_sobol(box, int(loaded.config.seed.si), 0, 0, draws))
+    joints, experiments = loaded.compare.joints, experiments_on(loaded)
+    base = [run for run in BASE if run in loaded.compare.runs]
+    plants = AroundArm(loaded, loaded.around) if loaded.around else make_box(loaded.config)
+    values = plants.sample(int(loaded.config.seed.si), 0, 0, draws)
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
-            errors: dict[str, list[Array]] = {one.error: [] for one in EXPERIMENTS}
+            errors: dict[str, list[Array]] = {one.error: [] for one in experiments}
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
-                loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
+                loops = [loop for row in rows for loop in _loops(loaded, plants, row, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads, device=device)
-                count = len(BASE) + len(EXPERIMENTS)
+                count = len(base) + len(experiments)
                 for name, held in errors.items():
                     held.append(batch.statistics[name].reshape(-1, count, len(joints)))
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
                 progress(len(rows))
             sizes = {name: np.concatenate(held) for name, held in errors.items()}
-            yield from _ratios(sizes, np.concatenate(stable), reading.name, joints)
+            yield from _ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
 
 
-def _loops(loaded: LoadedEnsemble, box: Box, row: Array, reading: Reading) -> Iterator[Loop]:
-    """Loops of one plant under one reading: those of `BASE`, then one for each experiment."""
+def _loops(loaded: LoadedEnsemble, plants: Box | AroundArm, row: Array, reading: Reading) -> Iterator[Loop]:
+    """Loops of one plant under one reading: those of `BASE` that there are, then one for each experiment."""
     folder = loaded.base.folder
-    config = under(reading, configured(loaded.base, box, row), box.named(row))
-    loops = dict(build_loops(config, folder))
-    yield from (loops[name] for name in BASE)
-    yield from (one.change(config, folder, loops) for one in EXPERIMENTS)
+    if isinstance(plants, AroundArm):
+        config, motion = under(reading, plants.configured(row), {}), plants.motion
+    else:
+        config, motion = under(reading, configured(loaded.base, plants, row), plants.named(row)), None
+    loops = dict(build_loops(config, folder, motion))
+    yield from (loops[name] for name in BASE if name in loops)
+    yield from (one.change(config, folder, loops) for one in experiments_on(loaded))
 
 
 def _ratios(
-    errors: Mapping[str, Array], stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
+    experiments: Sequence[Experiment],
+    base: Sequence[str],
+    errors: Mapping[str, Array],
+    stable: NDArray[np.bool_],
+    reading: str,
+    joints: Sequence[int],
 ) -> Iterator[Prediction]:
-    """Ratios from errors (N, runs, n) by name, and stability (N, runs)."""
-    for place, one in enumerate(EXPERIMENTS, start=len(BASE)):
-        beside = BASE.index(one.beside)
+    """Ratios from errors (N, runs, n) by name, and stability (N, runs); runs are `base`, then experiments."""
+    for place, one in enumerate(experiments, start=len(base)):
+        beside = base.index(one.beside)
         kept = stable[:, place] & stable[:, beside]
         for i, joint in enumerate(joints):
             ratio = errors[one.error][kept, place, i] / errors[one.error][kept, beside, i]
@@ -342,10 +393,14 @@ def _gap(a: Prediction, b: Prediction) -> float:
 
 
 def _tables(
-    found: Sequence[Prediction], gaps: Mapping[str, Gaps], never: Sequence[Sequence[str]], draws: int
+    found: Sequence[Prediction],
+    gaps: Mapping[str, Gaps],
+    never: Sequence[Sequence[str]],
+    on: str,
+    experiments: Sequence[Experiment],
 ) -> list[Table | str]:
     told = told_apart(gaps)
-    telling = sorted(EXPERIMENTS, key=lambda one: -max(told[one.name].values(), default=0.0))
+    telling = sorted(experiments, key=lambda one: -max(told[one.name].values(), default=0.0))
     rows = []
     for one in telling:
         # Where no pair could be judged, zeros would be findings.
@@ -360,7 +415,7 @@ def _tables(
         )
     caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
     ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
-    about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
+    about = f"Ratio of mean errors, median and central 90 % of the stable ones of {on}."
     pairs = never if any(gaps.values()) else [(None, None)]
     untold = [{"interpretation": a, "and": b} for a, b in pairs]
     few = sum(row.plants < LEAST for row in found)

@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import Around, LoadedEnsemble
+from tendonrepro.configuration.around import PER_JOINT, SHARED, Around, drawn_config
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import BoxRange
+from tendonrepro.configuration.models.readings import Reading, named_readings, under
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import build_loops, build_reference
+from tendonrepro.simulation.loop import DesiredMotion, Loop
 
-PER_JOINT = {
-    "length": "link_length",
-    "mass": "link_mass",
-    "com": "link_com",
-    "inertia": "link_inertia",
-    "axial_stiffness": "tendon_stiffness",
-    "axial_damping": "tendon_damping",
-}
-"""Rows of the box that each joint has of its own, by the arm's key; the box has them for joints 2 and 3."""
-
-SHARED = {
-    ("winches", "reflected_inertia"): "rotor_inertia",
-    ("winches", "drum_inertia"): "drum_inertia",
-    ("winches", "viscous"): "winch_viscous",
-    ("friction", "link", "coulomb"): "link_coulomb",
-    ("friction", "link", "viscous"): "link_viscous",
-    ("friction", "link", "stribeck_velocity"): "link_stribeck_velocity",
-    ("friction", "winch", "coulomb"): "winch_coulomb",
-    ("friction", "per_pulley"): "pulley_loss",
-    ("tensioner", "force"): "tensioner_force",
-    ("transmission_error", "peak_to_peak"): "transmission_error",
-    ("actuator", "torque_limit"): "torque_limit",
-}
-"""Rows that all joints share, by the arm's keys; what an arm has off stays off."""
+_DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("run_friction", "drawn")}
+"""Settings of readings whose numbers are rows of the box."""
 
 
 class Factor(NamedTuple):
@@ -49,21 +34,29 @@ class Factor(NamedTuple):
     high: float
     log: bool
 
-    def value(self, unit: float) -> float:
-        """At a place between the ends, from 0 to 1."""
+    @property
+    def name(self) -> str:
+        """Of the key and, where joints differ, its joint."""
+        return self.key if self.joint is None else f"{self.key}_{self.joint}"
+
+    def value(self, unit: Array) -> Array:
+        """At places between the ends, from 0 to 1."""
         if self.log:
-            return float(self.low * (self.high / self.low) ** unit)
-        return float(self.low + (self.high - self.low) * unit)
+            return np.asarray(self.low * (self.high / self.low) ** unit)
+        return np.asarray(self.low + (self.high - self.low) * unit)
 
 
 @dataclass(frozen=True)
 class AroundArm:
-    """Draws around the arm of a comparison, each a configuration of its own."""
+    """Draws around the arm of a comparison, each a configuration of its own.
+
+    The motion, and where runs start, are the comparison's.
+    """
 
     loaded: LoadedEnsemble
     around: Around
 
-    @property
+    @cached_property
     def factors(self) -> list[Factor]:
         """Of all that varies."""
         return [*self._factors()]
@@ -74,43 +67,121 @@ class AroundArm:
             for joint in joints:
                 held = box[f"{row}_{3 if joint == joints[-1] else 2}"]
                 yield self._factor(key, joint, held)
-        for path, row in SHARED.items():
-            yield self._factor(".".join(path), None, box[row])
+        for key, row in SHARED.items():
+            yield self._factor(key, None, box[row])
 
     def _factor(self, key: str, joint: int | None, row: Any) -> Factor:
         assert isinstance(row, BoxRange)
+        if key in self.around.ranges:
+            return Factor(key, joint, *self.around.ranges[key], log=True)
         if self.around.spread is not None:
             return Factor(key, joint, 1.0 / (1.0 + self.around.spread), 1.0 + self.around.spread, log=True)
         return Factor(key, joint, row.low / row.nominal, row.high / row.nominal, row.scale == "log")
 
-    def draw(self, number: int) -> CompareConfig:
-        """Configuration of a number, from 0; each depends on its number and the ensemble's seed alone."""
-        from scipy.stats import qmc
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the factors, as ``links.mass_2`` of joint 2, or ``winches.viscous`` of all."""
+        return tuple(factor.name for factor in self.factors)
 
+    def named(self, values: Array) -> dict[str, float]:
+        """Factors (P,) of one arm by name."""
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def sample(self, seed: int, replicate: int, first: int, count: int) -> Array:
+        """Factors (count, P) from number `first` on, from 0; see `sobol`."""
         factors = self.factors
-        generator = np.random.default_rng(int(self.loaded.config.seed.si))
-        engine = qmc.Sobol(len(factors), scramble=True, seed=generator)
-        if number > 0:
-            engine.fast_forward(number)
-        return self.configured(engine.random(1)[0])
+        unit = sobol(len(factors), [seed, replicate], first, count)
+        return np.stack([factor.value(unit[:, i]) for i, factor in enumerate(factors)], axis=1)
 
-    def configured(self, unit: Array) -> CompareConfig:
-        """Configuration at a point (P,) of the unit cube of all factors."""
+    def draw(self, number: int) -> CompareConfig:
+        """Configuration of a number, from 0; each depends on its number and the seed of draws alone."""
+        return self.configured(self.sample(int(self.loaded.config.seed.si), 0, number, 1)[0])
+
+    def configured(self, values: Array) -> CompareConfig:
+        """Configuration of one arm, from its factors (P,).
+
+        Raises
+        ------
+        ConfigError
+            Where a value leaves what is possible, such as a loss above all of the tension.
+        """
         tree: dict[str, Any] = deepcopy(dict(self.loaded.base.tree))
         arm, n = tree["manipulator"], self.loaded.compare.manipulator.joints
         by_key: dict[str, Array] = {}
-        for factor, place in zip(self.factors, unit.tolist(), strict=True):
+        for factor, value in zip(self.factors, values.tolist(), strict=True):
             joints = slice(None) if factor.joint is None else slice(factor.joint - 1, factor.joint)
-            by_key.setdefault(factor.key, np.ones(n))[joints] = factor.value(place)
+            by_key.setdefault(factor.key, np.ones(n))[joints] = value
         # Centres of mass and inertias follow, and have factors of their own on their share.
-        by_key["com"] *= by_key["length"]
-        by_key["inertia"] *= by_key["mass"] * by_key["length"] ** 2
-        sections = dict.fromkeys(("length", "mass", "com", "inertia"), "links")
+        by_key["links.com"] *= by_key["links.length"]
+        by_key["links.inertia"] *= by_key["links.mass"] * by_key["links.length"] ** 2
         for key, factors in by_key.items():
-            path = key.split(".") if "." in key else [sections.get(key, "tendons"), key]
             held = arm
-            for part in path:
+            for part in key.split("."):
                 held = held[part]
             scaled = np.array(held["value"]) * (factors if isinstance(held["value"], list) else factors[0])
             held |= {"value": scaled.tolist(), "source": f"assumed: draw {self.around.told}"}
-        return CompareConfig.model_validate(tree)
+        return drawn_config(tree, self.around)
+
+    @cached_property
+    def motion(self) -> DesiredMotion:
+        """The comparison's own desired motion, which all arms follow."""
+        config = self.loaded.compare
+        return build_reference(config.reference, config, self.loaded.base.folder)
+
+
+class ArmDraws:
+    """Arms, by factors (N, P), as closed loops of cases: runs, each under a reading."""
+
+    def __init__(self, arm: AroundArm, values: Array, cases: Sequence[tuple[str, Reading]]) -> None:
+        self._arm, self._values, self._cases = arm, values, cases
+
+    def loops(self, k: int) -> list[Loop]:
+        """Loops of arm k, from 0, by case; all share their motion."""
+        config, folder = self._arm.configured(self._values[k]), self._arm.loaded.base.folder
+        readings = dict.fromkeys(reading for _, reading in self._cases)
+        loops = {
+            reading: dict(build_loops(under(reading, config, {}), folder, self._arm.motion))
+            for reading in readings
+        }
+        return [loops[reading][run] for run, reading in self._cases]
+
+
+def draws_rows(reading: Reading) -> list[str]:
+    """Settings of a reading whose numbers are drawn from the ranges of the paper's arm."""
+    return [f"{name}={value}" for name, value in reading.settings if (name, value) in _DRAWING]
+
+
+def readings_around(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; the printed one leaves the comparison as it is.
+
+    Raises
+    ------
+    UsageError
+        For one that draws from the ranges of the paper's arm, or that the comparison lacks something for.
+    """
+    found = named_readings(names)
+    for held in found:
+        if drawing := draws_rows(held):
+            message = f"{drawing[0]} draws from the ranges of the paper's arm"
+            hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"
+            raise UsageError(message, where="--readings", hint=hint)
+        try:
+            changed = under(held, loaded.compare, {})
+            CompareConfig.model_validate(changed.model_dump(mode="json", exclude_none=True))
+        except ValueError as error:
+            message = f"the comparison cannot be run under {held.name}: {error}"
+            raise UsageError(message, where="--readings") from error
+    return found
+
+
+def sobol(dimensions: int, key: Sequence[int], first: int, count: int) -> Array:
+    """Points (count, P) of a scrambled Sobol sequence in the unit cube, from number `first` on, from 0."""
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(key))
+    if first > 0:
+        engine.fast_forward(first)
+    with warnings.catch_warnings():
+        # A block is a part of a power of two, not one itself.
+        warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
+        return np.asarray(engine.random(count))

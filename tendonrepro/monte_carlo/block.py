@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
-from tendonrepro.monte_carlo.box import scrambled_sobol
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.monte_carlo.plants import Draws
@@ -53,11 +53,8 @@ def compute_blocks(
     study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[Arrays]:
     """Simulate every case of every draw of blocks of one population, across blocks together."""
-    box, most = study.boxes[blocks[0].population], DRAWS_AT_ONCE[study.device]
-    values = [
-        box.values(scrambled_sobol(box, study.seed, block.replicate, block.first, block.count))
-        for block in blocks
-    ]
+    drawn_from, most = study.populations[blocks[0].population], DRAWS_AT_ONCE[study.device]
+    values = [drawn_from.sample(study.seed, block.replicate, block.first, block.count) for block in blocks]
     pieces = [
         (block, rows)
         for block, drawn in zip(blocks, values, strict=True)
@@ -105,14 +102,20 @@ def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[t
 
 def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
     """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
-    box, found = study.boxes[block.population], []
-    draws = Draws(study.loaded.base, box, rows, study.cases)
+    drawn_from, found = study.populations[block.population], []
+    draws = (
+        ArmDraws(drawn_from, rows, study.cases)
+        if isinstance(drawn_from, AroundArm)
+        else Draws(study.loaded.base, drawn_from, rows, study.cases)
+    )
     for k, row in enumerate(rows):
         try:
             found.append(draws.loops(k))
         except TendonreproError as error:
             message = f"a draw of {block} cannot be run: {error.message}"
-            raise TendonreproError(message, where=error.where, hint=json.dumps(box.named(row))) from error
+            raise TendonreproError(
+                message, where=error.where, hint=json.dumps(drawn_from.named(row))
+            ) from error
     return found
 
 

@@ -68,6 +68,10 @@ class Box:
         value = low * (high / low) ** unit if self.scale[i] == "log" else low + (high - low) * unit
         return np.asarray(np.clip(value, low, high), dtype=np.float64)
 
+    def sample(self, seed: int, replicate: int, first: int, count: int) -> Array:
+        """Draws (count, P) of one scrambling from number `first` on; see `scrambled_sobol`."""
+        return self.values(scrambled_sobol(self, seed, replicate, first, count))
+
     def only(self, confidences: Collection[str]) -> Box:
         """Box in which only rows of these confidences vary."""
         return replace(self, free=self.free & [one in confidences for one in self.confidence])

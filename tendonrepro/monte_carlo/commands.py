@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source, Word
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Ranges, Seed, Source, Spread, Word
 from tendonrepro.studies.study import Study
 
 
@@ -16,6 +16,8 @@ def ensemble(
     set: Changes = None,
     seed: Seed = None,
     readings: str = "default",
+    spread: Spread = None,
+    ranges: Ranges = None,
     jobs: Jobs = -1,
     device: On = "cpu",
     dask: Annotated[str | None, Word(metavar="ADDRESS")] = None,
@@ -23,12 +25,12 @@ def ensemble(
 ) -> Study:
     """Many plausible plants under many interpretations of the paper.
 
-    An interrupted run goes on.
+    An interrupted run goes on. With a comparison as configuration, plants are drawn around its arm.
 
     Parameters
     ----------
     draws
-        Plants, a power of two; as shipped 256 at least.
+        Plants, a power of two; 256 at least, around your own arm 64.
     readings
         default, or comma-separated names.
     dask
@@ -38,5 +40,5 @@ def ensemble(
     from tendonrepro.simulation.device import require
 
     require(device)
-    ensemble = replace(load_study(config, set, seed, readings), device=device)
+    ensemble = replace(load_study(config, set, seed, readings, spread, ranges), device=device)
     return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=folder)

@@ -82,10 +82,13 @@ class EnsembleData:
     """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
     `of_paper` tells whether draws start from the paper's arm, gains and payload. `names` are of the P
-    numbers. `lookup` gives the place of a case. `planned` is the number of draws that was asked for.
+    numbers. `lookup` gives the place of a case. `planned` is the number of draws that was asked for. `around`
+    says around which arm of a user's own draws lie; it is empty where they are of the paper's ranges.
     """
 
     of_paper: bool
+    around: str
+    runs: tuple[str, ...]
     joints: tuple[int, ...]
     alpha: tuple[float, ...]
     names: tuple[str, ...]
@@ -135,8 +138,8 @@ class EnsembleData:
         return np.array(self._kept[name][place])
 
 
-def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
-    """Open a finished ensemble.
+def read_ensemble(folder: Path, population: str | None = None) -> EnsembleData:
+    """Open a finished ensemble; without a population its first one, by which claims are judged.
 
     Raises
     ------
@@ -148,14 +151,16 @@ def read_ensemble(folder: Path, population: str = "box") -> EnsembleData:
         hint = "run tendonrepro ensemble first"
         raise DataMissingError("holds no finished ensemble", where=str(folder), hint=hint)
     plan = json.loads(path.read_text(encoding="utf-8"))
+    population = population or next(iter(plan["populations"]))
     if population not in plan["populations"]:
         hint = f"It holds {', '.join(plan['populations'])}."
         raise DataMissingError(f"holds no population {population!r}", where=str(folder), hint=hint)
     blocks = [Block(*entry) for entry in sorted(plan["blocks"]) if entry[0] == population]
-    names = ("joints", "alpha", "names", "readings")
+    names = ("runs", "joints", "alpha", "names", "readings")
     of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         of_paper=plan["of_paper"],
+        around=plan.get("around", ""),
         lookup={(run, name): place for run, name, place in plan["lookup"]},
         files={block: folder / SHARDS / block.file_name(plan["identity"]) for block in blocks},
         identity=plan["identity"],

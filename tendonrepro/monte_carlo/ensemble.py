@@ -12,19 +12,25 @@ from pathlib import Path
 from typing import Any
 
 from tendonrepro import __version__
-from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.around import Around, Ranges
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import Source
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
+from tendonrepro.configuration.plants import load_study_plants
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json, write_atomically
+from tendonrepro.monte_carlo.arm_report import arm_tables
+from tendonrepro.monte_carlo.around import AroundArm, readings_around
 from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
-from tendonrepro.monte_carlo.plan import SCHEMA_VERSION, Study, code_digest
+from tendonrepro.monte_carlo.figures_arm import arm_figures
+from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
+from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, take_over
@@ -37,13 +43,23 @@ from tendonrepro.studies.study import Site
 from tendonrepro.studies.study import Study as Runnable
 
 
-def load_study(source: Source, overrides: Overrides | None, seed: int | None, readings: str) -> Study:
-    """Read an ensemble's configuration; `readings` are names with commas between.
+def load_study(
+    source: Source,
+    overrides: Overrides | None,
+    seed: int | None,
+    readings: str,
+    spread: float | None = None,
+    ranges: Ranges = None,
+) -> Study:
+    """Read an ensemble's configuration, or a comparison around whose arm plants are drawn.
 
-    ``default`` stands for the text as printed, alternatives and the pairs of the configuration. The printed
-    reading is added to others. A UsageError for an unknown one.
+    `readings` are names with commas between. ``default`` stands for the text as printed, alternatives and the
+    pairs of the configuration; around an arm for what its comparison says. That or the printed reading is
+    added to others. A UsageError for an unknown one.
     """
-    loaded = load_ensemble(source, overrides=overrides, seed=seed)
+    loaded = load_study_plants(source, spread, ranges, overrides=overrides, seed=seed)
+    if loaded.around:
+        return _around(loaded, loaded.around, readings)
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
@@ -56,6 +72,20 @@ def load_study(source: Source, overrides: Overrides | None, seed: int | None, re
         seed=int(config.seed.si),
         replicates=int(config.scramblings.si),
         block_draws=int(config.block.si),
+    )
+
+
+def _around(loaded: LoadedEnsemble, around: Around, readings: str) -> Study:
+    return Study(
+        loaded,
+        boxes={},
+        shares={ARMS: 1.0},
+        readings=readings_around(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
+        variations=(),
+        seed=int(loaded.config.seed.si),
+        replicates=LEAST_SCRAMBLINGS,
+        block_draws=int(loaded.config.block.si),
+        arm=AroundArm(loaded, around),
     )
 
 
@@ -132,6 +162,7 @@ def _plan(study: Study, draws: int) -> dict[str, Any]:
     blocks = study.blocks(draws)
     cost = study.cost(blocks)
     readings = count_of(len(study.readings), "reading")
+    arms = f" {study.arm.around.told}" if study.arm else ""
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -139,14 +170,14 @@ def _plan(study: Study, draws: int) -> dict[str, Any]:
         "draws": draws,
         "cost": cost,
         "blocks": len(blocks),
-        "text": f"ensemble: {draws} draws, {readings}: {cost_text(cost)}",
+        "text": f"ensemble: {draws} draws{arms}, {readings}: {cost_text(cost)}",
     }
 
 
 def _parts(study: Study, blocks: Sequence[Block]) -> list[list[Block]]:
     """Blocks that are computed together: one, or as many of a population as fill a GPU."""
     each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
-    of_population = [[block for block in blocks if block.population == name] for name in study.boxes]
+    of_population = [[block for block in blocks if block.population == name] for name in study.populations]
     return [held[k : k + each] for held in of_population for k in range(0, len(held), each)]
 
 
@@ -196,8 +227,8 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
     blocks = study.blocks(draws)
-    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.boxes}
-    of_paper = base_of_paper(study.loaded.compare)
+    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.populations}
+    of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -205,7 +236,8 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         "config_sha256": study.loaded.sha256,
         "identity": study.identity,
         "physics_sha256": code_digest("physics"),
-        "of_paper": of_paper,
+        "of_paper": of_paper and not around,
+        **({"around": around.as_data() | {"told": around.told}} if around else {}),
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
@@ -215,6 +247,8 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
         **speed,
         "populations": populations,
     }
+    if around:
+        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary))
     notes = [] if of_paper else [OTHER_BASE]
     return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 

@@ -53,21 +53,32 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
 
 
 def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
-    colour, printed = SERIES[0].colour, SERIES[1]
+    printed = SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
     for row, ratio in enumerate(ratios):
         if not ratio["plants"]:
             continue
         q05, q25, median, q75, q95 = (ratio[name]["value"] for name in QUANTILES)
-        panel.plot([q05, q95], [row, row], color=colour, linewidth=0.7, label="central 90 %")
-        panel.plot([q25, q75], [row, row], color=colour, linewidth=2.6, label="central 50 %")
-        panel.plot(median, row, "o", color="white", markeredgecolor=colour, markersize=3.2, label="median")
+        ratio_bar(panel, row, median, {"central 90 %": (q05, q95), "central 50 %": (q25, q75)})
         if key == "ratio_c1_c2":
             theory = readings[row]["theory"][joint]
             panel.plot(theory, row, "x", color="black", markersize=3.5, label="slow errors")
+    panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
+    ratio_axis(panel)
+
+
+def ratio_bar(panel: Axes, row: int, median: float, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Draw a median on its ranges by what they are called, the wider ones thinner and first."""
+    colour = SERIES[0].colour
+    for width, (label, ends) in zip((0.7, 2.6), ranges.items(), strict=False):
+        panel.plot(ends, [row, row], color=colour, linewidth=width, label=label)
+    panel.plot(median, row, "o", color="white", markeredgecolor=colour, markersize=3.2, label="median")
+
+
+def ratio_axis(panel: Axes) -> None:
+    """Scale and ticks of ratios of errors."""
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
-    panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
     panel.set_xscale("log")
     # Ratios are near 1, where ticks of a logarithmic axis are rare.
     panel.xaxis.set_major_locator(MaxNLocator(3))

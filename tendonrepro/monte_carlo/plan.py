@@ -17,6 +17,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import digest_of
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import Block, Case
 from tendonrepro.results.paper import base_of_paper
@@ -24,6 +25,9 @@ from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.streaming import STATISTICS
 
 SCHEMA_VERSION = 1
+
+ARMS = "arms"
+"""Name of the population around an arm of a user's own."""
 
 CHECK_EVERY = 8
 """One block in so many reruns one of its experiments with the SciPy stepper, which takes seconds."""
@@ -63,9 +67,9 @@ def _bare_code(path: Path) -> str:
 class Study:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Claims are judged by the first of the populations `boxes`. `shares` are their parts of the number asked
-    for. `replicates` are independent scramblings. A block of
-    `block_draws`, a power of two, is the most work that a kill can cost a process.
+    Claims are judged by the first of the populations `boxes`. Around an arm of a user's own there is the
+    population `arm` instead. `shares` are their parts of the number asked for. `replicates` are independent
+    scramblings. A block of `block_draws`, a power of two, is the most work that a kill can cost a process.
     """
 
     loaded: LoadedEnsemble
@@ -78,6 +82,17 @@ class Study:
     block_draws: int
     check_every: int = CHECK_EVERY
     device: DeviceName = "cpu"
+    arm: AroundArm | None = None
+
+    @property
+    def populations(self) -> Mapping[str, Box | AroundArm]:
+        """What is drawn from, by name."""
+        return {ARMS: self.arm} if self.arm else self.boxes
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The paper's runs, or those of the comparison around whose arm plants are drawn."""
+        return tuple(self.loaded.compare.runs) if self.arm else RUNS
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
@@ -85,8 +100,8 @@ class Study:
         return {
             (run, reading.name): (run, case)
             for reading in (*self.readings, *self.variations)
-            for run in RUNS
-            for case in [case_of(reading, run)]
+            for run in self.runs
+            for case in [case_of(reading, run) if run in RUNS else reading]
             if case == reading or reading in self.readings
         }
 
@@ -117,13 +132,14 @@ class Study:
         }
         # Numbers of another device differ by rounding, and encoder steps make more of it.
         of_device = {} if self.device == "cpu" else {"device": self.device}
-        return digest_of(content | of_device)
+        of_arm = {"around": code_digest("monte_carlo")} if self.arm else {}
+        return digest_of(content | of_device | of_arm)
 
     def blocks(self, draws: int) -> list[Block]:
         """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
         return [
             Block(population, replicate, first, min(each, self.block_draws))
-            for population in self.boxes
+            for population in self.populations
             for each in [self.draws_of(population, draws) // self.replicates]
             for replicate in range(self.replicates)
             for first in range(0, each, self.block_draws)
@@ -141,19 +157,21 @@ class Study:
 
     def plan(self, draws: int) -> dict[str, Any]:
         """Describe the ensemble as plain values that its reader needs."""
+        around = self.loaded.around
         return {
+            **({"around": around.told} if around else {}),
             "schema_version": SCHEMA_VERSION,
             "identity": self.identity,
             "draws": draws,
             "replicates": self.replicates,
             "seed": self.seed,
             "device": self.device,
-            "populations": {name: self.draws_of(name, draws) for name in self.boxes},
-            "of_paper": base_of_paper(self.loaded.compare),
+            "populations": {name: self.draws_of(name, draws) for name in self.populations},
+            "of_paper": not around and base_of_paper(self.loaded.compare),
             "joints": list(self.loaded.compare.joints),
             "alpha": self.loaded.compare.control.gains.alpha.si.tolist(),
-            "runs": list(RUNS),
-            "names": list(next(iter(self.boxes.values())).names),
+            "runs": list(self.runs),
+            "names": list(next(iter(self.populations.values())).names),
             "readings": [reading.name for reading in self.readings],
             "variations": [reading.name for reading in self.variations],
             "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],

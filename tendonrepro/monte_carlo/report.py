@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.console import count_of
+from tendonrepro.monte_carlo.arm_report import pair_rows
 from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.physics.control import estimator_weights
@@ -26,7 +27,8 @@ def population_summary(data: EnsembleData) -> dict[str, Any]:
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in found[0]["status"].items()
     }
-    return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found}
+    pairs = {"pairs": [*pair_rows(data)]} if data.around else {}
+    return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found, **pairs}
 
 
 def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:

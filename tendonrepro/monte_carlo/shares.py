@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.physics.metrics import STATUSES
@@ -155,7 +154,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 @np.errstate(invalid="ignore")  # where two laws diverged
 def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
-    """What one reading makes of the claims.
+    """What one reading makes of the claims; of another arm nothing that stands beside the print.
 
     Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. Rankings stand
     once more under ``without_start``: of errors without the first two seconds.
@@ -174,6 +173,8 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
             }
             for plants, kept in counted.items()
         }
+    if data.around:
+        return result
     ok = counted["all_ok"]
     stable, replicate = errors[:, :, ok], data.replicate[ok]
     result["joint_3_over_2"] = {
@@ -237,7 +238,7 @@ def _ratio_quantiles(
     above, below = errors[[*pair]]
     ratio = above / below
     defined = kept & ~np.isnan(ratio[:, 0])
-    printed = printed_ratios(pair, metric, data.joints)
+    printed = [] if data.around else printed_ratios(pair, metric, data.joints)
     return _by_joint(data.joints, ratio[defined], data.replicate[defined], printed)
 
 
@@ -305,7 +306,7 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
             name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
             for code, name in enumerate(STATUSES)
         }
-        for run in RUNS
+        for run in data.runs
         for codes in [data.status(run, reading)]
     }
 

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
 
-from tendonrepro.configuration.load import LoadedConfig, shipped_folder
+from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.parallel import Start, interrupts_blocked, workers
@@ -201,8 +201,7 @@ def _tell_remarks(study: Study, talk: Talk) -> None:
 
 
 def remarks(loaded: LoadedConfig) -> Iterator[str]:
-    """Name keys that change nothing, and the shipped file that completed a user's configuration."""
+    """Name keys that change nothing, and shipped files that stand in for files that are not there."""
     yield from loaded.unread
-    for path in loaded.inputs:
-        if path.parent == shipped_folder() != loaded.folder:
-            yield f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}"
+    for path in loaded.stand_ins:
+        yield f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}"

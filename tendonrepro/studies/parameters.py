@@ -42,6 +42,17 @@ Formats: TypeAlias = Annotated[
 Laws: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, Callable[..., Any]] | None, Word(option="--law", metavar="FILE:NAME")
 ]
+Spread: TypeAlias = Annotated[
+    float | None, Word(help="Around your own arm, 0.2 is 20 % [default: as shipped].")
+]
+Ranges: TypeAlias = Annotated[
+    Sequence[str] | Mapping[str, Sequence[float]] | None,
+    Word(
+        option="--range",
+        metavar="KEY=LOW,HIGH",
+        help="Factors on one value of your own arm, as links.mass=0.5,2; repeatable.",
+    ),
+]
 Jobs: TypeAlias = Annotated[int, Word(help="Processes; -1 is one for each processor.")]
 On: TypeAlias = Annotated[
     Literal["cpu", "gpu"], Word(help="What runs the simulations; gpu needs one of NVIDIA's, and CuPy.")

@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread
 from tendonrepro.studies.study import Study
 
 
@@ -16,7 +16,8 @@ def tune(
     population: int = 6,
     laws: Laws = None,
     any_plant: bool = False,
-    spread: float | None = None,
+    spread: Spread = None,
+    ranges: Ranges = None,
     only: str = "",
     config: Source = None,
     set: Changes = None,
@@ -43,18 +44,16 @@ def tune(
         Tune your own controller too; repeatable. FILE is executed.
     any_plant
         Also plants where the published gains are unstable.
-    spread
-        Around your own arm, 0.2 is 20 % [default: as shipped].
     only : ntsm,alpha_free
         Tune only these controllers [default: all].
     """
-    from tendonrepro.configuration.ensemble import load_plants
+    from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.tuning.tuning import Effort, tuning
 
     effort = Effort(plants, searches, generations, population)
     effort.check()
-    loaded = load_plants(config, spread, set)
+    loaded = load_plants(config, spread, ranges, overrides=set)
     users, seed = laws_of(laws), seed or 0
     tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device, only=only)
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

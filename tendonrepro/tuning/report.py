@@ -126,6 +126,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     pairs = [pair for pair in (*QUESTIONS, *own) if set(pair) <= titles.keys()]
     found, at_best = [*comparisons(rows, pairs, task.seed)], [*law_rows(rows, joints)]
     questions = [*question_rows(found, titles)]
+    scattered = count_scattered(found)
     around = task.loaded.around
     on = count_of(len(drawn), "plant") + (f" {around.told}" if around else "")
     data = {
@@ -137,11 +138,12 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         "draws_looked_at": drawn[-1]["draw"] + 1,
         "plants": len(drawn),
         "joints": list(joints),
-        "around": around and {"arm": around.arm, "spread": around.spread},
+        "around": around and around.as_data(),
         "questions": questions,
         "comparisons": found,
         "laws": at_best,
         "lost_to_special_case": lost,
+        "without_difference_but_scattered": scattered,
         "by_plant": rows,
     }
     about = f"Two laws at their best on {on}: the first one's error under so many conditions."
@@ -150,6 +152,21 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         Table("comparisons", "Error over error, paired by plant.", found, terminal=()),
         Table("laws", "Every law at its best, and as published.", at_best, terminal=()),
     ]
-    cases = count_of(len(lost), "case")
-    warning = [f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."]
-    return Outcome(data, [*warning[: len(lost)], *tables], {"tune": lambda: draw_tuning(at_best, titles, on)})
+    told = [*_warnings(len(lost), scattered)]
+    return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on)})
+
+
+def count_scattered(found: Sequence[Row]) -> int:
+    """In how many cases without a difference two searches of one law differ by more than counts as none."""
+    return sum(one["verdict"] == NONE and np.log(one["scatter"]) > ALIKE for one in found)
+
+
+def _warnings(lost: int, scattered: int) -> Iterator[str]:
+    if lost:
+        cases = count_of(lost, "case")
+        yield f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."
+    if scattered:
+        yield (
+            f"In {count_of(scattered, 'case')} without a difference, searches of one controller differ by "
+            f"more than the {ALIKE:.0%} that count as none: search longer before you believe it."
+        )

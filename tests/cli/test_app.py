@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 import tendonrepro as tr
 from tendonrepro.cli.app import app, main
 from tendonrepro.configuration.load import shipped_folder
+from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.console import count_of
 
 
@@ -337,6 +338,9 @@ def test_a_shipped_arm_that_stands_in_is_named(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert done.stderr.endswith(f"so the shipped one is taken: {shipped_folder() / 'lumidouce_ii.yaml'}\n")
     assert run("config", "check", "compare", cwd=tmp_path).stderr == ""
+    # A base without its ending is a shipped one on purpose.
+    init_arm(1, tmp_path)
+    assert run("config", "check", "compare.yaml", cwd=tmp_path).stderr == ""
 
 
 @pytest.mark.slow

@@ -172,3 +172,15 @@ def test_a_new_arm_overwrites_nothing(tmp_path: Path) -> None:
         with pytest.raises(UsageError):
             init_arm(joints, out)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_tendon_may_pass_a_joint_without_a_pulley(folder: Path) -> None:
+    """Zeros above the diagonal uncouple the joints; on the diagonal they leave a joint without its tendon."""
+    arm, path = folder / "my_arm.yaml", folder / "compare.yaml"
+    arm.write_text(ARM.replace("[[60, 30], [0, 40]], sign: 1", "[[60, 0], [0, 40]], sign: 1"), "utf-8")
+    loaded = load_config(path, "compare")
+    for view in run_views(loaded.config).values():
+        assert view.plant.drive.S_inv == pytest.approx(np.diag([60 / 40, 40 / 40]))
+    arm.write_text(ARM.replace("[[60, 30], [0, 40]], sign: 1", "[[60, 30], [0, 0]], sign: 1"), "utf-8")
+    with pytest.raises(ConfigError):
+        load_config(path, "compare")

@@ -15,6 +15,8 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
+from tendonrepro.configuration.own_arm import init_arm
+from tendonrepro.configuration.plants import load_around
 from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -27,6 +29,8 @@ from tendonrepro.evidence.predict import (
     SECOND,
     THIRD,
     Prediction,
+    default_readings_on,
+    experiments_on,
     gaps_between,
     law_of,
     never_told_apart,
@@ -122,7 +126,9 @@ def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.Mon
     errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
     errors["mae_settled"][:, 4] = 3.0
     monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
-    found = predict._ratios(errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3))
+    found = predict._ratios(
+        predict.EXPERIMENTS, predict.BASE, errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3)
+    )
     assert [row.median for row in found] == [1.5, 1.5]
 
 
@@ -159,7 +165,9 @@ def test_too_few_plants_are_dashes_and_no_findings() -> None:
         for reading in ("a", "b")
         for joint in (2, 3)
     ]
-    _, experiments, untold, _ = predict._tables(found, gaps_between(found, ["a", "b"]), [], 20)
+    _, experiments, untold, _ = predict._tables(
+        found, gaps_between(found, ["a", "b"]), [], "20 plants", EXPERIMENTS
+    )
     for table in (experiments, untold):
         assert isinstance(table, Table)
         numbers = [value for row in table.rows for key, value in row.items() if key != "experiment"]
@@ -201,6 +209,30 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: 
         assert (tmp_path / "out" / name).exists()
     for words in (["--draws", "4"], ["--draws", "1000000000"], ["--readings", "nonsense"]):
         answer("predict", *words, "--dry-run", cwd=tmp_path, code=2)
+
+
+def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    init_arm(1, tmp_path / "one")
+    init_arm(4, tmp_path / "four")
+    loaded = [load_around(tmp_path / name / "compare.yaml", 0.2) for name in ("one", "four")]
+    one, four = ({held.name: held.about for held in experiments_on(each)} for each in loaded)
+    assert "joint_3_alone" not in one
+    assert "joint 4" in four["joint_3_alone"]
+    assert "repeat" not in four
+    assert "starts=apart" not in default_readings_on(loaded[0])
+    kept = [held for held in EXPERIMENTS if held.name in ("alpha_0.2", "inertia_up")]
+    monkeypatch.setattr(predict, "EXPERIMENTS", kept)
+    config = tmp_path / "one" / "compare.yaml"
+    changed = ["reference.periods=1", "manipulator.encoders.joint.resolution=0"]
+    found = tr.predict(
+        20, config=config, set=changed, spread=0.2, readings="printed", out=tmp_path / "out", formats="png"
+    ).data
+    assert found["around"] == {"arm": "my arm", "spread": 0.2}
+    ratios = {held["name"]: held["ratios"] for held in found["experiments"]}
+    for name, expected in (("alpha_0.2", 1.2), ("inertia_up", 1.0 / 1.1)):
+        (row,) = ratios[name]
+        assert (row["joint"], row["plants"]) == (1, 20)
+        assert row["median"] == pytest.approx(expected, rel=0.03)
 
 
 def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.fake_batch import fake_batch
+from tendonrepro.monte_carlo.command import ensemble_study, load_study
 
-from tendonrepro.configuration.ensemble import load_around
 from tendonrepro.configuration.own_arm import init_arm
-from tendonrepro.errors import UsageError
+from tendonrepro.configuration.plants import load_around
+from tendonrepro.console import Talk
+from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.around import AroundArm
+from tendonrepro.monte_carlo.block import loops_of
+from tendonrepro.monte_carlo.data import read_ensemble
+from tendonrepro.monte_carlo.figures_arm import draw_pairs
+from tendonrepro.simulation.loop import TimeDelayController
+from tendonrepro.studies.lifecycle import carry_out
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +65,10 @@ def test_values_stay_within_the_spread_and_inertias_follow(compare: Path) -> Non
 def test_without_a_spread_the_shipped_ranges_are_relative(compare: Path) -> None:
     arm = around(compare, None)
     ends = {(one.key, one.joint): (one.low, one.high) for one in arm.factors}
-    assert ends["mass", 2] == pytest.approx((0.25 / 0.47, 0.9 / 0.47))
-    assert ends["mass", 4] == pytest.approx((0.10 / 0.22, 0.5 / 0.22))
+    assert ends["links.mass", 2] == pytest.approx((0.25 / 0.47, 0.9 / 0.47))
+    assert ends["links.mass", 4] == pytest.approx((0.10 / 0.22, 0.5 / 0.22))
     assert ends["winches.viscous", None] == pytest.approx((0.2, 5.0))
-    assert ("mass", 1) not in ends
+    assert ("links.mass", 1) not in ends
 
 
 def test_the_same_number_is_the_same_plant(compare: Path) -> None:
@@ -71,3 +82,95 @@ def test_the_same_number_is_the_same_plant(compare: Path) -> None:
 def test_a_spread_that_is_none(compare: Path, spread: float) -> None:
     with pytest.raises(UsageError):
         load_around(compare, spread)
+
+
+def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
+    loaded = load_around(compare, 0.2, ["links.mass=0.5,3", "links.length=1", "winches.viscous=2"])
+    assert loaded.around is not None
+    arm = AroundArm(loaded, loaded.around)
+    ends = {factor.key: (factor.low, factor.high) for factor in arm.factors}
+    assert ends["links.mass"] == (0.5, 3.0)
+    assert ends["links.length"] == (1.0, 1.0)
+    assert ends["tendons.axial_stiffness"] == pytest.approx((1 / 1.2, 1.2))
+    own, drawn = loaded.compare.manipulator, [arm.draw(number).manipulator for number in range(8)]
+    mass = np.array([one.links.mass.si / own.links.mass.si for one in drawn])[:, 1:]
+    assert (mass.min() >= 0.5) & (mass.min() < 1 / 1.2) & (mass.max() > 1.2) & (mass.max() <= 3.0)
+    for one in drawn:
+        assert (one.links.length.si == own.links.length.si).all()
+        assert one.winches.viscous.si == pytest.approx(2.0 * own.winches.viscous.si)
+    assert loaded.around.as_data()["ranges"]["links.mass"] == [0.5, 3.0]
+    given = load_around(
+        compare, 0.2, {"links.mass": (0.5, 3), "links.length": (1, 1), "winches.viscous": (2, 2)}
+    )
+    assert given.sha256 == loaded.sha256 != load_around(compare, 0.2).sha256
+
+
+@pytest.mark.parametrize(
+    "ranges", [["links.mass"], ["mass=0.5,2"], ["links.mass=2,0.5"], ["links.mass=0,2"], ["links.mass=1,2,3"]]
+)
+def test_a_range_that_is_none(compare: Path, ranges: list[str]) -> None:
+    with pytest.raises(UsageError):
+        load_around(compare, 0.2, ranges)
+
+
+def test_an_impossible_arm_is_told(compare: Path) -> None:
+    """A loss of 0.4 at each pulley, times up to 3, is more than all of the tension."""
+    loaded = load_around(
+        compare, None, {"friction.per_pulley": (2.9, 3)}, overrides=["manipulator.friction.per_pulley=0.4"]
+    )
+    assert loaded.around is not None
+    with pytest.raises(ConfigError):
+        AroundArm(loaded, loaded.around).draw(0)
+
+
+def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
+    """Its pairs follow from the stored errors; its loops are those of the drawn configuration."""
+    study = replace(load_study(compare, None, 5, "weights=extrapolating", 0.2), check_every=0)
+    arm = study.arm
+    assert arm is not None
+    block = study.blocks(64)[3]
+    row = arm.sample(study.seed, block.replicate, block.first, 1)
+    (loops,) = loops_of(study, block, row)
+    own = dict(build_loops(arm.configured(row[0]), study.loaded.base.folder, arm.motion))
+    for loop, (run, reading) in zip(loops, study.cases, strict=True):
+        assert loop.plant.arm.a == pytest.approx(own[run].plant.arm.a)
+        assert isinstance(loop.controller, TimeDelayController)
+        assert (loop.controller.law.weights[1] < 0.0).any() == (reading.name != "printed")
+    runnable = ensemble_study(
+        study, 64, simulate=fake_batch, folder={"out": tmp_path / "out", "figures": False}
+    )
+    found = carry_out("ensemble", runnable, Talk(quiet=True)).value.data
+    stored = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    assert not stored["of_paper"]
+    assert (stored["around"]["arm"], stored["around"]["spread"]) == ("my arm", 0.2)
+    assert stored["joints"] == [2, 3, 4]
+    assert not any(
+        "printed" in joint for joint in stored["readings"][0]["ratio_c1_c2"]["all_ok"]["mae"].values()
+    )
+    data = read_ensemble(tmp_path / "out")
+    first, second = (data.statistic(f"controller_{k}", "printed", "mae")[:, 1] for k in (1, 2))
+    kept = (data.status("controller_1", "printed") == 0) & (data.status("controller_2", "printed") == 0)
+    (pair,) = [
+        row
+        for row in stored["populations"]["arms"]["pairs"]
+        if (row["reading"], row["run"], row["over"], row["joint"])
+        == ("printed", "controller_1", "controller_2", 3)
+    ]
+    assert pair["arms"] == kept.sum()
+    assert pair["share_smaller"] == pytest.approx((first < second)[kept].mean())
+    assert pair["ratio"] == pytest.approx(np.quantile((first / second)[kept], 0.5, method="inverted_cdf"))
+    panels = draw_pairs(found["populations"]["arms"], found["around"]["told"]).axes
+    assert len(panels) == 3
+    assert sum(line.get_marker() == "o" for line in panels[0].lines) == 6
+    assert sum(line.get_marker() == "x" for line in panels[0].lines) == 6
+
+
+@pytest.mark.parametrize("readings", ["hardware=drawn", "starts=apart", "motion=ramp"])
+def test_readings_that_this_arm_cannot_have(compare: Path, readings: str) -> None:
+    with pytest.raises(UsageError):
+        load_study(compare, None, None, readings, 0.2)
+
+
+def test_runs_of_all_controllers_are_needed(compare: Path) -> None:
+    with pytest.raises(ConfigError):
+        load_study(compare, ["runs={controller_1: {law: controller_1, payload: 0}}"], None, "default")

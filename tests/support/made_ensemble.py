@@ -24,6 +24,8 @@ def ensemble(errors, statuses):
     """An ensemble in memory."""
     return Held(
         population="box",
+        around="",
+        runs=RUNS,
         joints=JOINTS,
         alpha=(0.1, 0.2),
         readings=READINGS,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tendonrepro.tuning.report import FEWEST, comparisons
+from tendonrepro.tuning.report import FEWEST, comparisons, count_scattered
 from tendonrepro.tuning.search import CAPS, CONDITIONS
 
 DRAWS = 2 * FEWEST
@@ -42,6 +42,14 @@ def test_verdict(made: list[dict[str, Any]], verdict: str) -> None:
     found = list(comparisons(made, [("a", "b")], 0))
     assert {one["verdict"] for one in found} == {verdict}
     assert len(found) == len(CONDITIONS) * len(CAPS)
+
+
+@pytest.mark.parametrize(("ratio", "scatter", "share"), [(0.98, 0.2, 1), (0.98, 0.05, 0), (0.5, 0.2, 0)])
+def test_cases_without_a_difference_that_their_searches_leave_open(
+    ratio: float, scatter: float, share: int
+) -> None:
+    found = list(comparisons(rows(ratio, scatter=scatter), [("a", "b")], 0))
+    assert count_scattered(found) == share * len(found)
 
 
 def test_a_draw_without_gains_is_left_out() -> None:

@@ -22,12 +22,13 @@ class Routing(Model):
 
     def _mistakes(self) -> Mistakes:
         below = "must be 0, as the tendon of this column does not pass the joint of this row"
-        above = "must not be 0, else the coupling matrix is singular"
+        own = "must not be 0, else the coupling matrix is singular"
         for name, matrix in (("pulley_diameter", self.pulley_diameter), ("sign", self.sign)):
             for i, row in enumerate(matrix.value):
                 for j, entry in enumerate(row):
-                    if (entry == 0.0) != (i > j):
-                        yield (name, "value", i, j), below if i > j else above
+                    # Above the diagonal 0 is a tendon that passes a joint without a pulley.
+                    if entry != 0.0 if i > j else i == j and entry == 0.0:
+                        yield (name, "value", i, j), below if i > j else own
 
 
 class Links(Model):

@@ -1,0 +1,137 @@
+"""How far plants lie around an arm of one's own: a spread for all that varies, ranges of single keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from pydantic import ValidationError
+
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.strict_model import explain
+from tendonrepro.configuration.strict_yaml import dump, load
+from tendonrepro.errors import ConfigError, UsageError, did_you_mean
+
+PER_JOINT: Mapping[str, str] = {
+    "links.length": "link_length",
+    "links.mass": "link_mass",
+    "links.com": "link_com",
+    "links.inertia": "link_inertia",
+    "tendons.axial_stiffness": "tendon_stiffness",
+    "tendons.axial_damping": "tendon_damping",
+}
+"""Rows of the box that each joint has of its own, by the arm's key; the box has them for joints 2 and 3."""
+
+SHARED: Mapping[str, str] = {
+    "winches.reflected_inertia": "rotor_inertia",
+    "winches.drum_inertia": "drum_inertia",
+    "winches.viscous": "winch_viscous",
+    "friction.link.coulomb": "link_coulomb",
+    "friction.link.viscous": "link_viscous",
+    "friction.link.stribeck_velocity": "link_stribeck_velocity",
+    "friction.winch.coulomb": "winch_coulomb",
+    "friction.per_pulley": "pulley_loss",
+    "tensioner.force": "tensioner_force",
+    "transmission_error.peak_to_peak": "transmission_error",
+    "actuator.torque_limit": "torque_limit",
+}
+"""Rows that all joints share, by the arm's keys; what an arm has off stays off."""
+
+MOST = 10.0
+"""Largest factor on a value of an arm, and its inverse the smallest."""
+
+Ends: TypeAlias = tuple[float, float]
+"""Smallest and largest factor on the value of a key."""
+
+Ranges: TypeAlias = Sequence[str] | Mapping[str, Sequence[float]] | None
+"""``KEY=LOW,HIGH``, or ends by key, as a user gives them."""
+
+
+@dataclass(frozen=True)
+class Around:
+    """Draws around an arm of one's own.
+
+    Its values are multiplied by factors. Those of a key in `ranges` lie between its ends, the others between
+    1 + `spread` and its inverse; where that is None the shipped ranges over their nominal values hold.
+    """
+
+    arm: str
+    spread: float | None = None
+    ranges: Mapping[str, Ends] = field(default_factory=dict)
+
+    @property
+    def told(self) -> str:
+        """In words, for tables and pictures: these are the user's ranges, not those of the paper's arm."""
+        if self.spread is None:
+            others = f"around {self.arm}, the shipped ranges relative to its values"
+        else:
+            others = f"around {self.arm}, each value within a factor of {1.0 + self.spread:g}"
+        own = [
+            f"{key} times {low:g} to {high:g}" if low < high else f"{key} times {low:g}"
+            for key, (low, high) in self.ranges.items()
+        ]
+        return "; ".join([others, *own])
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        ranges = {"ranges": {key: [*ends] for key, ends in self.ranges.items()}} if self.ranges else {}
+        return {"arm": self.arm, "spread": self.spread, **ranges}
+
+
+def spread_of(spread: float | None) -> float | None:
+    """A spread that is sound, or a UsageError."""
+    if spread is not None and not 0.0 < spread <= MOST - 1.0:
+        raise UsageError(f"must be above 0 and at most {MOST - 1.0:g}, found {spread:g}", where="--spread")
+    return spread
+
+
+def ranges_of(ranges: Ranges) -> dict[str, Ends]:
+    """Ends of the factors on the values of keys.
+
+    Raises
+    ------
+    UsageError
+        For another form, a key that does not vary, or ends that are none.
+    """
+    if isinstance(ranges, Mapping):
+        given = [(key, [float(end) for end in ends]) for key, ends in ranges.items()]
+    else:
+        given = [_read(text) for text in ranges or ()]
+    found = {}
+    for key, ends in given:
+        known = (*PER_JOINT, *SHARED)
+        if key not in known:
+            message = f"no key {key!r} varies around an arm{did_you_mean(key, known)}"
+            raise UsageError(message, where="--range", hint=f"There are: {', '.join(known)}")
+        if len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:
+            shown = ",".join(f"{end:g}" for end in ends)
+            message = (
+                f"{key}: needs two factors from {1.0 / MOST:g} to {MOST:g}, the smaller first, found {shown}"
+            )
+            raise UsageError(message, where="--range", hint=f"{key}=0.5,2 is half to twice the arm's value")
+        found[key] = (ends[0], ends[1])
+    return found
+
+
+def _read(text: str) -> tuple[str, list[float]]:
+    """Key and numbers of ``KEY=LOW,HIGH``; one number stands for both."""
+    key, _, ends = text.partition("=")
+    try:
+        numbers = [float(end) for end in re.split(r"[,\s]+", ends.strip(" []"))]
+    except ValueError:
+        message = f"must be KEY=LOW,HIGH, found {text!r}"
+        raise UsageError(message, where="--range", hint="For example --range links.mass=0.5,2") from None
+    return key.strip(), numbers * 2 if len(numbers) == 1 else numbers
+
+
+def drawn_config(tree: Mapping[str, Any], around: Around) -> CompareConfig:
+    """Comparison with a drawn arm; a ConfigError where a value left what is possible."""
+    try:
+        return CompareConfig.model_validate(tree)
+    except ValidationError as error:
+        first = explain(error, load(dump(dict(tree)), around.arm)).message.splitlines()[1]
+        message = f"an arm drawn {around.told}, is impossible: {first.partition(': ')[2]}"
+        hint = "give a smaller --spread, or --range KEY=LOW,HIGH for that key"
+        raise ConfigError(message, hint=hint) from error

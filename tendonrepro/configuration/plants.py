@@ -1,0 +1,99 @@
+"""Plants to draw: those of an ensemble, or around the arm of a comparison."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tendonrepro.configuration.around import Around, Ranges, ranges_of, spread_of
+from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
+from tendonrepro.configuration.load import Source, config_digest, find_source, load_config
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.overrides import Overrides
+from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.errors import ConfigError, UsageError
+
+
+def load_around(
+    source: Source,
+    spread: float | None = None,
+    ranges: Ranges = None,
+    *,
+    overrides: Overrides | None = None,
+    seed: int | None = None,
+) -> LoadedEnsemble:
+    """Read a comparison, around whose arm plants are drawn; `seed` is of the draws.
+
+    Raises
+    ------
+    UsageError
+        For a spread or ranges that are none.
+    ConfigError
+        If the comparison has not the three laws that are compared.
+    """
+    spread, own = spread_of(spread), ranges_of(ranges)
+    base = load_config(source, "compare", overrides=overrides)
+    assert isinstance(base.config, CompareConfig)
+    missing = {"controller_1", "controller_2", "controller_3"} - base.config.control.laws.keys()
+    if missing:
+        words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
+        raise ConfigError(words, where=base.origin)
+    shipped = load_ensemble(None, seed=seed)
+    content = {"ranges": shipped.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
+    return replace(
+        shipped,
+        base=base,
+        yaml_text=base.yaml_text,
+        sha256=config_digest(content | ({"own": own} if own else {})),
+        origin=base.origin,
+        around=Around(base.config.manipulator.name, spread, own),
+    )
+
+
+def load_plants(
+    source: Source,
+    spread: float | None = None,
+    ranges: Ranges = None,
+    *,
+    overrides: Overrides | None = None,
+    seed: int | None = None,
+) -> LoadedEnsemble:
+    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn.
+
+    Raises
+    ------
+    UsageError
+        For a spread or ranges of an ensemble, which says itself how far its plants lie apart.
+    """
+    text = find_source(source, "ensemble")
+    tree = load(text.text, text.origin).tree
+    if isinstance(tree, dict) and tree.get("experiment") == "compare":
+        return load_around(text, spread, ranges, overrides=overrides, seed=seed)
+    given = {"--spread": spread is not None, "--range": bool(ranges)}
+    for option in (name for name, is_given in given.items() if is_given):
+        message = "is for plants around an arm of your own"
+        raise UsageError(message, where=option, hint="name its comparison, --config compare.yaml")
+    return load_ensemble(text, overrides=overrides, seed=seed)
+
+
+def load_study_plants(
+    source: Source,
+    spread: float | None,
+    ranges: Ranges,
+    *,
+    overrides: Overrides | None,
+    seed: int | None,
+) -> LoadedEnsemble:
+    """As `load_plants`, for a study of runs: a comparison must have those of the three controllers.
+
+    Raises
+    ------
+    ConfigError
+        If it lacks one.
+    """
+    loaded = load_plants(source, spread, ranges, overrides=overrides, seed=seed)
+    runs = loaded.compare.runs
+    for name in ("controller_1", "controller_2", "controller_3"):
+        if name not in runs or runs[name].law != name:
+            message = f"runs: needs a run {name} with the controller of that name, to compare them"
+            raise ConfigError(message, where=loaded.origin)
+    return loaded

@@ -1,0 +1,91 @@
+"""Tables of an ensemble around an arm of one's own: which controller errs less, and how often."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.shares import quantiles_of, share_of
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.summary import CONTROLLERS, PAYLOAD
+from tendonrepro.results.tables import Table
+
+_FORMS = {"ratio": ".3g", "ratio_low": ".3g", "ratio_high": ".3g"} | dict.fromkeys(
+    ("share_smaller", "share_low", "share_high", *STATUSES), ".0%"
+)
+
+
+def pairs_of(data: EnsembleData) -> list[tuple[str, str]]:
+    """Runs that are compared: the three controllers, and others without payload with each of these."""
+    others = [run for run in data.runs if run not in CONTROLLERS and not run.endswith(PAYLOAD)]
+    return [*combinations(CONTROLLERS, 2), *product(others, CONTROLLERS)]
+
+
+@np.errstate(invalid="ignore")  # where a run diverged
+def pair_rows(data: EnsembleData) -> Iterator[dict[str, Any]]:
+    """Mean absolute error of one run over another's on the arms where both are stable, by joint.
+
+    ``ratio`` is the median, ``ratio_low`` and ``ratio_high`` the ends of the central 90 % of the arms.
+    ``share_smaller`` is the share of arms on which the first errs less, with its 95 % interval.
+    """
+    stable = STATUSES.index("ok")
+    for reading, (first, over) in product(data.readings, pairs_of(data)):
+        kept = (data.status(first, reading) == stable) & (data.status(over, reading) == stable)
+        errors = [data.statistic(run, reading, "mae")[kept] for run in (first, over)]
+        for i, joint in enumerate(data.joints):
+            above, below = (sizes[:, i] for sizes in errors)
+            ratio = quantiles_of(above / below, data.replicate[kept])
+            share = share_of(above < below, data.replicate[kept]).as_row()
+            yield {
+                "reading": reading,
+                "run": first,
+                "over": over,
+                "joint": joint,
+                "arms": int(kept.sum()),
+                **{
+                    name: ratio[level]["value"]
+                    for name, level in (("ratio", "median"), ("ratio_low", "q05"), ("ratio_high", "q95"))
+                },
+                "share_smaller": share["share"],
+                "share_low": share["low"],
+                "share_high": share["high"],
+            }
+
+
+def _stability_rows(population: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for reading in population["readings"]:
+        for run, shares in reading["status"].items():
+            yield {
+                "reading": reading["name"],
+                "run": run,
+                **{name: shares[name]["share"] for name in STATUSES},
+            }
+
+
+def _columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
+    """Headings and formats; the reading is left out where there is no other."""
+    one = {row["reading"] for row in rows} == {PRINTED}
+    names = [name for name in rows[0] if not (one and name == "reading")]
+    return {name: (name.replace("_", " "), _FORMS.get(name, "")) for name in names}
+
+
+def arm_tables(summary: Mapping[str, Any]) -> Iterator[Table | str]:
+    """Yield the comparison of the runs, and how often each is stable."""
+    (population,) = summary["populations"].values()
+    pairs, stability = population["pairs"], [*_stability_rows(population)]
+    on = f"{population['plants']} arms {summary['around']['told']}"
+    about = (
+        f"Mean absolute error of one run over another's on {on}, where both are stable: median, central "
+        "90 % of the arms, and the share of arms on which the first errs less, with its 95 % interval."
+    )
+    yield Table("pairs", about, pairs, _columns(pairs))
+    yield Table(
+        "stability", f"Share of {on} on which each run has which status.", stability, _columns(stability)
+    )
+    if not any(row["arms"] for row in pairs):
+        yield "No two runs are stable on one arm. tendonrepro explain says how far from stable each loop is."
