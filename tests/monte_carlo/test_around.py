@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.fake_batch import fake_batch
-from tendonrepro.monte_carlo.command import ensemble_study, load_study
 
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
@@ -19,6 +18,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.block import loops_of
 from tendonrepro.monte_carlo.data import read_ensemble
+from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.studies.lifecycle import carry_out
