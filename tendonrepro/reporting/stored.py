@@ -14,7 +14,6 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.reporting.answer import (
     EnsembleAnswer,
-    Ledger,
     Orders,
     Quantiles,
     ReadingAnswer,
@@ -24,6 +23,7 @@ from tendonrepro.reporting.contents import by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
+from tendonrepro.verdicts.entries import Ledger
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),

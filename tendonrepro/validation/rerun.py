@@ -187,7 +187,7 @@ def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
     return np.array([starts.get(joint, 0.0) for joint in joints])
 
 
-def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, Any]]:
+def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, object]]:
     """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
     The motion begins at `start`, s. The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*``
@@ -248,7 +248,7 @@ def at(trace: Trace, name: str, time: Array) -> Array:
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, object]:
     """Numbers of a joint, None where one cannot be told."""
     values = {name: column[place] for name, column in columns.items()}
     return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
@@ -281,7 +281,7 @@ def _lag(behind: Array, rate: Array) -> Array:
     return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
-def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, object]]:
     """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
 
     Differences are in degrees, as they are and less that at the start.

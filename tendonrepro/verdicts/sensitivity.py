@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -44,8 +44,27 @@ MOST_TOTAL = 2.0
 SURROGATE = 8
 """The strongest unknowns, which have a total index."""
 
-Ranking: TypeAlias = dict[str, Any]
-"""What `ranked` returns."""
+
+class Influence(TypedDict):
+    """First-order index (RBD-FAST) of an unknown, half its 95 % bootstrap interval, and its total index."""
+
+    name: str
+    index: float
+    half_width: float
+    total: float | None
+
+
+class Ranking(TypedDict):
+    """Unknowns by their share of an outcome's variance, the largest first.
+
+    ``noise_floor`` is the 95 % quantile over shuffles of the largest index; ``unexplained`` is what rows
+    above it leave; ``draws`` is their number.
+    """
+
+    rows: list[Influence]
+    noise_floor: float
+    unexplained: float
+    draws: int
 
 
 def ranked(
@@ -57,10 +76,7 @@ def ranked(
 
     Returns
     -------
-    dict or None
-        ``rows``, the largest first-order index (RBD-FAST) first: ``name``, ``index``, ``half_width`` of its
-        95 % bootstrap interval, and ``total`` of the strongest. ``noise_floor`` is the 95 % quantile over
-        shuffles of the largest index; ``unexplained`` is what rows above it leave; ``draws`` is their number.
+    Ranking or None
         None with too few outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
@@ -76,7 +92,7 @@ def ranked(
     draws, outcome = draws[order], outcome[order]
     problem = {"num_vars": len(names), "names": list(names)}
     found = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
-    rows: list[dict[str, Any]] = [
+    rows: list[Influence] = [
         {"name": name, "index": float(index), "half_width": float(half), "total": None}
         for name, index, half in zip(names, found["S1"], found["S1_conf"], strict=True)
     ]
