@@ -97,9 +97,9 @@ def stored_under(folder: Path) -> Stored:
     summary: EnsembleAnswer = _read(ours / "ensemble.json")
     own = False
     if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
-        found = _read(ensemble)
-        own = found["of_paper"] and by_name(found).keys() >= _SHOWN
-        summary = thinned(found) if own else summary
+        whole = _read(ensemble)
+        own = whole["of_paper"] and by_name(whole).keys() >= _SHOWN
+        summary = thinned(whole) if own else summary
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
@@ -205,7 +205,9 @@ def _thin_reading(reading: Mapping[str, Any]) -> ReadingAnswer:
         "smoother": reading["share_c1_smoother"],
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "growth": quantiles(reading["rmse_over_mae_growth"]),
-        "joint_3_over_2": quantiles({run: held["mae"] for run, held in reading["joint_3_over_2"].items()}),
+        "joint_3_over_2": quantiles(
+            {run: ratios["mae"] for run, ratios in reading["joint_3_over_2"].items()}
+        ),
         "c1_c2": quantiles(reading["ratio_c1_c2"]["all_ok"]["mae"]),
         "c2_c3": quantiles(reading["ratio_c2_c3"]["all_ok"]["mae"]),
     }

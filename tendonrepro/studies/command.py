@@ -152,6 +152,6 @@ def _described(docstring: str) -> Iterator[tuple[str, str]]:
         if line.startswith(" "):
             words.append(line.strip())
             continue
-        for one in filter(None, name.split(", ")):
-            yield one, " ".join(words)
+        for parameter in filter(None, name.split(", ")):
+            yield parameter, " ".join(words)
         name, words = line.partition(" : ")[0], []

@@ -207,10 +207,10 @@ def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterat
             caption = f"Table {table[-1]} as measured, degrees, averaged over: {window.name} ({origin})."
             yield Table(table, caption, rows)
     windows = [
-        {"window": one.window, "offset_removed": one.offset_removed, "id": name, "measured_deg": size}
-        | {"printed_deg": paper.number(name), "agrees": name in one.agree}
-        for one in measured.tables.tried
-        for name, size in one.sizes.items()
+        {"window": tried.window, "offset_removed": tried.offset_removed, "id": name, "measured_deg": size}
+        | {"printed_deg": paper.number(name), "agrees": name in tried.agree}
+        for tried in measured.tables.tried
+        for name, size in tried.sizes.items()
     ]
     yield Table("windows", "Every number by every way of averaging.", windows, terminal=(), suffixes=["csv"])
 

@@ -76,7 +76,7 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
         write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
-    return {one.name: aligned(one, measured.runs[one.name], zeros[one.name]) for one in traces}
+    return {trace.name: aligned(trace, measured.runs[trace.name], zeros[trace.name]) for trace in traces}
 
 
 def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
@@ -97,10 +97,10 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
     tree["runs"] = dict(tree["runs"])
     for run in runs.keys() & tree["runs"].keys():
-        mass, held = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
-        if held["payload"]["unit"] == "kg" and mass != held["payload"]["value"]:
+        mass, entry = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
+        if entry["payload"]["unit"] == "kg" and mass != entry["payload"]["value"]:
             payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {name}"}
-            tree["runs"][run] = held | {"payload": payload}
+            tree["runs"][run] = entry | {"payload": payload}
     zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
     return _write_config(tree, folder / "compare.yaml"), zeros
 

@@ -102,12 +102,14 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     for heading, names in HEADINGS.items():
         under = [verdict for verdict in shown if verdict.verdict in names]
         rows += [[f"{heading}:", "", "", "", ""]] if under else []
-        for one in under:
-            verdict = f"{VERDICTS[one.verdict]}{_marks(one)}"
-            rows.append([f"  {in_words(one.id)}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
+        for claim in under:
+            verdict = f"{VERDICTS[claim.verdict]}{_marks(claim)}"
+            rows.append(
+                [f"  {in_words(claim.id)}", _ours(claim), verdict, claim.id, _measured(claim) or NOTHING]
+            )
             rows += [
-                [f"    with {held.reading}", _size(one, held.ours), VERDICTS[held.verdict], "", ""]
-                for held in one.unless
+                [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], "", ""]
+                for choice in claim.unless
             ]
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
