@@ -105,13 +105,15 @@ def _columns(source: Source) -> list[dict[str, object]]:
     return rows
 
 
-def inspect_text(found: Inspected) -> str:
+def inspect_text(inspected: Inspected) -> str:
     """What a terminal shows."""
-    parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
-    parts += [f"{file}: {line}" for file, lines in found["left_out"].items() for line in lines]
-    parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
-    wrote = f"wrote {found['mapping']}: check every line that says CHECK{_to_fill(found['suggestion'])}"
-    return "\n".join([*parts, wrote if found["mapping"] else found["suggestion"].rstrip()])
+    parts = [Table("", table["name"], table["columns"]).text() for table in inspected["tables"]]
+    parts += [f"{file}: {line}" for file, lines in inspected["left_out"].items() for line in lines]
+    parts += [f"{file}: not read, {reason}" for file, reason in inspected["unread"].items()]
+    wrote = (
+        f"wrote {inspected['mapping']}: check every line that says CHECK{_to_fill(inspected['suggestion'])}"
+    )
+    return "\n".join([*parts, wrote if inspected["mapping"] else inspected["suggestion"].rstrip()])
 
 
 def _to_fill(suggestion: str) -> str:

@@ -94,18 +94,18 @@ def law_of(loop: Loop) -> Law:
 
 def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     loop = loops[FIRST]
-    held, L = loop.reference, loop.L
-    time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
+    motion, L = loop.reference, loop.L
+    time = L * np.arange(2 * motion.time.size - 1, dtype=np.float64)
     half = 0.5 * time
-    if held.ddq_d.any():
-        angle = CubicSpline(held.time, held.q_d)
+    if motion.ddq_d.any():
+        angle = CubicSpline(motion.time, motion.q_d)
         rates = angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2)
     else:
         # Straight lines keep their corners.
         before = np.arange(time.size) // 2
-        q_d = np.stack([np.interp(half, held.time, column) for column in held.q_d.T], axis=1)
-        rates = q_d, 0.5 * held.dq_d[before], np.zeros_like(q_d)
-    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * held.period))
+        q_d = np.stack([np.interp(half, motion.time, column) for column in motion.q_d.T], axis=1)
+        rates = q_d, 0.5 * motion.dq_d[before], np.zeros_like(q_d)
+    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * motion.period))
 
 
 def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
@@ -116,8 +116,8 @@ def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
         kept[:, -1] = values[:, -1]
         return kept
 
-    held = loop.reference
-    motion = replace(held, q_d=alone(held.q_d), dq_d=alone(held.dq_d), ddq_d=alone(held.ddq_d))
+    whole = loop.reference
+    motion = replace(whole, q_d=alone(whole.q_d), dq_d=alone(whole.dq_d), ddq_d=alone(whole.ddq_d))
     return replace(loop, reference=motion)
 
 
@@ -228,20 +228,20 @@ def predict_outcome(
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
     chosen, joints = named_readings(readings), loaded.compare.joints
-    found = list(predictions(loaded, chosen, draws, talk, device))
-    names = [held.name for held in chosen]
-    gaps = gaps_between(found, names)
+    ranges = list(predictions(loaded, chosen, draws, talk, device))
+    names = [reading.name for reading in chosen]
+    gaps = gaps_between(ranges, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)
     experiments = [
         {
-            "name": one.name,
-            "about": one.about,
-            "judged_pairs": len(gaps[one.name]),
-            "told_apart": [*map(list, told[one.name])],
-            "gaps": [*told[one.name].values()],
-            "ratios": [vars(row) for row in found if row.experiment == one.name],
+            "name": experiment.name,
+            "about": experiment.about,
+            "judged_pairs": len(gaps[experiment.name]),
+            "told_apart": [*map(list, told[experiment.name])],
+            "gaps": [*told[experiment.name].values()],
+            "ratios": [vars(row) for row in ranges if row.experiment == experiment.name],
         }
-        for one in EXPERIMENTS
+        for experiment in EXPERIMENTS
     ]
     data = {
         "schema_version": SCHEMA_VERSION,
@@ -252,7 +252,7 @@ def predict_outcome(
         "experiments": experiments,
     }
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints)}
-    return Outcome(data, _tables(found, gaps, never, draws), figures)
+    return Outcome(data, _tables(ranges, gaps, never, draws), figures)
 
 
 def predictions(
@@ -267,18 +267,18 @@ def predictions(
     values = box.values(scrambled_sobol(box, int(loaded.config.seed.si), 0, 0, draws))
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
-            errors: dict[str, list[Array]] = {one.error: [] for one in EXPERIMENTS}
+            errors: dict[str, list[Array]] = {experiment.error: [] for experiment in EXPERIMENTS}
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
                 loops = [loop for row in rows for loop in _loops(loaded, box, row, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(BASE) + len(EXPERIMENTS)
-                for name, held in errors.items():
-                    held.append(batch.statistics[name].reshape(-1, count, len(joints)))
+                for name, parts in errors.items():
+                    parts.append(batch.statistics[name].reshape(-1, count, len(joints)))
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
                 progress(len(rows))
-            sizes = {name: np.concatenate(held) for name, held in errors.items()}
+            sizes = {name: np.concatenate(parts) for name, parts in errors.items()}
             yield from _ratios(sizes, np.concatenate(stable), reading.name, joints)
 
 
@@ -295,30 +295,30 @@ def _ratios(
     errors: Mapping[str, Array], stable: NDArray[np.bool_], reading: str, joints: Sequence[int]
 ) -> Iterator[Prediction]:
     """Ratios from errors (N, runs, n) by name, and stability (N, runs)."""
-    for place, one in enumerate(EXPERIMENTS, start=len(BASE)):
-        beside = BASE.index(one.beside)
+    for place, experiment in enumerate(EXPERIMENTS, start=len(BASE)):
+        beside = BASE.index(experiment.beside)
         kept = stable[:, place] & stable[:, beside]
         for i, joint in enumerate(joints):
-            ratio = errors[one.error][kept, place, i] / errors[one.error][kept, beside, i]
+            ratio = errors[experiment.error][kept, place, i] / errors[experiment.error][kept, beside, i]
             spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if kept.sum() >= LEAST else np.full(3, np.nan)
-            yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
+            yield Prediction(experiment.name, reading, joint, int(kept.sum()), *map(float, spread))
 
 
-def gaps_between(found: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
+def gaps_between(ranges: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
     """Gap of 90 % ranges, on the joint where it is widest, by experiment and pair of readings.
 
     Pairs that overlap have a negative gap, and pairs with an unknown range none.
     """
-    held: dict[str, Gaps] = {}
-    for experiment in dict.fromkeys(row.experiment for row in found):
-        rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}
+    gaps_of: dict[str, Gaps] = {}
+    for experiment in dict.fromkeys(row.experiment for row in ranges):
+        rows = {(row.reading, row.joint): row for row in ranges if row.experiment == experiment}
         joints = dict.fromkeys(joint for _, joint in rows)
         gaps = {
             (a, b): max(_gap(rows[a, joint], rows[b, joint]) for joint in joints)
             for a, b in combinations(readings, 2)
         }
-        held[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
-    return held
+        gaps_of[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
+    return gaps_of
 
 
 def told_apart(gaps: Mapping[str, Gaps]) -> dict[str, Gaps]:
@@ -342,30 +342,30 @@ def _gap(a: Prediction, b: Prediction) -> float:
 
 
 def _tables(
-    found: Sequence[Prediction], gaps: Mapping[str, Gaps], never: Sequence[Sequence[str]], draws: int
+    ranges: Sequence[Prediction], gaps: Mapping[str, Gaps], never: Sequence[Sequence[str]], draws: int
 ) -> list[Table | str]:
     told = told_apart(gaps)
-    telling = sorted(EXPERIMENTS, key=lambda one: -max(told[one.name].values(), default=0.0))
+    telling = sorted(EXPERIMENTS, key=lambda experiment: -max(told[experiment.name].values(), default=0.0))
     rows = []
-    for one in telling:
+    for experiment in telling:
         # Where no pair could be judged, zeros would be findings.
-        apart = [*told[one.name].values()] if gaps[one.name] else None
+        apart = [*told[experiment.name].values()] if gaps[experiment.name] else None
         rows.append(
             {
-                "experiment": one.about,
+                "experiment": experiment.about,
                 "widest_gap": None if apart is None else max(apart, default=0.0),
                 "narrowest_gap": None if apart is None else min(apart, default=0.0),
                 "pairs_told_apart": None if apart is None else len(apart),
             }
         )
     caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
-    ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
+    ratios = [vars(row) for experiment in telling for row in ranges if row.experiment == experiment.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {draws} plants."
     pairs = never if any(gaps.values()) else [(None, None)]
     untold = [{"interpretation": a, "and": b} for a, b in pairs]
-    few = sum(row.plants < LEAST for row in found)
+    few = sum(row.plants < LEAST for row in ranges)
     remark = (
-        f"{few} of {len(found)} ranges have fewer than {LEAST} stable plants, and tell nothing: more --draws"
+        f"{few} of {len(ranges)} ranges have fewer than {LEAST} stable plants, and tell nothing: more --draws"
     )
     return [
         *([remark] if few else []),

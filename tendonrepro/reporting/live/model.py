@@ -226,9 +226,9 @@ def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Co
     angles, velocities and accelerations.
     """
     tape = PlacesTape()
-    held = given(config, inputs, tape)
-    joints = motions(held.reference, held.joints, folder)
-    moving = [next((one for one in joint.turns if one is not at_rest), at_rest) for joint in joints]
+    traced = given(config, inputs, tape)
+    joints = motions(traced.reference, traced.joints, folder)
+    moving = [next((kind for kind in joint.turns if kind is not at_rest), at_rest) for joint in joints]
     since = tape.places("tt", len(joints))
     shapes = [shape(t) for shape, t in zip(moving, since, strict=True)]  # type: ignore[arg-type]
     desired = [value for part in zip(*shapes, strict=True) for value in part]
