@@ -166,8 +166,8 @@ def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
 def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     """Stability of one run at postures (P, n), rad; modes from `ringing`, Hz, on are fast."""
     L = view.law.L
-    found = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
-    (growth, growth_hz), (fast, fast_hz) = slowest(found, 0.0), slowest(found, ringing)
+    of_postures = [modes(loop_matrix(q, view.plant, view.law, view.delay), L) for q in postures]
+    (growth, growth_hz), (fast, fast_hz) = slowest(of_postures, 0.0), slowest(of_postures, ringing)
     cuts = [open_loop(q, view.plant, view.law, view.delay) for q in postures]
     # NaN, of a posture where the loop grows, is the smallest of all.
     disk, disk_hz = min(
@@ -191,14 +191,14 @@ def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
     )
 
 
-def worst(found: Sequence[ChannelMargins]) -> ChannelMargins:
+def worst(margins: Sequence[ChannelMargins]) -> ChannelMargins:
     """Smallest margin of several postures, number by number; none where one loop grows."""
-    gain = min(each.loop_gain for each in found)
-    if not all(each.stable for each in found):
+    gain = min(each.loop_gain for each in margins)
+    if not all(each.stable for each in margins):
         return ChannelMargins(loop_gain=gain)
 
     def least(name: str, sign: float = 1.0) -> ChannelMargins:
-        return min(found, key=lambda each: np.nan_to_num(sign * getattr(each, name), nan=np.inf))
+        return min(margins, key=lambda each: np.nan_to_num(sign * getattr(each, name), nan=np.inf))
 
     up, down, delay = least("gain_margin"), least("gain_reduction_margin", -1.0), least("delay_margin_s")
     return least("phase_margin_deg")._replace(
@@ -225,10 +225,10 @@ def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
     first = next(iter(views.values()))
     L = first.law.L
     hertz = np.geomspace(_LOWEST_HZ, 0.5 / L, _POINTS)
-    found = {law: load_to_error(view, q, 2.0 * np.pi * L * hertz) for law, view in views.items()}
+    responses = {law: load_to_error(view, q, 2.0 * np.pi * L * hertz) for law, view in views.items()}
     return Loads(
         hertz,
-        {law: np.abs(values) for law, values in found.items() if values is not None},
+        {law: np.abs(values) for law, values in responses.items() if values is not None},
         _least_damped(plant_matrices(q, first.plant)[0]),
         _bandwidth(dq_d, L),
     )

@@ -30,44 +30,50 @@ from tendonrepro.results.figures.style import (
 _PALE = "#E4EAF1"
 
 
-def figures(found: Explanation) -> dict[str, Callable[[], Drawing]]:
+def figures(explanation: Explanation) -> dict[str, Callable[[], Drawing]]:
     """Every picture of an explanation, by name."""
     drawn = {
         "explain_margins": (draw_margins, "Open loops of every joint, the other loops closed"),
         "explain_map": (draw_map, "Borders of stability"),
     }
-    laws = {view.law_name for pair in view_pairs(found.views) for view in pair[1:]}
-    if laws and laws <= found.loads.error.keys():
+    laws = {view.law_name for pair in view_pairs(explanation.views) for view in pair[1:]}
+    if laws and laws <= explanation.loads.error.keys():
         caption = (
             "Error that a load on a joint leaves, one controller's over the next one's; below the line the "
             "first has the smaller error"
         )
         drawn["explain_loads"] = draw_loads, caption
-    return {stem: partial(_drawing, stem, draw, caption, found) for stem, (draw, caption) in drawn.items()}
+    return {
+        stem: partial(_drawing, stem, draw, caption, explanation) for stem, (draw, caption) in drawn.items()
+    }
 
 
 @journal_style()
-def _drawing(stem: str, draw: Callable[[Explanation], Figure], caption: str, found: Explanation) -> Drawing:
-    figure = draw(found)
-    text = f"{caption}; tendonrepro {__version__}, {found.origin}."
-    return Drawing(stem, figure, figure.axes, text, origin=f"Computed from the linear model, {found.origin}")
+def _drawing(
+    stem: str, draw: Callable[[Explanation], Figure], caption: str, explanation: Explanation
+) -> Drawing:
+    figure = draw(explanation)
+    text = f"{caption}; tendonrepro {__version__}, {explanation.origin}."
+    return Drawing(
+        stem, figure, figure.axes, text, origin=f"Computed from the linear model, {explanation.origin}"
+    )
 
 
-def draw_margins(found: Explanation) -> Figure:
+def draw_margins(explanation: Explanation) -> Figure:
     """Gain and phase of every joint's open loop, gain margins as circles."""
-    figure, grid = _sheet(2, len(found.joints), 100.0, sharex=True, sharey="row")
-    titles = [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in found.joints]
+    figure, grid = _sheet(2, len(explanation.joints), 100.0, sharex=True, sharey="row")
+    titles = [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in explanation.joints]
     letter_panels(grid.flat, titles)
-    for k in range(len(found.joints)):
+    for k in range(len(explanation.joints)):
         gain, phase = grid[:, k]
         gain.axhline(1.0, color="#999999", linewidth=0.5)
         phase.axhline(-180.0, color="#999999", linewidth=0.5)
-        for number, (run, (hertz, channels)) in enumerate(found.curves.items(), start=1):
+        for number, (run, (hertz, channels)) in enumerate(explanation.curves.items(), start=1):
             stroke, value = stroke_of(number), channels[k]
             _line(gain, hertz, np.abs(value), stroke, run)
             # Of -G, continuous from between -180 and 180 at the lowest frequency.
             _line(phase, hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
-            place = found.margins[run].joints[k].gain_margin_hz
+            place = explanation.margins[run].joints[k].gain_margin_hz
             if np.isfinite(place):
                 height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(np.abs(value))))
                 circle = {"markersize": 3.2, "markerfacecolor": "white", "markeredgecolor": stroke.colour}
@@ -78,7 +84,7 @@ def draw_margins(found: Explanation) -> Figure:
     grid[1, 0].set_yticks(np.arange(-360.0, 361.0, 90.0))
     highest = max(np.max(line.get_ydata()) for axes in grid[1] for line in axes.lines)
     grid[1, 0].set_ylim(-360.0, 0.0 if highest <= 0.0 else 180.0)
-    low_gain = max(float(np.abs(channels[:, 0]).max()) for _, channels in found.curves.values())
+    low_gain = max(float(np.abs(channels[:, 0]).max()) for _, channels in explanation.curves.values())
     # A law with a pole on the unit circle has no finite gain there.
     grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * low_gain)
     grid[0, 0].set_ylabel("Loop gain")
@@ -87,10 +93,10 @@ def draw_margins(found: Explanation) -> Figure:
     return figure
 
 
-def draw_map(found: Explanation) -> Figure:
+def draw_map(explanation: Explanation) -> Figure:
     """Borders of stability of every run; where all are stable is pale."""
     figure, grid = _sheet(1, 1, 82.0, width_mm=COLUMN_MM)
-    axes, factors, borders = grid[0, 0], found.borders.factors, found.borders.distance
+    axes, factors, borders = grid[0, 0], explanation.borders.factors, explanation.borders.distance
     least = np.min(list(borders.values()), axis=0)
     if least.max() > 0.0:
         axes.contourf(factors, factors, least, levels=[0.0, 1e9], colors=[_PALE])
@@ -113,22 +119,22 @@ def draw_map(found: Explanation) -> Figure:
     return figure
 
 
-def draw_loads(found: Explanation) -> Figure:
+def draw_loads(explanation: Explanation) -> Figure:
     """Error per load of one law over that of the next, by frequency."""
-    held = found.loads
-    figure, grid = _sheet(1, len(found.joints), 70.0, sharey=True)
+    responses = explanation.loads
+    figure, grid = _sheet(1, len(explanation.joints), 70.0, sharey=True)
     for k, axes in enumerate(grid[0]):
-        axes.axvspan(held.hertz[0], held.motion_hz, color=_PALE, linewidth=0.0, label="the motion")
+        axes.axvspan(responses.hertz[0], responses.motion_hz, color=_PALE, linewidth=0.0, label="the motion")
         axes.axhline(1.0, color="#999999", linewidth=0.6)
         axes.axvline(
-            held.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
+            responses.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
         )
-        for number, (_, a, b) in enumerate(view_pairs(found.views), start=1):
-            ratio = held.error[a.law_name][k] / held.error[b.law_name][k]
-            _line(axes, held.hertz, ratio, stroke_of(number), f"{a.law_name} over {b.law_name}")
-        axes.set(xscale="log", xlim=held.hertz[[0, -1]], xlabel="frequency of the load (Hz)")
+        for number, (_, a, b) in enumerate(view_pairs(explanation.views), start=1):
+            ratio = responses.error[a.law_name][k] / responses.error[b.law_name][k]
+            _line(axes, responses.hertz, ratio, stroke_of(number), f"{a.law_name} over {b.law_name}")
+        axes.set(xscale="log", xlim=responses.hertz[[0, -1]], xlabel="frequency of the load (Hz)")
     grid[0, 0].set_ylabel("error of one over the other")
-    letter_panels(grid[0], [f"Joint {joint}" for joint in found.joints])
+    letter_panels(grid[0], [f"Joint {joint}" for joint in explanation.joints])
     _legend(figure, grid[0, 0], columns=4)
     return figure
 

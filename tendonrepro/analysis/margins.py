@@ -146,8 +146,8 @@ def _gain_crossings(at: Callable[[Array], Complex], angles: Array) -> tuple[Arra
         places = np.append(places, _REST)
     real = at(places).real
     # Below 1e-9 it is the pole at z = 1 itself that was met.
-    found = (real > 1e-9) & (real < 1e9)
-    return 1.0 / real[found], places[found]
+    crosses = (real > 1e-9) & (real < 1e9)
+    return 1.0 / real[crosses], places[crosses]
 
 
 def _first_loss(single: Cut, factors: Array, places: Array, *, above: bool) -> tuple[float, float]:
@@ -171,11 +171,11 @@ def disk_margin(cut: Cut, L: float) -> tuple[float, float]:
     A, B, C = cut
     if spectral_radius(A + B @ C) >= 1.0:
         return np.nan, np.nan
-    one = np.eye(B.shape[1])
+    identity = np.eye(B.shape[1])
 
     def size(where: Array) -> Array:
         G = response(cut, where)
-        difference = np.linalg.solve((one - G).mT, (one + G).mT).mT
+        difference = np.linalg.solve((identity - G).mT, (identity + G).mT).mT
         return scaled_norm(np.asarray(difference, dtype=np.complex128))
 
     angles = angle_grid(A, A + B @ C)
@@ -241,8 +241,8 @@ def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Arr
     output, memory = law_matrices(law, view.delay)
     radius = np.zeros(1)
     for q in postures:
-        held = [hold_discretised(*plant_matrices(q, plant), law.L) for plant in plants]
-        Phi, Gamma = (np.stack(parts) for parts in zip(*held, strict=True))
+        discretised = [hold_discretised(*plant_matrices(q, plant), law.L) for plant in plants]
+        Phi, Gamma = (np.stack(parts) for parts in zip(*discretised, strict=True))
         radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
     return np.asarray(-np.log(radius) / law.L)
 

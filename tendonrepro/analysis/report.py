@@ -42,104 +42,112 @@ def explain_outcome(loaded: LoadedConfig) -> Outcome:
     from tendonrepro.analysis.figures import figures
 
     try:
-        found = explain(loaded)
+        explanation = explain(loaded)
     except ValueError as error:
         # NumPy's and SciPy's words for matrices that numbers cannot hold.
         message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"
         raise TendonreproError(message, where=loaded.origin, hint=hint) from error
-    return Outcome(explanation_data(found), explanation_parts(found), figures(found))
+    return Outcome(explanation_data(explanation), explanation_parts(explanation), figures(explanation))
 
 
-def explanation_data(found: Explanation) -> dict[str, object]:
+def explanation_data(explanation: Explanation) -> dict[str, object]:
     """Plain numbers with the keys of ``--json``, some NaN."""
-    margins = found.margins
+    margins = explanation.margins
 
     def of_torque(name: str) -> dict[str, list[float]]:
-        return {run: [getattr(joint, name) for joint in held.joints] for run, held in margins.items()}
+        return {
+            run: [getattr(joint, name) for joint in margins_of_run.joints]
+            for run, margins_of_run in margins.items()
+        }
 
     return {
         "schema_version": SCHEMA_VERSION,
-        "joints": list(found.joints),
-        "postures_deg": np.rad2deg(found.postures).tolist(),
-        "spectral_radius": {run: held.of_run["spectral_radius"] for run, held in margins.items()},
+        "joints": list(explanation.joints),
+        "postures_deg": np.rad2deg(explanation.postures).tolist(),
+        "spectral_radius": {
+            run: margins_of_run.of_run["spectral_radius"] for run, margins_of_run in margins.items()
+        },
         "gain_margin": of_torque("gain_margin"),
         "phase_margin": of_torque("phase_margin_deg"),
         "loop_gain": of_torque("loop_gain"),
         "loop_gain_frequency_hz": LOW_FREQUENCY,
-        "predicted_ratio": dict.fromkeys(PAIRS) | _typical(found),
+        "predicted_ratio": dict.fromkeys(PAIRS) | _typical(explanation),
         "predicted_ratio_error_deg": TYPICAL_ERROR_DEG,
         "predicted_ratio_by_error_deg": {
             pair: {f"{size:g}": ratio for size, ratio in sizes.items()}
-            for pair, sizes in found.ratios.items()
+            for pair, sizes in explanation.ratios.items()
         },
-        "predicted_ratio_holds": all(held.of_run["stable"] for held in margins.values()),
-        "runs": {run: _run_data(held, found.views[run]) for run, held in margins.items()},
-        "what_if": found.what_if,
+        "predicted_ratio_holds": all(margins_of_run.of_run["stable"] for margins_of_run in margins.values()),
+        "runs": {
+            run: _run_data(margins_of_run, explanation.views[run]) for run, margins_of_run in margins.items()
+        },
+        "what_if": explanation.what_if,
         "load_to_error": {
-            "hz": found.loads.hertz.tolist(),
-            "rad_per_nm": {law: size.tolist() for law, size in found.loads.error.items()},
-            "arm_mode_hz": found.loads.mode_hz,
-            "motion_hz": found.loads.motion_hz,
+            "hz": explanation.loads.hertz.tolist(),
+            "rad_per_nm": {law: size.tolist() for law, size in explanation.loads.error.items()},
+            "arm_mode_hz": explanation.loads.mode_hz,
+            "motion_hz": explanation.loads.motion_hz,
         },
     }
 
 
-def _run_data(held: RunMargins, view: View) -> dict[str, object]:
+def _run_data(margins: RunMargins, view: View) -> dict[str, object]:
     torque = {
-        name: [getattr(joint, name) for joint in held.joints]
+        name: [getattr(joint, name) for joint in margins.joints]
         for name in ChannelMargins._fields
         if name != "stable"
     }
-    return {**held.of_run, "estimate_age": estimate_age(view.law, view.delay).tolist(), "torque": torque}
+    return {**margins.of_run, "estimate_age": estimate_age(view.law, view.delay).tolist(), "torque": torque}
 
 
-def _typical(found: Explanation) -> dict[str, list[float]]:
-    return {pair: sizes[TYPICAL_ERROR_DEG] for pair, sizes in found.ratios.items()}
+def _typical(explanation: Explanation) -> dict[str, list[float]]:
+    return {pair: sizes[TYPICAL_ERROR_DEG] for pair, sizes in explanation.ratios.items()}
 
 
-def explanation_parts(found: Explanation) -> list[Table | str]:
+def explanation_parts(explanation: Explanation) -> list[Table | str]:
     """Margins of every run, ratios of slow errors, and what changes would do."""
     caption = (
-        f"Stability of the sampled loop, worst of {len(found.postures)} postures ({found.origin}); "
+        f"Stability of the sampled loop, worst of {len(explanation.postures)} postures "
+        f"({explanation.origin}); "
         "margins with the other joints' loops closed, gain as a factor."
     )
     rows = [
-        {"run": run, "joint": joint, **margins._asdict(), **held.of_run}
-        for run, held in found.margins.items()
-        for joint, margins in zip(found.joints, held.joints, strict=True)
+        {"run": run, "joint": joint, **margins._asdict(), **of_run.of_run}
+        for run, of_run in explanation.margins.items()
+        for joint, margins in zip(explanation.joints, of_run.joints, strict=True)
     ]
     shown = [name for name in _COLUMNS if name not in _FILES_ALONE]
     parts: list[Table | str] = [Table("explain", caption, rows, _COLUMNS, shown)]
-    if unstable := [run for run, held in found.margins.items() if not held.of_run["stable"]]:
+    if unstable := [run for run, of_run in explanation.margins.items() if not of_run.of_run["stable"]]:
         parts.append(f"Unstable, so without margins or slow errors: {', '.join(unstable)}.")
-    if slow := list(slow_rows(found)):
+    if slow := list(slow_rows(explanation)):
         caption = f"Errors near {TYPICAL_ERROR_DEG:g} deg under slow loads; no plant enters while loops are "
         parts.append(Table("slow_errors", f"{caption}stable and well damped. Ages in periods.", slow))
     caption = "What a change would do: slowest decay of each run, 1/s (negative: unstable), and slow errors"
-    parts.append(Table("changes", caption, list(change_rows(found))))
+    parts.append(Table("changes", caption, list(change_rows(explanation))))
     return parts
 
 
-def slow_rows(found: Explanation) -> Iterator[dict[str, object]]:
+def slow_rows(explanation: Explanation) -> Iterator[dict[str, object]]:
     """Yield neighbouring laws' ratio of errors on each joint, and its factors."""
     e = float(np.deg2rad(TYPICAL_ERROR_DEG))
-    for pair, a, b in view_pairs(found.views):
+    for pair, a, b in view_pairs(explanation.views):
         ages = [estimate_age(view.law, view.delay) for view in (a, b)]
         softer = stiffness(b.law, e) / stiffness(a.law, e)
-        for k, joint in enumerate(found.joints):
+        for k, joint in enumerate(explanation.joints):
             yield {
                 "laws": f"{a.law_name} / {b.law_name}",
                 "joint": joint,
-                "ratio": found.ratios[pair][TYPICAL_ERROR_DEG][k],
+                "ratio": explanation.ratios[pair][TYPICAL_ERROR_DEG][k],
                 "age_of_the_first": float(ages[0][k]),
                 "age_of_the_second": float(ages[1][k]),
                 "surface_softer_by": float(softer[k]),
             }
 
 
-def change_rows(found: Explanation) -> Iterator[dict[str, object]]:
+def change_rows(explanation: Explanation) -> Iterator[dict[str, object]]:
     """Yield a row for the configuration and for every change to it."""
-    decay = {run: held.of_run["decay"] for run, held in found.margins.items()}
-    now: Change = {"decay": decay, "ratio": _typical(found)}
-    for name, what in {"as configured": now, **found.what_if}.items():
+    decay = {run: margins.of_run["decay"] for run, margins in explanation.margins.items()}
+    now: Change = {"decay": decay, "ratio": _typical(explanation)}
+    for name, what in {"as configured": now, **explanation.what_if}.items():
         yield {"change": name, **what["decay"], **what["ratio"]}

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import GenericAlias, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import typer
 
@@ -26,8 +26,8 @@ def add_command(app: typer.Typer, command: Command) -> None:
     options += [_keyword("dry_run", False, _DRY_RUN)] if command.has_dry_run else []
     options += [_keyword(name, False, annotation) for name, annotation in TERMINAL.items()]
 
-    def run(**words: Any) -> int:
-        terminal = Terminal(**{name: words.pop(name) for name in TERMINAL})
+    def run(**words: object) -> int:
+        terminal = Terminal(**{name: bool(words.pop(name)) for name in TERMINAL})
         answer = _answer(command, words, terminal.talk)
         terminal.show(answer)
         return answer.exit_code
@@ -39,15 +39,15 @@ def add_command(app: typer.Typer, command: Command) -> None:
     app.command(name, epilog=f"Example: {command.example}", rich_help_panel=command.panel)(run)
 
 
-def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[Any]:
+def _answer(command: Command, words: Mapping[str, object], talk: Talk) -> Answer[object]:
     """Call the function of a command with what the command line gave."""
-    positional: list[Any] = []
-    keywords: dict[str, Any] = {}
+    positional: Sequence[object] = ()
+    keywords: dict[str, object] = {}
     for name, parameter in command.signature.parameters.items():
         if _is_talk(parameter):
             keywords[name] = talk
         elif parameter.kind is parameter.VAR_POSITIONAL:
-            positional = words[name] or []
+            positional = cast("Sequence[object]", words[name] or ())
         elif words[name] is not None:
             # The flag of what holds by default says that it shall not.
             keywords[name] = not words[name] if parameter.default is True else words[name]
@@ -56,14 +56,14 @@ def _answer(command: Command, words: Mapping[str, Any], talk: Talk) -> Answer[An
         return prepared
     from tendonrepro.studies.lifecycle import carry_out
 
-    return carry_out(command.name, prepared, talk, dry_run=words.get("dry_run", False))
+    return carry_out(command.name, prepared, talk, dry_run=bool(words.get("dry_run")))
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:
     return bool(parameter.annotation == Telling)
 
 
-def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:
+def _keyword(name: str, default: object, annotation: object) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
@@ -85,7 +85,7 @@ def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
     return _keyword(parameter.name, default, Annotated[kind, option])
 
 
-def _writable(annotation: Any) -> Any:
+def _writable(annotation: object) -> Any:
     """The type by which the command line gives a value: of a union, the first that it can write."""
     origin = get_origin(annotation)
     if origin is Annotated:

@@ -45,9 +45,9 @@ class ByPanel(TyperGroup):
         del ctx
         widest = formatter.width - 6 - max(map(len, self.commands))
         panels: dict[str, list[tuple[str, str]]] = {}
-        for name, held in self.commands.items():
-            panel: str = held.rich_help_panel  # type: ignore[attr-defined]
-            panels.setdefault(panel, []).append((name, held.get_short_help_str(widest)))
+        for name, entry in self.commands.items():
+            panel: str = entry.rich_help_panel  # type: ignore[attr-defined]
+            panels.setdefault(panel, []).append((name, entry.get_short_help_str(widest)))
         for panel, rows in panels.items():
             with formatter.section(panel):
                 formatter.write_dl(rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Option
@@ -11,7 +11,7 @@ from typer import Option
 from tendonrepro.console import Talk
 from tendonrepro.studies.study import Answer
 
-TERMINAL: dict[str, Any] = {
+TERMINAL: dict[str, object] = {
     "as_json": Annotated[bool, Option("--json", help="Print one JSON object.")],
     "quiet": Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")],
     "verbose": Annotated[bool, Option("--verbose", "-v", help="Say more on standard error.")],
@@ -32,7 +32,7 @@ class Terminal:
         """Notes and progress."""
         return Talk(quiet=self.quiet, verbose=self.verbose)
 
-    def show(self, answer: Answer[Any]) -> None:
+    def show(self, answer: Answer[object]) -> None:
         """Print an answer as JSON or in words."""
         if self.as_json:
             from tendonrepro.files import to_json

@@ -76,13 +76,13 @@ class Tables:
 
 def tables_of(tree: Tree) -> Tables:
     """Tables with their paths: what lies together with as many rows, or one clock."""
-    found = Tables()
+    tables = Tables()
     apart: dict[str, list[str]] = {}
-    _collect(tree, "", found.tables, apart)
+    _collect(tree, "", tables.tables, apart)
     for why, names in apart.items():
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-        found.left_out.append(f"{', '.join(names[:MOST_NAMED])}{more}: {why}")
-    return found
+        tables.left_out.append(f"{', '.join(names[:MOST_NAMED])}{more}: {why}")
+    return tables
 
 
 def _collect(tree: Tree, path: str, tables: dict[str, Columns], apart: dict[str, list[str]]) -> None:

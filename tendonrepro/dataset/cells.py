@@ -31,7 +31,7 @@ def is_number(cell: str) -> bool:
     return bool(NUMBER.fullmatch(cell))
 
 
-def add_column(found: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
+def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
     """Add a column of cells, numbers in float64 or words, to a table, with a note of what is no number.
 
     Of an empty column nothing is kept. ``first_row`` is the number of the first row, for notes.
@@ -39,44 +39,44 @@ def add_column(found: Columns, name: str, column: pd.Series, first_row: int = 1)
     if column.dtype.kind in "biuf":
         values = column.to_numpy(np.float64)
         if np.isfinite(values).sum() >= FEWEST:
-            found.add(name, values)
+            columns.add(name, values)
         elif np.isfinite(values).any():
-            found.notes.append(f"column {name!r} left out: {int(np.isfinite(values).sum())} numbers alone")
+            columns.notes.append(f"column {name!r} left out: {int(np.isfinite(values).sum())} numbers alone")
         return
-    held = column[column.notna()]
-    cells = held.map(lambda cell: str(cell).strip())
+    known = column[column.notna()]
+    cells = known.map(lambda cell: str(cell).strip())
     cells = cells[cells != ""]
     if cells.empty:
         return
-    times = _seconds(held[held.index.isin(cells.index)], cells)
+    times = _seconds(known[known.index.isin(cells.index)], cells)
     if times is not None:
-        _add_filled(found, name if "(" in name else f"{name} (s)", column, times)
+        _add_filled(columns, name if "(" in name else f"{name} (s)", column, times)
         return
     numbers, note = _numbers(cells)
     failing = numbers.isna() & ~cells.str.casefold().isin(_GAPS)
     if failing.mean() >= _MOST_FAILING:
         words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
-        found.add(name, words.to_numpy(object).astype(str))
+        columns.add(name, words.to_numpy(object).astype(str))
         ambiguous = note and note.startswith("unclear")
-        found.notes += [f"column {name!r}: {note}"] if ambiguous else []
+        columns.notes += [f"column {name!r}: {note}"] if ambiguous else []
         return
     if note:
-        found.notes.append(f"column {name!r}: {note}")
+        columns.notes.append(f"column {name!r}: {note}")
     if failing.any():
         place = int(np.argmax(column.index == failing.idxmax())) + first_row
         example = str(cells[failing].iloc[0])[:40]
-        found.notes.append(
+        columns.notes.append(
             f"column {name!r}: {int(failing.sum())} of {len(column)} cells are no numbers and left as gaps, "
             f"the first {example!r} in row {place}"
         )
     if numbers.notna().sum() >= FEWEST:
-        _add_filled(found, name, column, numbers)
+        _add_filled(columns, name, column, numbers)
     else:
-        found.notes.append(f"column {name!r} left out: {int(numbers.notna().sum())} numbers alone")
+        columns.notes.append(f"column {name!r} left out: {int(numbers.notna().sum())} numbers alone")
 
 
-def _add_filled(found: Columns, name: str, column: pd.Series, numbers: pd.Series) -> None:
-    found.add(name, numbers.reindex(column.index).to_numpy(np.float64))
+def _add_filled(columns: Columns, name: str, column: pd.Series, numbers: pd.Series) -> None:
+    columns.add(name, numbers.reindex(column.index).to_numpy(np.float64))
 
 
 def _numbers(cells: pd.Series) -> tuple[pd.Series, str]:
@@ -107,11 +107,11 @@ def _numbers(cells: pd.Series) -> tuple[pd.Series, str]:
     return plain.fillna(numbers.reindex(plain.index)), note
 
 
-def _seconds(held: pd.Series, cells: pd.Series) -> pd.Series | None:
+def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
     """Durations, times of day, or dates since the first, in s; None of other cells."""
-    first = held.iloc[0]
+    first = known.iloc[0]
     if hasattr(first, "total_seconds"):
-        return held.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
+        return known.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
     if hasattr(first, "isoformat") and hasattr(first, "hour") and not hasattr(first, "year"):
         return _of_durations(cells)
     if hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):

@@ -27,7 +27,7 @@ def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[s
 
     Of columns of times that stand side by side the first counts.
     """
-    found: dict[str | None, list[str]] = {}
+    columns_of: dict[str | None, list[str]] = {}
     clock, first, before_is_time = None, None, False
     waiting: list[str] = []
     for column in table:
@@ -36,11 +36,11 @@ def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[s
             clock = column
             first = column if first is None else first
         elif column in uses and not is_time:
-            (waiting if clock is None else found.setdefault(clock, [])).append(column)
+            (waiting if clock is None else columns_of.setdefault(clock, [])).append(column)
         before_is_time = is_time
     if waiting:
-        found[first] = waiting + found.get(first, [])
-    return found
+        columns_of[first] = waiting + columns_of.get(first, [])
+    return columns_of
 
 
 def starts_again(time: Array) -> NDArray[np.int64]:
@@ -98,10 +98,10 @@ def times_of(
     notes: list[str] = []
     time = np.arange(float(rows.sum()))
     if clock is not None:
-        use, held = uses[clock], source.columns[clock][rows]
-        if held.dtype.kind != "f":
+        use, recorded = uses[clock], source.columns[clock][rows]
+        if recorded.dtype.kind != "f":
             raise ConfigError(f"the column {clock!r} of times holds words")
-        time = (use.factor * held + use.offset) * use.to_si
+        time = (use.factor * recorded + use.offset) * use.to_si
         if absent := int((~np.isfinite(time)).sum()):
             time = np.where(np.isfinite(time), time, np.nan)
             notes.append(f"{absent} of {len(time)} rows have no time and are left out")
@@ -129,12 +129,12 @@ def _part(time: Array, run: Run, table: str) -> tuple[Array, list[str]]:
         message = f"the time of {table} starts again {len(edges) - 2} times: there is no part {run.part}"
         raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
     kept = places[edges[run.part - 1] : edges[run.part]]
-    found = np.full_like(time, np.nan)
+    times = np.full_like(time, np.nan)
     if not kept.size:
         # `where` takes no row, which is said of all such runs.
-        return found, []
-    found[kept] = time[kept]
-    return found, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
+        return times, []
+    times[kept] = time[kept]
+    return times, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
 
 
 def _checked(time: Array, table: str, run: Run) -> list[str]:

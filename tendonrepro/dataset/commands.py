@@ -1,7 +1,7 @@
 """The commands around the paper's data set, and anyone's measured data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
@@ -14,6 +14,7 @@ MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")
 
 if TYPE_CHECKING:
     from tendonrepro.dataset.fetch import Fetched
+    from tendonrepro.dataset.ingestion import Ingested, Inspected
 
 
 @command(DATA, "tendonrepro fetch --out data/zenodo")
@@ -52,7 +53,7 @@ def fetch(
 @command(DATA, "tendonrepro inspect data/zenodo --suggest")
 def inspect(
     *paths: Measured, suggest: bool = False, mapping: Path | str | None = None, force: bool = False
-) -> Answer[dict[str, Any]]:
+) -> Answer["Inspected"]:
     """What is in files of any format, and what it seems to mean.
 
     Parameters
@@ -81,7 +82,7 @@ def ingest(
     dry_run: bool = False,
     force: Overwrite = False,
     talk: Telling = TALK,
-) -> Answer[dict[str, Any]]:
+) -> Answer["Ingested"]:
     """Convert measured data to the layout of simulated traces.
 
     Parameters

@@ -36,7 +36,11 @@ def packaged(path: Path) -> dict[Path, dict[str, object]]:
     try:
         tree = json.loads(path.read_text(encoding="utf-8-sig"))
         resources = tree["resources"] if isinstance(tree, dict) else []
-        return {path.parent / one["path"]: one for one in resources if (path.parent / one["path"]).is_file()}
+        return {
+            path.parent / resource["path"]: resource
+            for resource in resources
+            if (path.parent / resource["path"]).is_file()
+        }
     except (ValueError, KeyError, TypeError, OSError):
         return {}
 
@@ -52,19 +56,19 @@ def read_package(path: Path) -> Tables:
     resources = packaged(path)
     if not resources:
         raise Unreadable("a JSON file that is no data package with a table beside it")
-    found = Tables()
+    tables = Tables()
     for table, resource in resources.items():
         fields = _fields(resource)
-        held = read_text_table(table).tables[""]
+        cells = read_text_table(table).tables[""]
         name = str(resource.get("name") or table.stem)
         columns = Columns()
-        columns.notes = held.notes
-        for column, values in held.items():
+        columns.notes = cells.notes
+        for column, values in cells.items():
             # A curve is called y where its figure does not say more; then the table's name tells.
             said = name if column.casefold() in ("y", "value") else column
             columns.add(said, values, fields.get(column, ""))
-        found.tables["" if len(resources) == 1 and name == path.stem else name] = columns
-    return found
+        tables.tables["" if len(resources) == 1 and name == path.stem else name] = columns
+    return tables
 
 
 def _fields(resource: dict[str, object]) -> dict[str, str]:

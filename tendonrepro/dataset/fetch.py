@@ -100,8 +100,8 @@ def run_fetch(
     """
     number = record_number(record)
     refuse_file(out)
-    held = out.resolve().with_name(f"{out.resolve().name}.lock.json")
-    stored: Record | None = json.loads(held.read_text(encoding="utf-8")) if held.exists() else None
+    lock_path = out.resolve().with_name(f"{out.resolve().name}.lock.json")
+    stored: Record | None = json.loads(lock_path.read_text(encoding="utf-8")) if lock_path.exists() else None
     if stored and number in {stored["record"], stored.get("requested")}:
         lock = stored
     elif stored and not force:
@@ -118,18 +118,20 @@ def run_fetch(
     require_space(out / "files", sum(file["size"] for file in wanted))
     if not dry_run:
         _obtain(wanted, out, lock, talk)
-        write_atomically(held, to_json(lock))
+        write_atomically(lock_path, to_json(lock))
     files: list[Present] = [
         {**file, "action": "downloaded" if file in wanted else "present"} for file in lock["files"]
     ]
-    return {**lock, "out": str(out), "lock": str(held), "dry_run": dry_run, "files": files}
+    return {**lock, "out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": files}
 
 
-def fetch_text(found: Fetched) -> str:
+def fetch_text(fetched: Fetched) -> str:
     """What a terminal shows."""
-    head = f"{found['title']} ({found['doi']}), version {found['version']}, licence {found['licence']}"
+    head = (
+        f"{fetched['title']} ({fetched['doi']}), version {fetched['version']}, licence {fetched['licence']}"
+    )
     shown = ("key", "size", "action")
-    return Table("files", f"{head}; in {found['out']}", found["files"], terminal=shown).text()
+    return Table("files", f"{head}; in {fetched['out']}", fetched["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:

@@ -68,33 +68,34 @@ def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
     asked: dict[str, list[Asked]] = {}
     left: list[str] = []
     for source in sources:
-        for found in _of_table(source):
-            if isinstance(found, Asked):
-                asked.setdefault(found.run, []).append(found)
+        for guess in _of_table(source):
+            if isinstance(guess, Asked):
+                asked.setdefault(guess.run, []).append(guess)
                 continue
-            run = runs.setdefault(found.run, RunGuess(found.run, found.payload))
+            run = runs.setdefault(guess.run, RunGuess(guess.run, guess.payload))
             same = next(
-                (one for one in run.columns if one.use.signal == found.use.signal and found.use.joint), None
+                (other for other in run.columns if other.use.signal == guess.use.signal and guess.use.joint),
+                None,
             )
             if same is None:
-                run.columns.append(found)
+                run.columns.append(guess)
             else:
-                left.append(f"{quoted(found.column)}: {found.use}  # taken from {same.column}")
-                _doubt_twin(run, same, found)
+                left.append(f"{quoted(guess.column)}: {guess.use}  # taken from {same.column}")
+                _doubt_twin(run, same, guess)
     for name, columns in asked.items():
         known = runs.setdefault(name, RunGuess(name, None))
-        if any(one.use.joint for one in known.columns):
+        if any(other.use.joint for other in known.columns):
             left += map(str, columns)
         else:
             known.asked += columns
     left = list(dict.fromkeys(left))
     whole = {
-        name: run for name, run in runs.items() if run.asked or any(one.use.joint for one in run.columns)
+        name: run for name, run in runs.items() if run.asked or any(other.use.joint for other in run.columns)
     }
     whole = _with_desired(whole)
     parted = {part.name: part for run in whole.values() for part in _parts(run)}
     text = "\n".join(written(list(parted.values()), left, title)) + "\n"
-    counts = {name: sum(one.use.joint > 0 for one in run.columns) for name, run in parted.items()}
+    counts = {name: sum(other.use.joint > 0 for other in run.columns) for name, run in parted.items()}
     return {"suggestion": text, "runs": counts, "left": left}
 
 
@@ -106,18 +107,18 @@ def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
         for name, run in runs.items()
         if name not in named
         and not run.asked
-        and {one.use.variable for one in run.columns} == {"time", "q_d"}
+        and {guess.use.variable for guess in run.columns} == {"time", "q_d"}
     }
-    lacking = [run for run in named.values() if all(one.use.variable != "q_d" for one in run.columns)]
+    lacking = [run for run in named.values() if all(guess.use.variable != "q_d" for guess in run.columns)]
     if not apart or (named and not lacking) or (not named and len(apart) < 2):
         return runs
     if not named:
         lacking = [RunGuess("desired", None)]
         named = {"desired": lacking[0]}
     for run in lacking:
-        columns = [replace(one, run=run.name) for other in apart.values() for one in other.columns]
-        signals = {one.use.signal for one in columns if one.use.joint}
-        if len(signals) < sum(one.use.joint > 0 for one in columns):
+        columns = [replace(guess, run=run.name) for other in apart.values() for guess in other.columns]
+        signals = {guess.use.signal for guess in columns if guess.use.joint}
+        if len(signals) < sum(guess.use.joint > 0 for guess in columns):
             return runs
         run.columns += columns
         run.check = f"desired angles from {', '.join(apart)}"
@@ -139,9 +140,9 @@ def _doubt_twin(run: RunGuess, same: Guess, twin: Guess) -> None:
 
 def _parts(run: RunGuess) -> Iterator[RunGuess]:
     """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
-    tables = {id(one.source): one.source for one in run.columns}
+    tables = {id(guess.source): guess.source for guess in run.columns}
     for source in tables.values():
-        uses = {one.column: one.use for one in run.columns if one.source is source}
+        uses = {guess.column: guess.use for guess in run.columns if guess.source is source}
         clocks = [(clock, columns) for clock, columns in by_clock(source.columns, uses).items()]
         for clock, columns in clocks:
             if clock is None:
@@ -181,21 +182,21 @@ def _of_table(source: Source) -> Iterator[Guess | Asked]:
     around = [meaning_of(part) for part in around_of(source.name)]
     said = {column: meaning_of(_PLACE.sub("", column)) for column in source.columns}
     table = _Table(source, around, said)
-    table.variables = {column: variable_of(_with_context(one, around)) for column, one in said.items()}
-    table.numbers = {column: _number_of(column, [one, *around]) for column, one in said.items()}
+    table.variables = {column: variable_of(_with_context(words, around)) for column, words in said.items()}
+    table.numbers = {column: _number_of(column, [words, *around]) for column, words in said.items()}
     _take_times(table)
     _take_rates(table)
     variables, numbers = table.variables, table.numbers
     counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
-    is_compared = any(one.controller for one in (*said.values(), *around))
+    is_compared = any(words.controller for words in (*said.values(), *around))
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
     joints = [column for column, name in variables.items() if name in _OF_JOINTS and not said[column].unit]
     most = max((_largest(table.values(column)) for column in joints if table.is_numbers(column)), default=0.0)
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
     shift = int(is_compared and counted == {1, 2})
-    for column, one in said.items():
+    for column, words in said.items():
         for run, payload in _runs_of(table, column):
-            yield _guessed(table, column, one, (run, payload), shift, most)
+            yield _guessed(table, column, words, (run, payload), shift, most)
 
 
 def _guessed(
@@ -244,12 +245,14 @@ def _take_times(table: _Table) -> None:
 def _take_rates(table: _Table) -> None:
     """Take qd2 for a velocity beside qdd2, or beside a reference of joint 2."""
     for column, said in table.said.items():
-        found = _DERIVATIVE.match(_PLACE.sub("", column).strip())
-        if not found or table.variables[column] != "q_d" or (said.unit in FACTORS["angle"]):
+        match = _DERIVATIVE.match(_PLACE.sub("", column).strip())
+        if not match or table.variables[column] != "q_d" or (said.unit in FACTORS["angle"]):
             continue
-        joint = found[1]
-        second = next((one for one in table.said if re.match(rf"(?:q|theta|θ)dd_?{joint}", one, re.I)), None)
-        reference = next((one for one in table.said if _is_reference(table, one, column)), None)
+        joint = match[1]
+        second = next(
+            (other for other in table.said if re.match(rf"(?:q|theta|θ)dd_?{joint}", other, re.I)), None
+        )
+        reference = next((other for other in table.said if _is_reference(table, other, column)), None)
         beside = second or reference
         if beside is not None:
             table.variables[column] = "dq"

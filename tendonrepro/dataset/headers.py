@@ -39,12 +39,12 @@ def _name(place: int, name: str, unit: str) -> str:
 
 def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
     """Whether a row has units: known ones alone, or with others under as many names."""
-    held = [cell.strip("()[] ") for cell in row if cell.strip("()[]- ")]
-    known = [cell for cell in held if plain_unit(cell)]
-    if len(known) == len(held):
-        return bool(held) and not all(cell in "st" for cell in held)
-    others = [cell for cell in held if not plain_unit(cell)]
-    has_names = sum(map(bool, above)) >= len(held) - 1 > 0
+    cells = [cell.strip("()[] ") for cell in row if cell.strip("()[]- ")]
+    known = [cell for cell in cells if plain_unit(cell)]
+    if len(known) == len(cells):
+        return bool(cells) and not all(cell in "st" for cell in cells)
+    others = [cell for cell in cells if not plain_unit(cell)]
+    has_names = sum(map(bool, above)) >= len(cells) - 1 > 0
     return bool(known) and has_names and all(map(_is_unknown_unit, others))
 
 

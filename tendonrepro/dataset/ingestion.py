@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 
@@ -32,7 +32,41 @@ from tendonrepro.results.traces import write_traces
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
-def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> dict[str, Any]:
+class Listed(TypedDict):
+    """A table in a file, and of each column how many samples, from where to where, and in which steps."""
+
+    name: str
+    columns: list[dict[str, object]]
+
+
+class Inspected(TypedDict):
+    """What files hold, and the mapping that was guessed; by file what was not read or left out, and why."""
+
+    schema_version: int
+    tables: list[Listed]
+    unread: Mapping[str, str]
+    left_out: Mapping[str, Sequence[str]]
+    suggestion: str
+    runs: dict[str, int]
+    left: list[str]
+    mapping: str | None
+
+
+class Ingested(TypedDict):
+    """What was made of measured files; each run with joints, samples, errors."""
+
+    schema_version: int
+    out: str
+    dry_run: bool
+    title: str
+    runs: dict[str, dict[str, object]]
+    guesses: list[str]
+    notes: list[str]
+    doubts: list[str]
+    inputs: list[dict[str, object]]
+
+
+def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> Inspected:
     """List what files, folders and archives hold, and write a mapping if one is named.
 
     Raises
@@ -58,10 +92,10 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
     }
 
 
-def _columns(source: Source) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
+def _columns(source: Source) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
     for name, values in source.columns.items():
-        row: dict[str, Any] = {"column": name, "samples": len(values)}
+        row: dict[str, object] = {"column": name, "samples": len(values)}
         if values.dtype.kind == "f" and np.isfinite(values).any():
             steps = np.diff(values)
             steps = steps[np.isfinite(steps)]
@@ -71,13 +105,15 @@ def _columns(source: Source) -> list[dict[str, Any]]:
     return rows
 
 
-def inspect_text(found: Mapping[str, Any]) -> str:
+def inspect_text(inspected: Inspected) -> str:
     """What a terminal shows."""
-    parts = [Table("", table["name"], table["columns"]).text() for table in found["tables"]]
-    parts += [f"{file}: {line}" for file, lines in found["left_out"].items() for line in lines]
-    parts += [f"{file}: not read, {reason}" for file, reason in found["unread"].items()]
-    wrote = f"wrote {found['mapping']}: check every line that says CHECK{_to_fill(found['suggestion'])}"
-    return "\n".join([*parts, wrote if found["mapping"] else found["suggestion"].rstrip()])
+    parts = [Table("", table["name"], table["columns"]).text() for table in inspected["tables"]]
+    parts += [f"{file}: {line}" for file, lines in inspected["left_out"].items() for line in lines]
+    parts += [f"{file}: not read, {reason}" for file, reason in inspected["unread"].items()]
+    wrote = (
+        f"wrote {inspected['mapping']}: check every line that says CHECK{_to_fill(inspected['suggestion'])}"
+    )
+    return "\n".join([*parts, wrote if inspected["mapping"] else inspected["suggestion"].rstrip()])
 
 
 def _to_fill(suggestion: str) -> str:
@@ -95,7 +131,7 @@ def run_ingest(
     dry_run: bool,
     talk: Talk,
     confirm: bool = False,
-) -> dict[str, Any]:
+) -> Ingested:
     """Convert measured files, folders and archives to a trace file `out`.
 
     `confirm` takes every guess in the mapping for right, and deletes its mark.
@@ -123,7 +159,8 @@ def run_ingest(
     notes = assembly.notes + [f"{file}: {line}" for file, lines in left_out.items() for line in lines]
     notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
     inputs = list({source.file["name"]: source.file for source in sources}.values())
-    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
+    guesses, doubts = list(loaded.guesses), list(assembly.doubts)
+    told = {"guesses": guesses, "notes": notes, "doubts": doubts, "inputs": inputs}
     # The runs hold what is needed; the columns of a long log take as much again.
     del assembly, sources
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -155,10 +192,18 @@ def run_ingest(
         write_traces(out, file)
         if confirm:
             write_atomically(mapping, text)
-    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
     timing = _timing(file)
-    described = {name: _described(trace, timing.get(name)) for name, trace in runs.items()}
-    return head | {"runs": described} | told
+    return {
+        "schema_version": 1,
+        "out": str(out),
+        "dry_run": dry_run,
+        "title": file.title,
+        "runs": {name: _described(trace, timing.get(name)) for name, trace in runs.items()},
+        "guesses": guesses,
+        "notes": notes,
+        "doubts": doubts,
+        "inputs": inputs,
+    }
 
 
 def _timing(file: TraceFile) -> dict[str, Timing]:
@@ -175,8 +220,8 @@ def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "bo
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: Trace, timing: Timing | None) -> dict[str, Any]:
-    found: dict[str, Any] = {
+def _described(trace: Trace, timing: Timing | None) -> dict[str, object]:
+    described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
         "step_s": float(np.median(np.diff(trace.time))),
@@ -188,20 +233,20 @@ def _described(trace: Trace, timing: Timing | None) -> dict[str, Any]:
     }
     if "e" in trace:
         moving = spans(trace.time, timing)["whole"] if timing else slice(0, None)
-        found["errors_from_s"] = float(trace.time[moving][0])
-        found |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
-    return found
+        described["errors_from_s"] = float(trace.time[moving][0])
+        described |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
+    return described
 
 
-def ingest_text(found: Mapping[str, Any]) -> str:
+def ingest_text(made: Ingested) -> str:
     """What a terminal shows."""
-    rows = [{"run": name} | run for name, run in found["runs"].items()]
+    rows = [{"run": name} | run for name, run in made["runs"].items()]
     names = ("run", "joints", "samples", "step_s", "status", "errors_from_s", "mae_deg", "rmse_deg")
-    lines = [Table("runs", found["title"], rows, {name: (name, ".3f") for name in names}).text()]
-    lines += [f"  note: {note}" for note in found["notes"]]
-    if found["guesses"]:
+    lines = [Table("runs", made["title"], rows, {name: (name, ".3f") for name in names}).text()]
+    lines += [f"  note: {note}" for note in made["notes"]]
+    if made["guesses"]:
         lines.append(
-            f"  {count_of(len(found['guesses']), 'guess', 'guesses')}: check the mapping, then say --confirm"
+            f"  {count_of(len(made['guesses']), 'guess', 'guesses')}: check the mapping, then say --confirm"
         )
-    lines.append(f"would write {found['out']}" if found["dry_run"] else f"wrote {found['out']}")
+    lines.append(f"would write {made['out']}" if made["dry_run"] else f"wrote {made['out']}")
     return "\n".join(lines)

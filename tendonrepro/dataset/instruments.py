@@ -29,28 +29,28 @@ def read_text(path: Path) -> Tables:
             raise Unreadable(
                 "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
             )
-    found = read_text_table(path)
-    return _labview(found, path) if is_labview else found
+    tables = read_text_table(path)
+    return _labview(tables, path) if is_labview else tables
 
 
-def _labview(found: Tables, path: Path) -> Tables:
+def _labview(tables: Tables, path: Path) -> Tables:
     """Name the times of a LabVIEW measurement as such; a file without times gets them from its header."""
     with path.open(encoding="latin-1") as stream:
         header = [line.rstrip("\n").split("\t") for line in _head_of(stream.read(2**16))]
     settings = {row[0]: row[1:] for row in header if row[0]}
     columns = Columns()
-    (held,) = found.tables.values()
-    columns.notes = held.notes
-    if not any(re.match(r"X[_ ]Value", name) for name in held):
+    (recorded,) = tables.tables.values()
+    columns.notes = recorded.notes
+    if not any(re.match(r"X[_ ]Value", name) for name in recorded):
         start, step = (_number(settings.get(key, [])) for key in ("X0", "Delta_X"))
         if step:
-            samples = len(next(iter(held.values()), []))
+            samples = len(next(iter(recorded.values()), []))
             columns.add("time", (start or 0.0) + step * np.arange(float(samples)), "s")
             columns.notes.append(f"times are made from Delta_X, {step:g} s")
-    for name, values in held.items():
+    for name, values in recorded.items():
         is_time = re.match(r"X[_ ]Value", name) is not None
         columns.add("time" if is_time else name, values, "s" if is_time else "")
-    return Tables({"": columns}, found.left_out)
+    return Tables({"": columns}, tables.left_out)
 
 
 def _head_of(text: str) -> list[str]:
@@ -78,13 +78,13 @@ def read_tdms(path: Path) -> Tables:
         raise Unreadable(
             "TDMS is read by the package npTDMS: pip install 'tendonrepro[tdms]', or export it as text"
         ) from None
-    found = Tables()
+    tables = Tables()
     for group in TdmsFile.read(path).groups():
         clocks: dict[tuple[int, bytes], Columns] = {}
         for channel in group.channels():
             values = np.asarray(channel[:])
             if values.dtype.kind not in "biuf" or not values.size:
-                found.left_out.append(f"channel {group.name}/{channel.name}: no numbers")
+                tables.left_out.append(f"channel {group.name}/{channel.name}: no numbers")
                 continue
             time = None
             if channel.properties.get("wf_increment"):
@@ -94,5 +94,5 @@ def read_tdms(path: Path) -> Tables:
             units = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
             columns.add(channel.name, values.astype(float), str(next(filter(None, units), "")))
         for number, columns in enumerate(clocks.values(), start=1):
-            found.tables[group.name if len(clocks) == 1 else f"{group.name}[clock {number}]"] = columns
-    return found
+            tables.tables[group.name if len(clocks) == 1 else f"{group.name}[clock {number}]"] = columns
+    return tables

@@ -78,12 +78,12 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: Any) -> Use:
-    if isinstance(text, str) and (blank := next((one for one in PLACEHOLDERS if one in text.split()), "")):
+    if isinstance(text, str) and (blank := next((word for word in PLACEHOLDERS if word in text.split()), "")):
         refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
-    found = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
-    if found is None:
+    match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
+    if match is None:
         refuse(f"{text!r} is not of the form 'variable joint unit', as in 'q_d 2 deg'")
-    variable, unit, joint = found["variable"], (found["unit"] or "").strip(), int(found["joint"] or 0)
+    variable, unit, joint = match["variable"], (match["unit"] or "").strip(), int(match["joint"] or 0)
     if variable != "time" and variable not in VARIABLES:
         refuse(f"there is no variable {variable!r}, only time, {', '.join(VARIABLES)}")
     units = FACTORS.get(kind_of(variable) or "")
@@ -91,8 +91,8 @@ def _use(text: Any) -> Use:
         refuse(f"the unit of {variable} is one of {', '.join(units)}, found {unit!r}")
     if variable != "time" and joint not in (1, 2, 3):
         refuse(f"{variable} needs the number of its joint, 1 to 3, found {joint}")
-    offset = float((found["offset"] or "0").replace(" ", ""))
-    return Use(variable, joint, unit, float(found["factor"] or 1.0), offset)
+    offset = float((match["offset"] or "0").replace(" ", ""))
+    return Use(variable, joint, unit, float(match["factor"] or 1.0), offset)
 
 
 Uses: TypeAlias = dict[str, Annotated[Use, BeforeValidator(_use)]]

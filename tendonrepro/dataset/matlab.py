@@ -36,26 +36,26 @@ def read_matlab(path: Path) -> tuple[Tree, list[str]]:
     Unreadable
         If none can.
     """
-    found, reasons = {}, []
+    variables, reasons = {}, []
     _refuse_text(path)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         if matio is None:
-            held = scipy.io.loadmat(path, spmatrix=False)
-            return {name: _plain(value) for name, value in held.items() if not name.startswith("_")}, []
+            loaded = scipy.io.loadmat(path, spmatrix=False)
+            return {name: _plain(value) for name, value in loaded.items() if not name.startswith("_")}, []
         for name in _names(path):
             try:
                 # One by one, since a broken one fails the load of all.
                 read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
-                found[name] = _plain(read[name])
+                variables[name] = _plain(read[name])
             except RecursionError:
                 reasons.append(f"{name}: holds itself, as nested function handles do")
             except Exception as error:
                 reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
-    found |= _streams(path)
-    if not found:
+    variables |= _streams(path)
+    if not variables:
         raise Unreadable(f"no variable of this MATLAB file can be read: {'; '.join(reasons)[:200]}")
-    return found, reasons
+    return variables, reasons
 
 
 def _refuse_text(path: Path) -> None:
@@ -77,10 +77,10 @@ def _streams(path: Path) -> Tree:
     if not h5py.is_hdf5(path):
         return {}
     with h5py.File(path) as file:
-        held = file.get("#sigstream#", {})
-        numbered = sorted((name for name in held if name.isdigit()), key=int)
-        doubles = [name for name in numbered if int(held[name]["#sampleSize#"][0]) == np.float64().itemsize]
-        streams = {f"stream {name}": held[name]["#data#"][()].tobytes() for name in doubles}
+        group = file.get("#sigstream#", {})
+        numbered = sorted((name for name in group if name.isdigit()), key=int)
+        doubles = [name for name in numbered if int(group[name]["#sampleSize#"][0]) == np.float64().itemsize]
+        streams = {f"stream {name}": group[name]["#data#"][()].tobytes() for name in doubles}
     return {name: np.frombuffer(content, np.float64) for name, content in streams.items()}
 
 
@@ -114,19 +114,19 @@ def _members(members: Any) -> Tree:
 
 
 def _table(frame: pd.DataFrame) -> Columns:
-    found = Columns()
+    columns = Columns()
     units = frame.attrs.get("VariableUnits") or frame.attrs.get("varUnits") or [""] * frame.shape[1]
     if frame.index.dtype.kind in "mM":
-        found.add("time", _seconds(frame.index.to_numpy()), "s")
+        columns.add("time", _seconds(frame.index.to_numpy()), "s")
     for (name, column), unit in zip(frame.items(), units, strict=False):
         values = column.to_numpy()
         if values.dtype.kind in "mM":
-            found.add(str(name), _seconds(values), "s")
+            columns.add(str(name), _seconds(values), "s")
         elif values.dtype.kind in "biuf":
-            found.add(str(name), values.astype(float), str(unit))
+            columns.add(str(name), values.astype(float), str(unit))
         elif values.dtype == object:
-            found.add(str(name), values.astype(str))
-    return found
+            columns.add(str(name), values.astype(str))
+    return columns
 
 
 def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:

@@ -222,13 +222,13 @@ def onset(record: Recorded) -> float:
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
     level = max(_ONSET * float(size.max()), 3.0 * record.rounding, noise_peak(record))
-    found: list[tuple[float, float]] = []
+    candidates: list[tuple[float, float]] = []
     for power in (2, 3):
         passes = [_passes(record.time, q, level * factor) for factor in (1.0, 2.0**power, 4.0**power)]
         # Distances from the beginning are as 1 to 2 to 4.
         begin = 2.0 * passes[0] - passes[1]
-        found.append((abs(2.0 * passes[1] - passes[2] - begin), begin))
-    return max(min(found)[1], 0.0)
+        candidates.append((abs(2.0 * passes[1] - passes[2] - begin), begin))
+    return max(min(candidates)[1], 0.0)
 
 
 def _passes(time: Array, q: Array, level: float) -> float:
@@ -240,13 +240,13 @@ def _passes(time: Array, q: Array, level: float) -> float:
 
 def timing_of(file: TraceFile, reference: Beginning | None) -> dict[str, Timing]:
     """Start and period of every run; a stated period goes first."""
-    found = {}
+    timings = {}
     for name, trace in file.part("compare").runs.items():
         start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
         if reference is not None:
             start, period = zero_of(trace, reference) + reference.begin, period or reference.period
-        found[name] = Timing(start, period)
-    return found
+        timings[name] = Timing(start, period)
+    return timings
 
 
 def zero_of(trace: Trace, reference: Beginning) -> float:
@@ -316,12 +316,12 @@ def _misfit(x: Array, lag: int, every: int) -> float:
     difference = late - x[: len(x) - lag : every]
     size, span = np.sqrt(2.0 * x[::every].var(axis=0).sum()), np.ptp(x[::every], axis=0).max()
     tail = min(len(late), max(lag // (2 * every), 1))
-    found = [
+    misfits = [
         float(np.sqrt((difference[-count:] ** 2).sum(axis=1).mean()) / size)
         for count in (len(late), tail)
         if 3 * len(late) * every >= lag and np.ptp(late[-count:], axis=0).max() >= _MOVES * span
     ]
-    return min(found, default=np.inf)
+    return min(misfits, default=np.inf)
 
 
 def smoothed(record: Recorded, least: float = 0.1 * HALF_COUNT) -> tuple[Callable[..., Array], float]:
@@ -334,15 +334,17 @@ def smoothed(record: Recorded, least: float = 0.1 * HALF_COUNT) -> tuple[Callabl
 
     level = max(least, 0.3 * record.rounding, 0.9 * noise(record))
     time, q = record.time, record.q
-    found = []
+    candidates = []
     for spacing in _tried(record):
         # Without the outermost inner knots an end rests on three spacings: its curvature is noisy otherwise.
         inner = _places(record, spacing)[3:-3]
         knots = np.concatenate([np.repeat(time[:1], 6), inner, np.repeat(time[-1:], 6)])
         spline = make_lsq_spline(time, q, knots, k=5, method="norm-eq")
         residual = np.maximum(np.mean((spline(time) - q) ** 2, axis=0), level**2)
-        found.append((len(inner) * np.log(len(time)) + len(time) * np.log(residual).mean(), spline, spacing))
-    _, spline, spacing = min(found, key=lambda one: one[0])
+        candidates.append(
+            (len(inner) * np.log(len(time)) + len(time) * np.log(residual).mean(), spline, spacing)
+        )
+    _, spline, spacing = min(candidates, key=lambda candidate: candidate[0])
     return spline, spacing
 
 
@@ -377,7 +379,7 @@ def thinned(record: Recorded) -> Knots:
         raise DataMissingError("the record begins in mid-motion", hint="give from_s in the mapping")
     braked = bool(np.abs(rate[-1]).max() > still)
     first, target = spline(record.time[:1]), spline(record.time)
-    for narrower in (one for one in _tried(record) if one <= spacing):
+    for narrower in (tried for tried in _tried(record) if tried <= spacing):
         time = _places(record, narrower)
         angle = spline(time) - first
         if braked:

@@ -51,11 +51,11 @@ def read_files(paths: Sequence[Path]) -> Found:
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
-    found = Found([], {}, {})
+    content = Found([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
         names = {path: "" if path.is_dir() else path.name for path in paths}
-        folder, unread = Path(scratch), found.unread
-        files = [one for path, name in names.items() for one in _files(path, name, folder, unread)]
+        folder, unread = Path(scratch), content.unread
+        files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
         described = {table.resolve() for path in packages for table in packaged(path)}
         for path, name in files:
@@ -65,15 +65,15 @@ def read_files(paths: Sequence[Path]) -> Found:
             try:
                 sources, left_out = reader.read(path, name)
             except Unreadable as error:
-                found.unread[name] = str(error)
+                content.unread[name] = str(error)
                 continue
-            found.sources.extend(sources)
+            content.sources.extend(sources)
             if left_out:
-                found.left_out[name] = left_out
-    if not found.sources:
-        reasons = "; ".join(f"{file}: {reason}" for file, reason in found.unread.items()) or "no files"
+                content.left_out[name] = left_out
+    if not content.sources:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in content.unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return found
+    return content
 
 
 class _Reader:
@@ -95,11 +95,11 @@ class _Reader:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
         try:
-            found: tuple[list[Source], list[str]] = self._pool.submit(read_file, path, name).result()
+            tables: tuple[list[Source], list[str]] = self._pool.submit(read_file, path, name).result()
         except BrokenProcessPool:
             self._pool = None
             raise Unreadable("reading it crashed: the file is damaged") from None
-        return found
+        return tables
 
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
@@ -149,15 +149,15 @@ def read_file(path: Path, name: str) -> tuple[list[Source], list[str]]:
     if size > MOST_BYTES:
         raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
-        found = _tables(path)
+        tables_of_file = _tables(path)
     except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
     file = {"name": name, "size": size, "md5": md5_of(path)}
-    tables = {inner: columns for inner, columns in found.tables.items() if columns}
-    left_out = [*found.left_out]
-    for inner, columns in found.tables.items():
+    tables = {inner: columns for inner, columns in tables_of_file.tables.items() if columns}
+    left_out = [*tables_of_file.left_out]
+    for inner, columns in tables_of_file.tables.items():
         place = f"{inner}: " if inner else ""
         left_out += [f"{place}{note}" for note in columns.notes]
     if not tables:
@@ -197,8 +197,8 @@ def _binary_tables(path: Path, head: bytes, suffix: str) -> Tables:
         raise Unreadable("a figure of MATLAB: open it there and save the data of its lines")
     if suffix == ".mat" or head.startswith(b"MATLAB"):
         tree, reasons = read_matlab(path)
-        found = tables_of(tree)
-        return Tables(found.tables, [*reasons, *found.left_out])
+        tables = tables_of(tree)
+        return Tables(tables.tables, [*reasons, *tables.left_out])
     return tables_of(read_hdf5(path))
 
 

@@ -53,21 +53,21 @@ class Assembly:
         DataMissingError
             If a file of it was not read.
         """
-        found = {}
+        traces = {}
         for name, run in self.mapping.runs.items():
             try:
-                found[name] = self._run(name, run)
+                traces[name] = self._run(name, run)
             except ConfigError as error:
                 raise ConfigError(error.message, where=self.mapping.places[name], hint=error.hint) from None
-        return found
+        return traces
 
     def _run(self, name: str, run: Run) -> Trace:
-        time, found = self._signals(name, run)
-        joints = tuple(sorted({use.joint for use in found}))
+        time, signals = self._signals(name, run)
+        joints = tuple(sorted({use.joint for use in signals}))
         variables: dict[str, Array] = {}
-        for use in list(found):
+        for use in list(signals):
             # A long log is in memory once, not twice.
-            values = found.pop(use)
+            values = signals.pop(use)
             block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
             block[:, joints.index(use.joint)] = values
         if time[0] != 0.0:
@@ -124,29 +124,29 @@ class Assembly:
     def _source(self, name: str) -> Source:
         """Find a table by its name, or the only one that ends with it."""
         exact = [source for source in self.sources if source.name == name]
-        found = exact or [source for source in self.sources if source.name.endswith(f"/{name}")]
-        if len(found) != 1:
-            message = f"there is no table {name!r}" if not found else f"{name!r} could be several tables"
+        matching = exact or [source for source in self.sources if source.name.endswith(f"/{name}")]
+        if len(matching) != 1:
+            message = f"there is no table {name!r}" if not matching else f"{name!r} could be several tables"
             for file, reason in self.unread.items():
                 if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
                     raise DataMissingError(f"was not read: {reason}", where=file)
-            raise ConfigError(message, hint=f"tables: {', '.join(one.name for one in self.sources)}")
-        return found[0]
+            raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in self.sources)}")
+        return matching[0]
 
     def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
         """All on the first table's times, as far as others go."""
         times = [time for time, _ in series.values()]
         first = times[0]
-        time = first[(first >= max(one[0] for one in times)) & (first <= min(one[-1] for one in times))]
+        time = first[(first >= max(axis[0] for axis in times)) & (first <= min(axis[-1] for axis in times))]
         if len(time) < 2:
             hint = "two clocks? 'time us - OFFSET' moves one of them"
             raise ConfigError("its tables have no time in common", hint=hint)
         if beyond := len(first) - len(time):
             self.notes.append(f"{name}: {beyond} samples lie where another column has no times, left out")
-        if all(np.array_equal(one, first) for one in times):
+        if all(np.array_equal(axis, first) for axis in times):
             return first, {use: values for use, (_, values) in series.items()}
         self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
-        return time, {use: np.interp(time, *one) for use, one in series.items()}
+        return time, {use: np.interp(time, *axis) for use, axis in series.items()}
 
 
 def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
@@ -167,37 +167,37 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     """Worst of the joints, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si
-    found: dict[int, tuple[str, float]] = {}
+    statuses: dict[int, tuple[str, float]] = {}
     for k, joint in enumerate(joints if "e" in variables else ()):
         e = variables["e"][:, k]
         known = np.isfinite(e)
         if known.any() and np.ptp(variables.get("q_d", variables["e"])[known, k]) > _HELD:
             bridged = np.interp(time, time[known], e[known])[:, np.newaxis]
-            found[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
-    worst = max((status for status, _ in found.values()), key=_SEVERITY.index, default="ok")
-    of = [joint for joint, (status, _) in found.items() if status == worst]
-    end = min((found[joint][1] for joint in of), default=float(time[-1]))
+            statuses[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
+    worst = max((status for status, _ in statuses.values()), key=_SEVERITY.index, default="ok")
+    of = [joint for joint, (status, _) in statuses.items() if status == worst]
+    end = min((statuses[joint][1] for joint in of), default=float(time[-1]))
     judged = {"status": worst, "status_time": end}
     return judged if worst == "ok" else judged | {"status_joints": of}
 
 
 def _refuse_twins(source: Source, uses: dict[str, Use]) -> None:
     """Refuse two columns of one table that are the same signal."""
-    found: dict[tuple[str, int], str] = {}
+    columns: dict[tuple[str, int], str] = {}
     for column, use in uses.items():
-        other = found.setdefault(use.signal, column)
+        other = columns.setdefault(use.signal, column)
         if use.variable != "time" and other != column:
             message = f"{other!r} and {column!r} of {source.name} are both {use.variable} {use.joint}"
             raise ConfigError(message, hint="delete the line of one of them")
 
 
 def _uses(source: Source, run: Run) -> dict[str, Use]:
-    found = {}
+    uses = {}
     for name, use in (run.columns or {}).items():
         table, _, column = name.rpartition(":") if name not in source.columns else ("", "", name)
         if column in source.columns and table in ("", source.name, source.last):
-            found[column] = use
-    return found
+            uses[column] = use
+    return uses
 
 
 def _taken(values: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[Any]:
@@ -216,14 +216,14 @@ def doubts_about(trace: Trace) -> Iterator[str]:
     step = float(np.median(np.diff(trace.time)))
     if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"
-    held = {name: values for name, values in trace.variables.items() if name in _ANGLES}
-    for name, values in held.items():
+    angles = {name: values for name, values in trace.variables.items() if name in _ANGLES}
+    for name, values in angles.items():
         turn = np.rad2deg(np.nanmax(np.abs(values), initial=0.0))
         if turn > _MOST_TURN_DEG:
             yield f"{name} reaches {turn:.4g} deg, and no joint turns by more than half a turn"
-    for first, other in combinations(held, 2):
-        apart = np.abs(held[first] - held[other])
-        for joint, size, angle in zip(trace.joint, apart.T, held[other].T, strict=True):
+    for first, other in combinations(angles, 2):
+        apart = np.abs(angles[first] - angles[other])
+        for joint, size, angle in zip(trace.joint, apart.T, angles[other].T, strict=True):
             known = np.isfinite(size)
             if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
                 yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"

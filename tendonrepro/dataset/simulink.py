@@ -53,10 +53,10 @@ def _named_block(members: Tree) -> Tree:
         is_block = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "biuf"
         if len(named) > 1 and is_block and len(named) in value.shape:
             block = value if value.shape[1] == len(named) else value.T
-            found = Columns()
+            columns = Columns()
             for name, column in zip(named, block.T, strict=True):
-                found.add(name, column.astype(float))
-            return {key: found} | {other: held for other, held in members.items() if other != key}
+                columns.add(name, column.astype(float))
+            return {key: columns} | {other: member for other, member in members.items() if other != key}
     return members
 
 
@@ -85,28 +85,28 @@ def _element_name(members: Tree) -> str:
 def _dataset(members: Tree) -> Any:
     """Signals of a data set by name; a storage within it holds the same."""
     for key in ("Elements", "Elements_", "Storage", "Storage_"):
-        held = members.get(key)
-        if isinstance(held, Series):
-            return _named(held, "")
-        if isinstance(held, dict) and held:
+        elements = members.get(key)
+        if isinstance(elements, Series):
+            return _named(elements, "")
+        if isinstance(elements, dict) and elements:
             # An only element stands alone, not in a numbered list.
-            return _elements(held if all(name.isdigit() for name in held) else {"1": held})
+            return _elements(elements if all(name.isdigit() for name in elements) else {"1": elements})
     return None
 
 
-def _elements(held: Tree) -> Tree:
-    found: Tree = {}
-    for number, item in held.items():
+def _elements(elements: Tree) -> Tree:
+    named: Tree = {}
+    for number, item in elements.items():
         # An element is its name and values; a bare time series has its own name.
         is_element = isinstance(item, dict) and len(item) == 1
         name, values = next(iter(item.items())) if is_element else ("", item)
         for path, series in _members_of(values, (name,) if name else ()):
             label = " ".join(path)
             key = label or (_own_name(series) if isinstance(series, Series) else "") or f"signal {number}"
-            while key in found:
+            while key in named:
                 key += f" #{number}"
-            found[key] = _named(series, label) if isinstance(series, Series) else series
-    return found
+            named[key] = _named(series, label) if isinstance(series, Series) else series
+    return named
 
 
 def _members_of(values: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -133,7 +133,7 @@ def _named(series: Series, name: str) -> Series:
 def _scope(time: NDArray[Any], signals: Tree) -> Tree:
     """Signals of a structure with time, by label, or title and legend."""
     items = [signals] if "values" in signals else list(signals.values())
-    found: Tree = {"time (s)": time} if time.size else {}
+    columns: Tree = {"time (s)": time} if time.size else {}
     for number, item in enumerate(items, start=1):
         if not isinstance(item, dict) or not isinstance(item.get("values"), np.ndarray):
             continue
@@ -148,17 +148,19 @@ def _scope(time: NDArray[Any], signals: Tree) -> Tree:
         head, unit = (said[1], f" {said[2]}") if said else (name, "")
         named = {f"{head} {part}{unit}": values[:, k] for k, part in enumerate(parts)} if flat else {}
         for key, column in (named or {name: values}).items():
-            free = key if key not in found else f"{key} #{number}"
-            found[free] = column
-    return found
+            free = key if key not in columns else f"{key} #{number}"
+            columns[free] = column
+    return columns
 
 
 def _capture(X: Tree, Y: Tree) -> Tree:
     """Signals of dSPACE's ControlDesk, each on its own raster."""
-    clocks, signals = ([one] if "Data" in one else list(one.values()) for one in (X, Y))
-    if not all(isinstance(one, dict) and isinstance(one.get("Data"), np.ndarray) for one in clocks + signals):
+    clocks, signals = ([part] if "Data" in part else list(part.values()) for part in (X, Y))
+    if not all(
+        isinstance(part, dict) and isinstance(part.get("Data"), np.ndarray) for part in clocks + signals
+    ):
         return {}
-    found: Tree = {}
+    tables: Tree = {}
     for number, signal in enumerate(signals, start=1):
         index = signal.get("XIndex")
         place = int(np.ravel(index)[0]) - 1 if isinstance(index, np.ndarray) and index.size else 0
@@ -166,17 +168,17 @@ def _capture(X: Tree, Y: Tree) -> Tree:
         values = np.ravel(signal["Data"]).astype(float)
         name = text(signal.get("Name")).replace('"', "").rpartition("/")[2] or f"signal {number}"
         if len(values) != len(time):
-            found[name] = values
+            tables[name] = values
             continue
         series = Series({"time (s)": time})
         series.add(name, values, text(signal.get("Unit")))
-        found[name if name not in found else f"{name} #{number}"] = series
-    return found
+        tables[name if name not in tables else f"{name} #{number}"] = series
+    return tables
 
 
 def _timeseries(tree: Tree) -> Series | None:
-    held = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
-    info, about, storage = (part if isinstance(part, dict) else {} for part in held)
+    members = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    info, about, storage = (part if isinstance(part, dict) else {} for part in members)
     # Streamed logs lie elsewhere.
     data = next(
         (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
@@ -195,10 +197,10 @@ def _timeseries(tree: Tree) -> Series | None:
     unit = about.get("Units")
     unit = text(unit.get("Name") if isinstance(unit, dict) else unit)
     name = text(tree.get("Name")) or text(about.get("Name"))
-    found = Series({"time (s)": time})
+    series = Series({"time (s)": time})
     for k, column in enumerate(samples.T, start=1):
-        found.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
-    return found
+        series.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
+    return series
 
 
 def _is_filled(value: Any) -> bool:

@@ -86,7 +86,7 @@ def written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterat
         own = _columns_of(run)
         # What is shared is taken from every table that holds it.
         together = own | shared
-        if all(_matching(together, one) == _uses(_columns_of(one)) for one in (*sharing, run)):
+        if all(_matching(together, other) == _uses(_columns_of(other)) for other in (*sharing, run)):
             shared = together
             sharing.append(run)
         else:
@@ -110,8 +110,8 @@ def _uses(lines: Lines) -> dict[str, str]:
 
 def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
     """Lines that a run would take, from any of its tables."""
-    tables = {one.source.name: one.source for one in run.columns} | {
-        one.source.name: one.source for one in run.asked
+    tables = {guess.source.name: guess.source for guess in run.columns} | {
+        guess.source.name: guess.source for guess in run.asked
     }
     names = {name for table in tables.values() for name in table.columns}
     names |= {f"{table.last}:{name}" for table in tables.values() for name in table.columns}
@@ -134,17 +134,18 @@ def around_of(name: str) -> list[str]:
 
 def _columns_of(run: RunGuess) -> Lines:
     """Lines of a run, with the table where two share a column's name."""
-    found: Lines = {}
+    lines: Lines = {}
     for guess in run.columns:
-        others = [one for one in run.columns if one.column == guess.column and one.use != guess.use]
+        others = [other for other in run.columns if other.column == guess.column and other.use != guess.use]
         table = f"{guess.source.last}:" if others else ""
         check = f"{CHECK} {guess.check}" if guess.check else ""
-        found.setdefault(f"{table}{guess.column}", (str(guess.use), check))
-    for one in run.asked:
-        found.setdefault(
-            one.column, (f"{one.variable} {one.joint} {one.unit}", f"# FILL IN, or delete: {one.why}")
+        lines.setdefault(f"{table}{guess.column}", (str(guess.use), check))
+    for other in run.asked:
+        lines.setdefault(
+            other.column,
+            (f"{other.variable} {other.joint} {other.unit}", f"# FILL IN, or delete: {other.why}"),
         )
-    return found
+    return lines
 
 
 def _run_lines(run: RunGuess, columns: Lines | None) -> Iterator[str]:

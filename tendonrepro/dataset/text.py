@@ -169,8 +169,8 @@ def with_point(cell: str) -> str:
     return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
 
 
-def _pointed(found: re.Match[str]) -> str:
-    return f"{found[1]}{found[2].replace('.', '')}.{found[3]}"
+def _pointed(match: re.Match[str]) -> str:
+    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
 
 
 def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
@@ -202,8 +202,8 @@ def _share(row: Sequence[str], places: Sequence[int]) -> float:
 
 def _columns(path: Path, layout: Layout) -> Columns:
     frame, notes = _read(path, layout)
-    found = Columns()
-    found.notes += notes
+    columns = Columns()
+    columns.notes += notes
     words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
     used = _read(path, layout, words, str)[0].map(_content) if words else frame
     aside = _without_numbers(frame, used, words)
@@ -212,11 +212,11 @@ def _columns(path: Path, layout: Layout) -> Columns:
         is_remark = all(str(cell).startswith(COMMENTS) for cell in used.loc[aside, words[0]])
         what = "remarks" if is_remark else "rows without a number"
         if not is_remark or example:
-            found.notes.append(f"{int(aside.sum())} {what} left out, the first {example!r}")
+            columns.notes.append(f"{int(aside.sum())} {what} left out, the first {example!r}")
         frame, used = frame[~aside], used[~aside]
     for k, name in enumerate(layout.names):
-        add_column(found, name, used[k] if k in words else frame[k])
-    return found
+        add_column(columns, name, used[k] if k in words else frame[k])
+    return columns
 
 
 def _content(cell: object) -> str | None:
@@ -262,9 +262,9 @@ def _read(
         )
     lines = [
         int(number)
-        for one in caught
-        if issubclass(one.category, pd.errors.ParserWarning)
-        for number in re.findall(r"line (\d+)", str(one.message))
+        for warning in caught
+        if issubclass(warning.category, pd.errors.ParserWarning)
+        for number in re.findall(r"line (\d+)", str(warning.message))
     ]
     if not lines or columns is not None:
         return frame, []

@@ -98,9 +98,9 @@ class PrintedTables:
             "best_agree": len(self.best.agree),
             "chance": self.chance,
             "combinations": [
-                {"name": one.name, "window": one.window, "offset_removed": one.offset_removed}
-                | {"agree": len(one.agree), "of": self.compared}
-                for one in self.tried
+                {"name": tried.name, "window": tried.window, "offset_removed": tried.offset_removed}
+                | {"agree": len(tried.agree), "of": self.compared}
+                for tried in self.tried
             ],
             "left_out": dict(self.left_out),
             "remark": self.remark(),
@@ -121,10 +121,14 @@ class PrintedTables:
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
-    tried = [one for one in (_tried(runs, paper, *way) for way in _ways(runs, timing)) if one.sizes]
+    tried = [
+        way_tried
+        for way_tried in (_tried(runs, paper, *way) for way in _ways(runs, timing))
+        if way_tried.sizes
+    ]
     tried = tried or [Tried("whole", False, {}, ())]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
-    most = max(len(one.agree) for one in tried)
+    most = max(len(way_tried.agree) for way_tried in tried)
     chance = min(1.0, len(tried) * _tail(paper, tried[0].sizes, most))
     return PrintedTables(tuple(tried), left_out, chance)
 
@@ -142,11 +146,11 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
         name: slice(part.start + first, part.stop + first)
         for name, part in windows(time[first:], timing.period).items()
     }
-    found = {"whole": cut.pop("whole"), "with_standstill": slice(0, count)}
+    named = {"whole": cut.pop("whole"), "with_standstill": slice(0, count)}
     periods = [part for name, part in cut.items() if name.startswith("period_")]
     if periods:
-        found["whole_periods"] = slice(first, periods[-1].stop)
-    return found | cut
+        named["whole_periods"] = slice(first, periods[-1].stop)
+    return named | cut
 
 
 def _ways(
@@ -172,9 +176,9 @@ def _tried(
         e = trace["e"][parts[name]]
         if removed:
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
-        found = sizes_deg(e)
+        errors = sizes_deg(e)
         for metric in ("mae", "rmse"):
-            for joint, size in zip(trace.joint, found[metric], strict=True):
+            for joint, size in zip(trace.joint, errors[metric], strict=True):
                 identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):
                     sizes[identifier] = float(size)

@@ -125,10 +125,10 @@ def _plain(text: str) -> str:
 
 def _without_unit(name: str) -> tuple[str, str | None]:
     for pattern in _UNITS:
-        found = pattern.search(name)
-        if not found:
+        match = pattern.search(name)
+        if not match:
             continue
-        unit, rest = plain_unit(found[1]), name[: found.start()]
+        unit, rest = plain_unit(match[1]), name[: match.start()]
         # A trailing s may be the sliding variable.
         is_last_word = pattern is _UNITS[-1]
         is_sliding = is_last_word and unit == "s"

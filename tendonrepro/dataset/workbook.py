@@ -20,30 +20,30 @@ _MOST_HEAD = 2000
 def read_workbook(path: Path) -> Tables:
     """Read the sheets that hold numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
-    held = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
-    found = {name: columns for name, columns in held.items() if columns}
-    empty = [name for name in held if name not in found]
+    read = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
+    filled = {name: columns for name, columns in read.items() if columns}
+    empty = [name for name in read if name not in filled]
     left_out = [f"sheet {name!r}: no table of numbers" for name in empty if not sheets[name].empty]
     # A single sheet under the name that a program gave it has none.
     default = re.compile(r"(sheet|tabelle|工作表|feuil)\s*\d*", re.IGNORECASE)
-    is_default = len(found) == 1 and default.fullmatch(next(iter(found)))
-    return Tables({"": next(iter(found.values()))} if is_default else found, left_out)
+    is_default = len(filled) == 1 and default.fullmatch(next(iter(filled)))
+    return Tables({"": next(iter(filled.values()))} if is_default else filled, left_out)
 
 
 def _sheet(sheet: pd.DataFrame) -> Columns:
     sheet = sheet.dropna(how="all").reset_index(drop=True)
-    found = Columns()
+    columns = Columns()
     head = sheet.iloc[:_MOST_HEAD].map(_written)
     tail = sheet.iloc[-60:].map(_written)
     rows: list[list[str]] = head.to_numpy().tolist()
     first = first_numbers(rows, tail.to_numpy().tolist())
     if first is None:
-        return found
+        return columns
     names = names_of(rows[:first], sheet.shape[1])
     body = sheet.iloc[first:]
     for place, name in enumerate(names):
-        add_column(found, name, body.iloc[:, place], first + 1)
-    return found
+        add_column(columns, name, body.iloc[:, place], first + 1)
+    return columns
 
 
 def _written(cell: Any) -> str:

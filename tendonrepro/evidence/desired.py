@@ -35,8 +35,8 @@ def desired_motion(trace: Trace, L: float) -> tuple[Array, Array, Array]:
     q_d = trace["q_d"]
     if "dq_d" in trace and "ddq_d" in trace:
         return q_d, trace["dq_d"], trace["ddq_d"]
-    found = [_of_one(column, trace.time, L) for column in q_d.T]
-    angle, rate, acceleration = (np.column_stack(parts) for parts in zip(*found, strict=True))
+    motions = [_of_one(column, trace.time, L) for column in q_d.T]
+    angle, rate, acceleration = (np.column_stack(parts) for parts in zip(*motions, strict=True))
     return angle, trace.variables.get("dq_d", rate), acceleration
 
 

@@ -114,7 +114,7 @@ def draw_predictions(
     middle = 0.5 * (len(readings) - 1)
     panels[0].set_yticks(
         [group * step + middle for group in range(len(experiments))],
-        ["\n".join(fill(part, _ABOUT) for part in _parts(one["about"])) for one in experiments],
+        ["\n".join(fill(part, _ABOUT) for part in _parts(shown["about"])) for shown in experiments],
     )
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])

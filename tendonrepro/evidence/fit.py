@@ -104,26 +104,31 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     ``rounding`` are the steps of the recorded torque, N m, and angle, rad.
     """
     window = liveliest(log, SCREENED)
-    screened = [(_foretold(window, joint, one, _free), k, one) for k, one in enumerate(hypotheses(log))]
-    best = [one for error, _, one in sorted(screened)[:KEPT] if np.isfinite(error)]
+    screened = [
+        (_foretold(window, joint, hypothesis, _free), k, hypothesis)
+        for k, hypothesis in enumerate(hypotheses(log))
+    ]
+    best = [hypothesis for error, _, hypothesis in sorted(screened)[:KEPT] if np.isfinite(error)]
     if not best:
         return []
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
     tried = list(dict.fromkeys([*printed, *best]))
     if log.ddq_d[:, joint].any():
         # Coefficients that were free did without the acceleration where it was absent.
-        tried += [one.without_acceleration() for one in tried]
-    found = [fitted(log, joint, one, rounding) for one in tried]
-    if all(fit.residual > SAME * fit.step for fit in found):
+        tried += [hypothesis.without_acceleration() for hypothesis in tried]
+    fits = [fitted(log, joint, hypothesis, rounding) for hypothesis in tried]
+    if all(fit.residual > SAME * fit.step for fit in fits):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))
-        tuned = [_tuned(window, joint, one, place) for one in bases for place in range(len(FILTERS))]
-        found += [fitted(log, joint, one, rounding) for one in tuned]
-    found = [fit for fit in found if fit.is_possible] or found
-    equal = equally_good(found)
+        tuned = [
+            _tuned(window, joint, hypothesis, place) for hypothesis in bases for place in range(len(FILTERS))
+        ]
+        fits += [fitted(log, joint, hypothesis, rounding) for hypothesis in tuned]
+    fits = [fit for fit in fits if fit.is_possible] or fits
+    equal = equally_good(fits)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
     return sorted(
-        found,
+        fits,
         key=lambda fit: (
             fit not in equal,
             len(fit.hypothesis.settings),
@@ -133,18 +138,18 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     )
 
 
-def equally_good(found: Sequence[Fit]) -> list[Fit]:
+def equally_good(fits: Sequence[Fit]) -> list[Fit]:
     """Fits that a log does not tell from the best one."""
-    best = min(fit.information for fit in found)
-    exact = [fit for fit in found if fit.residual <= SAME * fit.step]
-    return exact or [fit for fit in found if fit.information <= best + DECISIVE]
+    best = min(fit.information for fit in fits)
+    exact = [fit for fit in fits if fit.residual <= SAME * fit.step]
+    return exact or [fit for fit in fits if fit.information <= best + DECISIVE]
 
 
 def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float]) -> Fit:
     """Fit a hypothesis to all samples of a joint; see :func:`ranked`."""
-    held = regression(log, joint, hypothesis)
-    block = held.rows // BLOCK
-    factors = [_factor(held.X[rows], held.y[rows]) for rows in _groups(block)]
+    regressed = regression(log, joint, hypothesis)
+    block = regressed.rows // BLOCK
+    factors = [_factor(regressed.X[rows], regressed.y[rows]) for rows in _groups(block)]
     whole = _stacked(factors)
     parameters = _solved(whole, hypothesis)
     left_out = np.stack(
@@ -153,7 +158,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
             for k in range(len(factors))
         ]
     )
-    samples = len(held.y)
+    samples = len(regressed.y)
     # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
     noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
     torque, angle = rounding
@@ -217,24 +222,24 @@ def _bias(
     Variances D of the columns of X move the parameters by ``-(J'X'X J)^-1 N J'D c`` with the slopes J of the
     coefficients c.
     """
-    found, slopes = coefficients(parameters, hypothesis), coefficient_slopes(parameters, hypothesis)
-    variance = np.zeros(found.size)
+    values, slopes = coefficients(parameters, hypothesis), coefficient_slopes(parameters, hypothesis)
+    variance = np.zeros(values.size)
     variance[:2], variance[2:4] = errors
     moved = factor @ slopes
     scale = _sizes(moved)
     square = (moved / scale).T @ (moved / scale)
-    shift = np.linalg.lstsq(square, slopes.T @ (samples * variance * found) / scale, rcond=1e-14)[0] / scale
+    shift = np.linalg.lstsq(square, slopes.T @ (samples * variance * values) / scale, rcond=1e-14)[0] / scale
     return float(np.abs(shift[:2]).max())
 
 
 def _foretold(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
     """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
-    held = regression(log, joint, hypothesis)
-    odd = held.rows // BLOCK % 2 == 1
+    regressed = regression(log, joint, hypothesis)
+    odd = regressed.rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
         return float("inf")
-    known = solve(_factor(held.X[~odd], held.y[~odd]), hypothesis)
-    return _residual(_factor(held.X[odd], held.y[odd]), known) / float(np.sqrt(odd.sum()))
+    known = solve(_factor(regressed.X[~odd], regressed.y[~odd]), hypothesis)
+    return _residual(_factor(regressed.X[odd], regressed.y[odd]), known) / float(np.sqrt(odd.sum()))
 
 
 def _constrained(factor: Array, hypothesis: Hypothesis) -> Array:
@@ -258,15 +263,15 @@ def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothes
 
     def error(logit: float) -> float:
         # A slow filter leaves too few samples of a short log, which is worse than any fit.
-        held = [*hypothesis.filtered(_newest(logit))][place]
-        return min(_foretold(log, joint, held, _constrained), 1e9)
+        filtered = [*hypothesis.filtered(_newest(logit))][place]
+        return min(_foretold(log, joint, filtered, _constrained), 1e9)
 
     # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
     grid = np.linspace(-4.6, 4.6, 9)
     k = int(np.argmin([error(x) for x in grid]))
     low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
-    found = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
-    return [*hypothesis.filtered(_newest(found.x))][place]
+    minimum = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+    return [*hypothesis.filtered(_newest(minimum.x))][place]
 
 
 def _newest(logit: float) -> float:
@@ -296,14 +301,14 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
         return -matrix @ coefficient_slopes(x, hypothesis)
 
     best = None
-    for start in (one for one in starts if np.isfinite(one).all()):
+    for start in (point for point in starts if np.isfinite(point).all()):
         scale = np.maximum(np.abs(start), 1e-3)
-        found = least_squares(
+        solution = least_squares(
             misses, start, slopes, method="lm", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
         )
-        best = found if best is None or found.cost < best.cost else best
+        best = solution if best is None or solution.cost < best.cost else best
         # No parameters fit better than free coefficients do.
-        if found.cost <= CLOSE_TO_FREE * 0.5 * _residual(factor, free) ** 2:
+        if solution.cost <= CLOSE_TO_FREE * 0.5 * _residual(factor, free) ** 2:
             break
     assert best is not None
     return np.asarray(best.x)
@@ -313,8 +318,8 @@ def _published(hypothesis: Hypothesis) -> Array:
     return np.array([1.0, 0.0, 0.01, 10.0, 16.0]) if hypothesis.surface == LINEAR else START
 
 
-def _residual(factor: Array, found: Array) -> float:
-    return float(np.linalg.norm(factor[:, -1] - factor[:, :-1] @ found))
+def _residual(factor: Array, coefficients_of: Array) -> float:
+    return float(np.linalg.norm(factor[:, -1] - factor[:, :-1] @ coefficients_of))
 
 
 def _stacked(factors: Sequence[Array]) -> Array:

@@ -162,10 +162,10 @@ def _between_runs(errors: Array) -> Array:
     return np.asarray((errors - errors.mean(axis=1, keepdims=True)).reshape(len(errors), -1))
 
 
-def _squared_distances(one: Array, other: Array) -> Array:
+def _squared_distances(first: Array, second: Array) -> Array:
     """Squared distances (N, M) over that of the noise."""
-    products = one @ other.T
-    lengths = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1)[None, :]
+    products = first @ second.T
+    lengths = (first**2).sum(axis=1)[:, None] + (second**2).sum(axis=1)[None, :]
     return np.asarray(np.maximum(lengths - 2.0 * products, 0.0) / NOISE**2)
 
 

@@ -146,9 +146,9 @@ def hypotheses(log: Log) -> Iterator[Hypothesis]:
     }
     for values in product(*axes.values()):
         for stored, delay, logged in _stored(log):
-            found = dict(zip(axes, values, strict=True)) | {"stored_torque": stored, "output_delay": delay}
-            found["logged_torque"] = logged
-            changed = tuple((axis, value) for axis, value in found.items() if value != PRINTED[axis])
+            readings = dict(zip(axes, values, strict=True)) | {"stored_torque": stored, "output_delay": delay}
+            readings["logged_torque"] = logged
+            changed = tuple((axis, value) for axis, value in readings.items() if value != PRINTED[axis])
             yield Hypothesis(LINEAR, changed)
             yield from (Hypothesis(NTSM, (*of_phi, *changed)) for of_phi in _PHI)
 
@@ -163,7 +163,7 @@ def _stored(log: Log) -> list[tuple[str, str, str]]:
         return [("commanded", "0", "applied"), *late, *product(("applied",), ("1", "2"), ("commanded",))]
     same = np.allclose(log.applied, log.command, rtol=1e-9, atol=1e-12, equal_nan=True)
     stored = ("commanded",) if same else ("commanded", "applied")
-    return [(one, "0", "applied") for one in stored]
+    return [(torque, "0", "applied") for torque in stored]
 
 
 def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
@@ -172,35 +172,35 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
     The columns are the torques of ``t - L`` and ``t - 2L``, the accelerations of the same times, ``ddq_d``,
     and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
     """
-    held, i = hypothesis.readings, joint
-    lag, L = LAGS[held["delay_time"]], log.L
-    q = log.q[:, i] if held["feedback"] == "joint" or log.q_motor is None else log.q_motor[:, i]
-    command, stored = _torques(log, held, i)
+    readings, i = hypothesis.readings, joint
+    lag, L = LAGS[readings["delay_time"]], log.L
+    q = log.q[:, i] if readings["feedback"] == "joint" or log.q_motor is None else log.q_motor[:, i]
+    command, stored = _torques(log, readings, i)
     step = lag * L
     ddq = (q - 2.0 * _back(q, lag) + _back(q, 2 * lag)) / (step * step)
-    if held["differencing"] == "lagging":
+    if readings["differencing"] == "lagging":
         ddq = _back(ddq, lag)
-    if held["estimate_filter"] == "acceleration":
+    if readings["estimate_filter"] == "acceleration":
         ddq = _low_pass(ddq, hypothesis.newest)
     desired, ddq_d = log.dq_d[:, i], log.ddq_d[:, i]
-    if held["reference_acceleration"] == "absent":
+    if readings["reference_acceleration"] == "absent":
         ddq_d = np.zeros_like(ddq_d)
-    elif held["reference_acceleration"] == "late":
+    elif readings["reference_acceleration"] == "late":
         desired, ddq_d = (_low_pass(rate, hypothesis.newest) for rate in (desired, ddq_d))
-    if held["error_rate"] == "difference_of_error":
+    if readings["error_rate"] == "difference_of_error":
         desired = (log.q_d[:, i] - _back(log.q_d[:, i], 1)) / L
     e, de = log.q_d[:, i] - q, desired - (q - _back(q, 1)) / L
-    if held["error_rate"] == "low_pass":
+    if readings["error_rate"] == "low_pass":
         de = _low_pass(de, hypothesis.newest)
     if hypothesis.surface == LINEAR:
         feedback = [de, e]
     else:
-        law = _phi_law(log, held)
+        law = _phi_law(log, readings)
         feedback = [de, phi_slope(e, law, i) * de, phi(e, law, i)]
     estimate = [_back(stored, lag), _back(stored, 2 * lag), ddq, _back(ddq, lag)]
     acceleration = [ddq_d, *feedback]
     y = command
-    if held["estimate_filter"] == "estimate":
+    if readings["estimate_filter"] == "estimate":
         # The estimate of before is the torque of before less M_bar u.
         kept = 1.0 - hypothesis.newest
         y = command - kept * _back(command, 1)
@@ -240,17 +240,17 @@ def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
     return np.array([*rows, rate, [0.0, 0.0, first * second, M_bar * second, M_bar * first]])
 
 
-def _torques(log: Log, held: Mapping[str, str], i: int) -> tuple[Array, Array]:
+def _torques(log: Log, readings: Mapping[str, str], i: int) -> tuple[Array, Array]:
     """Torque that the law commanded, and that it stores, at each sample."""
     command, applied = log.command, log.command if log.applied is None else log.applied
-    if held["torque_coordinates"] == "winch":
+    if readings["torque_coordinates"] == "winch":
         command, applied = command @ log.S, applied @ log.S
-    delay = int(held["output_delay"])
-    if held["logged_torque"] == "commanded":
+    delay = int(readings["output_delay"])
+    if readings["logged_torque"] == "commanded":
         return command[:, i], _back(command[:, i], delay)
     commanded = np.full(len(command), np.nan)
     commanded[: len(command) - delay] = command[delay:, i]
-    return commanded, commanded if held["stored_torque"] == "commanded" else applied[:, i]
+    return commanded, commanded if readings["stored_torque"] == "commanded" else applied[:, i]
 
 
 def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
@@ -266,16 +266,16 @@ def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
     return near
 
 
-def _phi_law(log: Log, held: Mapping[str, str]) -> Law:
+def _phi_law(log: Log, readings: Mapping[str, str]) -> Law:
     """As much of a law as ``phi`` reads."""
-    degrees = held["gain_unit"] == "phi_in_degrees"
+    degrees = readings["gain_unit"] == "phi_in_degrees"
     scale = DEGREES_PER_RADIAN if degrees else 1.0
     blank: dict[str, Any] = dict.fromkeys(Law._fields)
     return Law(**blank)._replace(
         b=log.b,
-        Delta=np.radians(log.Delta) if held["Delta_unit"] == "deg" else log.Delta,
-        phi_is_odd=held["phi_negative"] == "odd",
-        power_inside=held["phi_branch"] == "power",
+        Delta=np.radians(log.Delta) if readings["Delta_unit"] == "deg" else log.Delta,
+        phi_is_odd=readings["phi_negative"] == "odd",
+        power_inside=readings["phi_branch"] == "power",
         power_floor=log.encoder_step * scale,
         angle_scale=scale,
     )
@@ -329,11 +329,11 @@ def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
         if np.ptp(counts[near]) == 0:
             return whole, resolution(q)
         step, start = map(float, np.polyfit(counts[near], q[near], 1))
-    found = start + step * np.round((q - start) / step)
-    if np.abs(found - q).max() > 0.25 * step:
+    rounded = start + step * np.round((q - start) / step)
+    if np.abs(rounded - q).max() > 0.25 * step:
         return whole, resolution(q)
     freed = np.full_like(whole, np.nan)
-    freed[np.isfinite(whole)] = found
+    freed[np.isfinite(whole)] = rounded
     return freed, 0.0 if step < 1.1 * encoder_step else step
 
 

@@ -177,8 +177,8 @@ class Recovered:
             )
         if self.by_gains == NONE:
             M_bar, (gain, _) = self.best.parameters[2], self.position_gain
-            found = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
-            return f"{found} Check unit and coordinates of the torque."
+            told = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
+            return f"{told} Check unit and coordinates of the torque."
         return ""
 
     @property
@@ -258,7 +258,9 @@ def read_logs(
     logs, refused = [], []
     for name, recorded in file.runs.items():
         torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
-        if name in DECOUPLING_RUNS or not all(one in recorded for one in (torque, "q_encoder", "q_d")):
+        if name in DECOUPLING_RUNS or not all(
+            variable in recorded for variable in (torque, "q_encoder", "q_d")
+        ):
             continue
         try:
             logs.append(_log_of(*on_its_samples(recorded), torque, file, expected))
@@ -327,14 +329,14 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     if not tasks:
         joints = " and ".join(map(str, expected.joints))
         raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
-    found = []
+    answers = []
     with talk.bar("fitting controllers", len(tasks)) as progress:
         for run, joint, log, i, angle in tasks:
             torque = float(torque_rounding(log)[i])
             fits, place = ranked(log, i, (torque, angle)), expected.joints.index(joint)
-            found.append(Recovered(run, joint, fits, log, torque, angle, expected, place))
+            answers.append(Recovered(run, joint, fits, log, torque, angle, expected, place))
             progress(1)
-    return found
+    return answers
 
 
 def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
@@ -345,7 +347,7 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
     if not read_logs(both, paper.config)[0]:
         return []
-    return [_data(one) for one in recovered(both, paper, talk)]
+    return [_data(controller) for controller in recovered(both, paper, talk)]
 
 
 def identity_of(file: TraceFile, paper: LoadedConfig) -> str:
@@ -361,42 +363,47 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, talk: Talk)
     UsageError
         If no run has torque, desired and measured angles.
     """
-    held = recovered(file, paper, talk)
-    own = held[0].expected is not paper.config
+    controllers = recovered(file, paper, talk)
+    own = controllers[0].expected is not paper.config
     data = {
         "schema_version": 1,
         "log": name,
         "gains_from": "configuration" if own else "paper",
-        "runs": [_data(one) for one in held],
+        "runs": [_data(controller) for controller in controllers],
     }
-    sentences = "\n".join(one.sentence for one in held)
-    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(held)])
+    sentences = "\n".join(controller.sentence for controller in controllers)
+    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(controllers)])
 
 
-def _data(one: Recovered) -> dict[str, object]:
-    head: dict[str, object] = {"run": one.run, "joint": one.joint, "answer": one.answer, "advice": one.advice}
-    head["sentence"] = one.sentence
-    if not one.found:
+def _data(controller: Recovered) -> dict[str, object]:
+    head: dict[str, object] = {
+        "run": controller.run,
+        "joint": controller.joint,
+        "answer": controller.answer,
+        "advice": controller.advice,
+    }
+    head["sentence"] = controller.sentence
+    if not controller.found:
         return head
     return head | {
-        "surface": one.best.hypothesis.surface,
-        "readings": one.best.hypothesis.name,
-        "weights": one.weights,
+        "surface": controller.best.hypothesis.surface,
+        "readings": controller.best.hypothesis.name,
+        "weights": controller.weights,
         "parameters": {
             name: {"value": value, "half_90": half, "published": published}
-            for name, value, half, published in (one.parameters() if one.prints_weights else ())
+            for name, value, half, published in (controller.parameters() if controller.prints_weights else ())
         },
-        "equally_good": [_named(fit) for fit in equally_good(one.found)],
-        "unexplained": one.unexplained,
-        "rounding": one.rounding,
-        "torque_rounding": one.torque_rounding,
-        "angle_rounding": one.angle_rounding,
-        "period": one.log.L,
-        "position_gain": one.position_gain[0] if one.prints_weights else None,
-        "position_gain_half_90": one.position_gain[1] if one.prints_weights else None,
-        "condition": one.best.condition,
-        "bias": one.best.bias,
-        "samples": one.best.samples,
+        "equally_good": [_named(fit) for fit in equally_good(controller.found)],
+        "unexplained": controller.unexplained,
+        "rounding": controller.rounding,
+        "torque_rounding": controller.torque_rounding,
+        "angle_rounding": controller.angle_rounding,
+        "period": controller.log.L,
+        "position_gain": controller.position_gain[0] if controller.prints_weights else None,
+        "position_gain_half_90": controller.position_gain[1] if controller.prints_weights else None,
+        "condition": controller.best.condition,
+        "bias": controller.best.bias,
+        "samples": controller.best.samples,
     }
 
 
@@ -404,43 +411,43 @@ def _named(fit: Fit) -> str:
     return f"{fit.hypothesis.surface} {fit.hypothesis.name}"
 
 
-def _tables(held: list[Recovered]) -> list[Table]:
-    fitted = [one for one in held if one.found]
+def _tables(controllers: list[Recovered]) -> list[Table]:
+    fitted = [controller for controller in controllers if controller.found]
     answers = [
         {
-            "run": one.run,
-            "joint": one.joint,
-            "answer": one.answer,
-            "surface": one.best.hypothesis.surface if one.prints_weights else None,
-            "readings": one.best.hypothesis.name if one.prints_weights else None,
-            "as_good": len(equally_good(one.found)) - 1 if one.found else None,
-            "weights": one.weights or None,
-            "unexplained": one.unexplained if one.found else None,
-            "advice": one.advice,
+            "run": controller.run,
+            "joint": controller.joint,
+            "answer": controller.answer,
+            "surface": controller.best.hypothesis.surface if controller.prints_weights else None,
+            "readings": controller.best.hypothesis.name if controller.prints_weights else None,
+            "as_good": len(equally_good(controller.found)) - 1 if controller.found else None,
+            "weights": controller.weights or None,
+            "unexplained": controller.unexplained if controller.found else None,
+            "advice": controller.advice,
         }
-        for one in held
+        for controller in controllers
     ]
     parameters = [
-        {"run": one.run, "joint": one.joint}
+        {"run": controller.run, "joint": controller.joint}
         | {
             key: number
-            for name, value, half, _ in one.parameters()
+            for name, value, half, _ in controller.parameters()
             for key, number in ((name, value), (f"{name}_half_90", half))
         }
-        for one in fitted
-        if one.prints_weights
+        for controller in fitted
+        if controller.prints_weights
     ]
     tried = [
         {
-            "run": one.run,
-            "joint": one.joint,
+            "run": controller.run,
+            "joint": controller.joint,
             "hypothesis": _named(fit),
             "unexplained": fit.residual / fit.step,
-            "information": fit.information - min(other.information for other in one.found),
+            "information": fit.information - min(other.information for other in controller.found),
             "condition": fit.condition,
         }
-        for one in fitted
-        for fit in one.found[:SHOWN]
+        for controller in fitted
+        for fit in controller.found[:SHOWN]
     ]
     shown = ("run", "joint", "answer", "surface", "readings", "weights", "as_good")
     # Where nothing can be told there are no columns to choose from.

@@ -45,7 +45,7 @@ def redraw(
 
     def make(file: TraceFile, path: Path) -> list[Path]:
         figures = [(file, path / "figures", name) for name in available(file) if name in asked]
-        return [one for paths in begin_drawing(figures, formats, start) for one in paths]
+        return [drawn for paths in begin_drawing(figures, formats, start) for drawn in paths]
 
     with workers(len(asked)) as start:
         return _make_again(files, make, force=force)
@@ -75,10 +75,10 @@ def _make_again(
     files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
 ) -> list[Path]:
     """Make files of results again; measured traces lie in a folder without a manifest."""
-    found: list[Path] = []
+    written: list[Path] = []
     for folder, file in files.items():
         if not (folder / MANIFEST).exists():
-            found += make(file, folder)
+            written += make(file, folder)
             continue
         with replaced(
             folder, file.config_sha256, command=file.experiment, force=force, update=True
@@ -87,5 +87,5 @@ def _make_again(
             made = make(file, result.path)
             suffixes = {path.suffix.removeprefix(".") for path in result.path.glob("figures/*")}
             result.manifest |= figure_formats([name for name in FORMATS if name in suffixes])
-        found += [folder / path.relative_to(result.path) for path in made]
-    return found
+        written += [folder / path.relative_to(result.path) for path in made]
+    return written

@@ -352,11 +352,11 @@ class View(NamedTuple):
 def run_views(config: CompareConfig) -> dict[str, View]:
     """Law, plant and delay of every run."""
     delay = int(config.manipulator.actuator.output_delay.si)
-    found = {}
+    views = {}
     for name, run in config.runs.items():
         plant = rig.build_plant(config, run.payload.si, friction_scale(run))
-        found[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
-    return found
+        views[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
+    return views
 
 
 def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
@@ -364,12 +364,12 @@ def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
 
     A run may end before slow growth is seen in its status.
     """
-    found = {}
+    frequencies = {}
     for name, loop in loops.items():
         if isinstance(loop.controller, TimeDelayController) and loop.controller.command is None:
             law, postures = loop.controller.law, stroke(loop.reference.q_d)
             matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
             growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)
             if growth > 0.0:
-                found[name] = hertz
-    return found
+                frequencies[name] = hertz
+    return frequencies

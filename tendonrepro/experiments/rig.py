@@ -165,13 +165,13 @@ def plant_record(config: Config) -> PlantRecord:
     values = _derived_matrices(config) | dict(_stated(config.manipulator, ""))
     posture = "start posture; joints before the moving ones are held there"
     values["posture"] = _plant_value(config.posture, posture)
-    held = [joint for joint in range(1, config.manipulator.joints + 1) if joint not in config.joints]
+    resting = [joint for joint in range(1, config.manipulator.joints + 1) if joint not in config.joints]
     attributes = {
         "arm": config.manipulator.name,
         "angle_convention": ANGLES,
         "friction_law": FRICTION,
         "equations": EQUATIONS,
-        "held_joints": ", ".join(map(str, held)) or "none",
+        "held_joints": ", ".join(map(str, resting)) or "none",
         "moving_joints": ", ".join(map(str, config.joints)),
         "tensioner_side": config.manipulator.tensioner.side,
         "tendons_unilateral": config.manipulator.tendons.unilateral or "off",

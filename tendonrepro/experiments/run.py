@@ -71,16 +71,16 @@ def outcomes(experiments: Sequence[Prepared], talk: Talk, start: Start = map) ->
 def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
     """Begin to simulate, by what `workers` yields; yield the traces of one experiment after the other."""
     if experiments[0].solver == "compiled":
-        return (_simulate_together(one.loaded, one.loops, talk) for one in experiments)
+        return (_simulate_together(experiment.loaded, experiment.loops, talk) for experiment in experiments)
     # Copies of this process need not import it once more.
     from tendonrepro.simulation import stepper
 
     del stepper
     runs = [
         # A user's law is loaded where it runs: it need not survive the way to another process.
-        (one.loaded, one.laws, name, loop if name in one.loaded.config.runs else None)
-        for one in experiments
-        for name, loop in one.loops.items()
+        (experiment.loaded, experiment.laws, name, loop if name in experiment.loaded.config.runs else None)
+        for experiment in experiments
+        for name, loop in experiment.loops.items()
     ]
     # Before the bar, whose thread forbids such copies.
     begun = start(_simulated, runs)
@@ -88,8 +88,8 @@ def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -
     def collected() -> Iterator[list[Trace]]:
         with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
             traces = iter(list(counted(begun, progress)))
-        for one in experiments:
-            yield [next(traces) for _ in one.loops]
+        for experiment in experiments:
+            yield [next(traces) for _ in experiment.loops]
 
     return collected()
 

@@ -151,12 +151,12 @@ def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
         # What a law does to its arguments must not reach the run.
         own = Memory(*(part.copy() for part in memory)), *(x.copy() for x in (q, q_d, dq_d, ddq_d)), gains
         with law.explained():
-            found = function(*own)
-            found = found if isinstance(found, tuple | list) else (found, None, None, None)
+            answer = function(*own)
+            answer = answer if isinstance(answer, tuple | list) else (answer, None, None, None)
             # What the law does not have is NaN, and is left out of the trace.
-            parts = [np.full(q.shape, np.nan) if part is None else np.array(part) for part in found]
+            parts = [np.full(q.shape, np.nan) if part is None else np.array(part) for part in answer]
         shapes = {(part.shape, part.dtype.kind in "biuf") for part in parts}
-        if len(parts) != 4 or found[0] is None or shapes != {(q.shape, True)}:
+        if len(parts) != 4 or answer[0] is None or shapes != {(q.shape, True)}:
             message = f"must return tau, or tau, H_hat, s and de, each real numbers of shape {q.shape}"
             raise TendonreproError(message, where=law.spec)
         tau, H_hat, s, de = (part.astype(float) for part in parts)

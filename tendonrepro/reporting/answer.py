@@ -1,10 +1,8 @@
-"""The types of what a page tells: the ensemble's answer as it is stored, and entries of the ledger."""
+"""The types of an ensemble's answer as the package stores it, and pages tell it."""
 
 from __future__ import annotations
 
 from typing import TypedDict
-
-from tendonrepro.verdicts.rules import Evidence
 
 
 class ShareOfPlants(TypedDict):
@@ -76,43 +74,3 @@ class EnsembleAnswer(TypedDict):
     spot_check: dict[str, float | str | None]
     cost: dict[str, float]
     populations: dict[str, PopulationAnswer]
-
-
-class Choice(TypedDict):
-    """The verdict under another choice, and our share or number under it."""
-
-    reading: str
-    verdict: str
-    ours: float | None
-
-
-class Entry(TypedDict):
-    """A claim in ``claims.json``."""
-
-    id: str
-    where: str
-    kind: str
-    printed: str
-    ours: float | None
-    unit: str | None
-    rule: str
-    verdict: str
-    evidence: Evidence
-    repeats: str | None
-    by_choice: list[Choice]
-
-
-class Origin(TypedDict):
-    """Which ensemble judged the claims."""
-
-    source: str
-    draws: int
-    tendonrepro_version: str
-    created: str
-
-
-class Ledger(TypedDict):
-    """``claims.json``."""
-
-    claims: list[Entry]
-    ensemble: Origin

@@ -10,7 +10,8 @@ from pathlib import Path
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
-from tendonrepro.reporting.answer import EnsembleAnswer, Entry, Orders, ReadingAnswer
+from tendonrepro.reporting.answer import EnsembleAnswer, Orders, ReadingAnswer
+from tendonrepro.verdicts.entries import Entry
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import ByChoice, changing

@@ -45,8 +45,8 @@ def draw_orders(summary: EnsembleAnswer) -> Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
     rows: list[tuple[str, ReadingAnswer | None]] = []
     for title, names in GROUPS.items():
-        if held := labelled(summary, names):
-            rows += [(title, None), *held]
+        if labelled_readings := labelled(summary, names):
+            rows += [(title, None), *labelled_readings]
     labels, readings = zip(*rows, strict=True)
     figure = open_figure(PAGE_MM, 22.0 + 5.6 * len(rows))
     panel = figure.subplots()
@@ -111,7 +111,7 @@ def draw_ranges(summary: EnsembleAnswer) -> Drawing:
     ratios = (("c1_c2", "joint_2"), ("joint_3_over_2", "controller_1"))
     ticks = ((0.3, 0.4, 0.6, 0.8, 1.0, 1.4), (0.05, 0.1, 0.2, 0.4, 0.8))
     for panel, value, (ratio, of), places in zip(panels, printed, ratios, ticks, strict=True):
-        quantiles = [[held[ratio][of][name] for name in ("q05", "median", "q95")] for held in readings]
+        quantiles = [[reading[ratio][of][name] for name in ("q05", "median", "q95")] for reading in readings]
         low, middle, high = np.array(quantiles, dtype=np.float64).T
         look: dict[str, Any] = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
         look["label"] = "stable plants: median and 90 %"
@@ -176,12 +176,12 @@ def draw_map(summary: EnsembleAnswer, closest: Sequence[Mapping[str, Any]]) -> D
         for metric, ours, paper in (("mae", "closest arm", "Table 2"), ("rmse", None, None)):
             errors = {row["run"]: row[f"{metric}_deg"] for row in closest if row["joint"] == joint}
             sizes = [errors[name] for name in CONTROLLERS]
-            found = [sizes[above] / sizes[below] for above, below in RATIOS.values()]
-            panel.plot(*found, "D", color="black", markersize=3.6, label=ours)
+            simulated = [sizes[above] / sizes[below] for above, below in RATIOS.values()]
+            panel.plot(*simulated, "D", color="black", markersize=3.6, label=ours)
             printed = [printed_ratios(pair, metric, [joint])[0] for pair in RATIOS.values()]
             panel.plot(*printed, "*", color=_RED, markersize=7.0, label=paper)
             named = [
-                (metric.upper(), (x, y), colour) for (x, y), colour in ((printed, _RED), (found, "black"))
+                (metric.upper(), (x, y), colour) for (x, y), colour in ((printed, _RED), (simulated, "black"))
             ] + named
         names[joint] = named
         panel.set_xlabel("error of Controller 1 over 2")

@@ -71,23 +71,23 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
     refuse_existing(path, force=force or earlier)
-    found = stored_under(folder)
-    content = page(found).encode()
+    stored = stored_under(folder)
+    content = page(stored).encode()
     write_atomically(path, content)
     # What the package stores is of the paper's arm.
-    parts = {name: origin for name, origin in found.origins.items() if not found.own_arm or origin == "run"}
+    parts = {name: origin for name, origin in stored.origins.items() if not stored.own_arm or origin == "run"}
     return {
         "schema_version": 1,
         "path": str(path),
         "bytes": len(content),
         "parts": parts,
-        "left_out": found.left_out,
+        "left_out": stored.left_out,
     }
 
 
-def report_text(found: ReportFile) -> str:
+def report_text(report: ReportFile) -> str:
     """What the terminal says."""
-    lines = [f"{found['path']}: {found['bytes'] / 1e6:.1f} MB, open it in a browser"]
+    lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
     told = {
         "run": "found here",
         "here": "found here, not judged by claims",
@@ -95,38 +95,40 @@ def report_text(found: ReportFile) -> str:
         "missing": "not run, the page says how",
     }
     for origin, words in told.items():
-        names = [name for name, whence in found["parts"].items() if whence == origin]
+        names = [name for name, whence in report["parts"].items() if whence == origin]
         lines += [f"{words}: {', '.join(names)}"] if names else []
-    lines += [f"left out: {name}, {why}" for name, why in found["left_out"].items()]
+    lines += [f"left out: {name}, {why}" for name, why in report["left_out"].items()]
     return "\n".join(lines)
 
 
-def page(found: Stored) -> str:
+def page(stored: Stored) -> str:
     """Make the page; equal contents give equal text."""
     loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = contents.numbers(found.summary)
-    entries = {entry["id"]: entry for entry in found.ledger["claims"]}
-    days = [held["created"] for held in (*found.manifests.values(), found.ledger["ensemble"])]
+    slots = contents.numbers(stored.summary)
+    entries = {entry["id"]: entry for entry in stored.ledger["claims"]}
+    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger["ensemble"])]
     return environment.get_template("page.html").render(
-        found=found,
+        found=stored,
         version=__version__,
         date=max(days)[:10],
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
-        picture=orders_picture(found),
+        picture=orders_picture(stored),
         main=[entries[name] for name in MAIN],
-        others=[one for one in entries.values() if one["repeats"] is None or one["kind"] == "ensemble"],
+        others=[
+            claim for claim in entries.values() if claim["repeats"] is None or claim["kind"] == "ensemble"
+        ],
         verdicts=VERDICTS,
         in_words=in_words,
         contents=contents,
-        robustness=contents.robustness(found.summary),
-        parts=[part(name, folder) for name, folder in found.parts.items()],
+        robustness=contents.robustness(stored.summary),
+        parts=[part(name, folder) for name, folder in stored.parts.items()],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
-        values=contents.value_rows([held["config"]["tree"] for held in found.manifests.values()]),
+        values=contents.value_rows([manifest["config"]["tree"] for manifest in stored.manifests.values()]),
     )
 
 
@@ -169,9 +171,9 @@ def _width_pt(path: Path) -> float:
     return float(width[1]) if width else math.inf
 
 
-def orders_picture(found: Stored) -> dict[str, str]:
+def orders_picture(stored: Stored) -> dict[str, str]:
     """Address and caption of the picture of the answer."""
-    content, drawn = BytesIO(), draw_orders(found.summary)
+    content, drawn = BytesIO(), draw_orders(stored.summary)
     with journal_style():
         imprint(drawn.figure, drawn.origin)
         drawn.figure.savefig(content, format="svg", metadata={"Date": None})

@@ -14,7 +14,6 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import shipped
 from tendonrepro.reporting.answer import (
     EnsembleAnswer,
-    Ledger,
     Orders,
     Quantiles,
     ReadingAnswer,
@@ -24,6 +23,7 @@ from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
+from tendonrepro.verdicts.entries import Ledger
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
@@ -97,11 +97,11 @@ def stored_under(folder: Path) -> Stored:
     summary: EnsembleAnswer = _read(ours / "ensemble.json")
     own = False
     if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
-        found = _read(ensemble)
-        own = found["of_paper"] and by_name(found).keys() >= _SHOWN
+        whole = _read(ensemble)
+        own = whole["of_paper"] and by_name(whole).keys() >= _SHOWN
         # An ensemble of an older version has no rankings without the start.
-        own = own and "without_start" in by_name(found)["printed"]
-        summary = thinned(found) if own else summary
+        own = own and "without_start" in by_name(whole)["printed"]
+        summary = thinned(whole) if own else summary
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
@@ -218,7 +218,9 @@ def _thin_reading(reading: Mapping[str, Any]) -> ReadingAnswer:
         "smoother": reading["share_c1_smoother"],
         "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
         "growth": quantiles(reading["rmse_over_mae_growth"]),
-        "joint_3_over_2": quantiles({run: held["mae"] for run, held in reading["joint_3_over_2"].items()}),
+        "joint_3_over_2": quantiles(
+            {run: ratios["mae"] for run, ratios in reading["joint_3_over_2"].items()}
+        ),
         "c1_c2": quantiles(reading["ratio_c1_c2"]["all_ok"]["mae"]),
         "c2_c3": quantiles(reading["ratio_c2_c3"]["all_ok"]["mae"]),
     }

@@ -47,7 +47,7 @@ def difference(first: Path, second: Path) -> dict[str, object]:
     a, b = map(_side, (first, second))
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
     same_command = a.command == b.command
-    found = {
+    rows = {
         "command": list(_unequal({"command": a.command}, {"command": b.command})),
         "config": list(_unequal(a.config, b.config)),
         "versions": list(_unequal(a.versions, b.versions)),
@@ -56,20 +56,20 @@ def difference(first: Path, second: Path) -> dict[str, object]:
         "traces": [row for pair in shared for row in _traces(*pair)],
         "numbers": list(_unequal(a.numbers, b.numbers)) if same_command else [],
     }
-    same = not any(found.values())
-    return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | found
+    same = not any(rows.values())
+    return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | rows
 
 
 def _side(path: Path) -> _Side:
     if path.is_dir() and not (path / TRACES).exists():
-        found = read_result(path)
-        held = found.manifest["config"]
+        result = read_result(path)
+        config_of_run = result.manifest["config"]
         # It covers more than the tree: of an ensemble its box, of a validation the measured file.
-        config = {"sha256": held["sha256"], **_leaves(held.get("tree", {}))}
-        numbers = {key: value for key, value in found.data.items() if key != "config"}
-        version = {"tendonrepro": found.manifest.get("tendonrepro_version")}
-        versions = version | found.manifest.get("environment", {}).get("versions", {})
-        return _Side(found.command, config, versions, dict(_numbers(numbers)), {})
+        config = {"sha256": config_of_run["sha256"], **_leaves(config_of_run.get("tree", {}))}
+        numbers = {key: value for key, value in result.data.items() if key != "config"}
+        version = {"tendonrepro": result.manifest.get("tendonrepro_version")}
+        versions = version | result.manifest.get("environment", {}).get("versions", {})
+        return _Side(result.command, config, versions, dict(_numbers(numbers)), {})
     file = read_traces(path)
     return _Side(file.experiment, _configuration(file), _versions(file), {}, file.runs)
 
@@ -105,10 +105,10 @@ def _leaves(node: Node, path: str = "") -> dict[str, object]:
     """Values of a tree by dotted key; a list is one value."""
     if not isinstance(node, dict):
         return {path.removeprefix("."): node}
-    found: dict[str, object] = {}
+    leaves: dict[str, object] = {}
     for key, part in node.items():
-        found |= _leaves(part, f"{path}.{key}")
-    return found
+        leaves |= _leaves(part, f"{path}.{key}")
+    return leaves
 
 
 def _unequal(first: Mapping[str, object], second: Mapping[str, object]) -> Iterator[dict[str, object]]:
@@ -143,11 +143,11 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
             yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
 
 
-def difference_text(found: Mapping[str, object]) -> str:
+def difference_text(differences: Mapping[str, object]) -> str:
     """Words for a terminal."""
-    if found["same"]:
+    if differences["same"]:
         return "The two results have the same command, configuration, versions, numbers and traces."
-    kinds = {kind: rows for kind, rows in found.items() if isinstance(rows, list) and rows}
+    kinds = {kind: rows for kind, rows in differences.items() if isinstance(rows, list) and rows}
     return "\n\n".join(_kind_text(kind, rows) for kind, rows in kinds.items())
 
 

@@ -43,10 +43,10 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
         return False
     if trace is None or file.source == "measured":
         return True
-    held = trace.attributes
+    attributes = trace.attributes
     return (
         trace.joint == COMPARED
-        and _driven_as_paper(trace.name, held["law"], held["gains"], held["payload_mass"])
+        and _driven_as_paper(trace.name, attributes["law"], attributes["gains"], attributes["payload_mass"])
         and _motion_of_paper(file.config_yaml)
     )
 
@@ -67,7 +67,7 @@ def compares_as_paper(config: CompareConfig) -> bool:
     """Whether a comparison has the paper's arm, gains and payload."""
     if config.joints != COMPARED:
         return False
-    gains = {name: held.si for name, held in config.control.gains if held}
+    gains = {name: gain.si for name, gain in config.control.gains if gain}
     return is_arm_of_paper(config.manipulator) and all(
         _driven_as_paper(name, run.law, gains, run.payload.si)
         for name, run in config.runs.items()

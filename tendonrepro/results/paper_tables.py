@@ -72,7 +72,7 @@ def made_tables(file: TraceFile) -> list[Table]:
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     if under := summary.fitted_under(file):
         origin += f", fitted to the print under {under}"
-    found = []
+    made = []
     for experiment, tables in _TABLES.items():
         part = file.part(experiment)
         if not part.runs:
@@ -92,8 +92,8 @@ def made_tables(file: TraceFile) -> list[Table]:
             if rows:
                 about = captions.get(name, caption).format(over=over)
                 about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
-                found.append(Table(name, f"{about} ({origin}).", rows, columns, terminal))
-    return found
+                made.append(Table(name, f"{about} ({origin}).", rows, columns, terminal))
+    return made
 
 
 def table_data(file: TraceFile) -> dict[str, object]:
@@ -104,7 +104,7 @@ def table_data(file: TraceFile) -> dict[str, object]:
     """
     both: dict[str, object] = {"status": {name: trace.status for name, trace in file.runs.items()}}
     for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
-        both[key] = {name: _lists(found) for name, trace in file.runs.items() if (found := size(file, trace))}
+        both[key] = {name: _lists(sizes) for name, trace in file.runs.items() if (sizes := size(file, trace))}
     if file.experiment == "decouple":
         plant = file.plant.values
         matrices = {name: plant[name].value.tolist() for name in ("S", "S_inv") if name in plant}
@@ -269,11 +269,11 @@ _ORDER = {True: "holds", False: "does not hold"}
 def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
     """``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
     for joint, metrics in summary.ranking(file).items():
-        for metric, found in metrics.items():
+        for metric, ranks in metrics.items():
             yield {
                 "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
-                "order": ", ".join(run.removeprefix("controller_") for run in found["order"]),
-                "as_published": None if found["agrees"] is None else _ORDER[found["agrees"]],
+                "order": ", ".join(run.removeprefix("controller_") for run in ranks["order"]),
+                "as_published": None if ranks["agrees"] is None else _ORDER[ranks["agrees"]],
             }
 
 

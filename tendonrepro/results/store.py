@@ -186,12 +186,12 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
     """What a replacement would lose: where, and why it is not this result's."""
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
-        found = {
+        identities = {
             "configuration": (digest, manifest["config"]["sha256"]),
             "version": (__version__, manifest["tendonrepro_version"]),
             "command": (command, manifest.get("command", "")),
         }
-        for what, (mine, theirs) in found.items():
+        for what, (mine, theirs) in identities.items():
             if mine != theirs:
                 yield folder, f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
     for name in own_files(folder):

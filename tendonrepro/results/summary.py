@@ -48,12 +48,12 @@ def fitted_under(file: TraceFile) -> str | None:
     if not _IDENTIFIED.search(file.config_yaml):
         return None
     changed = changed_readings(next(iter(file.runs.values())))
-    held = [trace.attributes for trace in file.runs.values()]
+    attributes = [trace.attributes for trace in file.runs.values()]
     if load(file.config_yaml, "configuration").tree.get("reference", {}).get("kind") == "ramp":
         changed.append("motion=ramp")
-    if any(np.any(run.get("start_offset", 0.0)) for run in held):
+    if any(np.any(run.get("start_offset", 0.0)) for run in attributes):
         changed.append("starts=apart")
-    if any(run.get("friction_scale", 1.0) != 1.0 for run in held):
+    if any(run.get("friction_scale", 1.0) != 1.0 for run in attributes):
         changed.append("run_friction=drawn")
     return "+".join(changed) or PRINTED
 
@@ -98,11 +98,11 @@ def _tracking_errors(trace: Trace) -> dict[str, Sizes]:
         span = without_start(trace.time, seconds)
         if seconds > 0.0 and span.start < span.stop:
             spans[without_start_name(seconds)] = span
-    found = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
+    errors = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
     if trace.status == "diverged":
         unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
-        found |= {name: unknown for name in spans if not name.startswith("period")}
-    return found
+        errors |= {name: unknown for name in spans if not name.startswith("period")}
+    return errors
 
 
 def table_errors(trace: Trace) -> Sizes:
@@ -133,11 +133,11 @@ def tension_sizes(file: TraceFile, trace: Trace) -> Sizes:
 
     Empty where tensions are unknown.
     """
-    found = tensions(file, trace)
-    kept = np.isfinite(found).all(axis=1)
+    whole = tensions(file, trace)
+    kept = np.isfinite(whole).all(axis=1)
     if not kept.any():
         return {}
-    time, tension = trace.time[kept], found[kept]
+    time, tension = trace.time[kept], whole[kept]
     return {
         "least_N": tension.min(axis=0),
         "at_s": time[tension.argmin(axis=0)],
@@ -163,12 +163,12 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
 
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
     """Runs of Table 3 by the names of its rows; rows of a user's law begin with the law's name."""
-    found = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
+    rows = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
     for name, trace in file.runs.items():
         loaded = file.runs.get(f"{name}{PAYLOAD}")
         if loaded is not None and name not in LOADS.values():
-            found |= {f"{name}_no_load": trace, f"{name}_with_load": loaded}
-    return found
+            rows |= {f"{name}_no_load": trace, f"{name}_with_load": loaded}
+    return rows
 
 
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
@@ -238,21 +238,21 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
         rates = trace["dq_d"], trace["ddq_d"]
     L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
     phases = streaming.thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
-    found: dict[str, Array] = {}
+    numbers: dict[str, Array] = {}
     if "e" in trace:
-        found |= _of_the_error(trace["e"], rates, phases)
+        numbers |= _of_the_error(trace["e"], rates, phases)
     for name in ("s", "epsilon"):
         if name in trace:
             # The estimation error of a sample is known one sample later.
             values = trace[name] if name == "s" else trace[name][:-1]
             course = _slow(values, float(phases.newest))
-            found |= {f"{name}_rms": rmse(values), f"{name}_slow_rms": rmse(course)}
+            numbers |= {f"{name}_rms": rmse(values), f"{name}_slow_rms": rmse(course)}
     if "tau_m" in trace:
-        found["torque_step_rms"] = _step_rms(trace["tau_m"])
+        numbers["torque_step_rms"] = _step_rms(trace["tau_m"])
     for name, variable in _SIGNALS.items():
         if variable in trace:
-            found |= _sizes(name, trace[variable], rates, phases)
-    return found
+            numbers |= _sizes(name, trace[variable], rates, phases)
+    return numbers
 
 
 def _step_rms(torque: Array) -> Array:
@@ -269,12 +269,12 @@ def saturated(trace: Trace, S: Array, limit: Array) -> Array:
 
 
 def _of_the_error(e: Array, rates: _Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
-    found = {"mae": mae(e), "rmse": rmse(e), "max_error": max_abs(e)}
+    numbers = {"mae": mae(e), "rmse": rmse(e), "max_error": max_abs(e)}
     if rates is not None:
         rapid = np.abs(rates[1]) > phases.acceleration
-        found |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
-        found["overshoot"] = _overshoot(e, rates[0], phases.speed / streaming.MOVING)
-    return found
+        numbers |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
+        numbers["overshoot"] = _overshoot(e, rates[0], phases.speed / streaming.MOVING)
+    return numbers
 
 
 def _overshoot(e: Array, dq_d: Array, fastest: Array) -> Array:
@@ -292,14 +292,14 @@ def _sizes(name: str, values: Array, rates: _Rates | None, phases: streaming.Thr
     if rates is not None:
         samples |= {"_up": rates[0] > phases.speed, "_down": rates[0] < -phases.speed}
     course = np.abs(_slow(values, float(phases.newest)))
-    found: dict[str, Array] = {}
+    numbers: dict[str, Array] = {}
     for phase, inside in samples.items():
-        found |= {
+        numbers |= {
             f"{name}_rms{phase}": rmse(values, inside),
             f"{name}_peak{phase}": max_abs(values, inside),
             f"{name}_slow{phase}": mean(course, inside),
         }
-    return found
+    return numbers
 
 
 def _slow(values: Array, newest: float) -> Array:
@@ -307,11 +307,11 @@ def _slow(values: Array, newest: float) -> Array:
 
     `newest` is the weight of the newest sample.
     """
-    found = np.full_like(values, np.nan)
+    filtered = np.full_like(values, np.nan)
     for i, column in enumerate(values.T):
         there = np.isfinite(column)
         known = column[there].tolist()
         # scipy.signal would do the same, but takes 30 MB.
         course = accumulate([*known[:1], *known], lambda old, new: newest * new + (1.0 - newest) * old)
-        found[there, i] = [*course][1:]
-    return found
+        filtered[there, i] = [*course][1:]
+    return filtered

@@ -153,11 +153,11 @@ def read_traces(source: Path) -> TraceFile:
 
 
 def _file_of(root: Any) -> TraceFile:
-    found = int(root.attrs["schema_version"])
-    if found != SCHEMA_VERSION:
-        message = f"its layout has version {found}, this tendonrepro reads version {SCHEMA_VERSION}"
+    version = int(root.attrs["schema_version"])
+    if version != SCHEMA_VERSION:
+        message = f"its layout has version {version}, this tendonrepro reads version {SCHEMA_VERSION}"
         raise ValueError(message)
-    attributes = {name: root.attrs[name] for name in _ROOT} | {"schema_version": found}
+    attributes = {name: root.attrs[name] for name in _ROOT} | {"schema_version": version}
     runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != RESERVED}
     return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]))
 
@@ -246,13 +246,13 @@ def _parquet(file: TraceFile, path: Path) -> None:
 def _mat(file: TraceFile, path: Path) -> None:
     from scipy.io import savemat
 
-    held = {
+    content = {
         name: {"time": trace.time, "joint": np.array(trace.joint), **trace.variables}
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
         for name, trace in file.runs.items()
     }
-    held["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
-    savemat(str(path), held, long_field_names=True, do_compression=True, oned_as="column")
+    content["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
+    savemat(str(path), content, long_field_names=True, do_compression=True, oned_as="column")
 
 
 _WRITERS: Mapping[str, Callable[[TraceFile, Path], None]] = {"csv": _csv, "parquet": _parquet, "mat": _mat}

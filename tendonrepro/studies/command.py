@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, ParamSpec, TypeVar, get_args, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
@@ -36,7 +36,7 @@ class Command:
     name: str
     panel: str
     example: str
-    function: Callable[..., Answer[Any] | Study]
+    function: Callable[..., Answer[object] | Study]
     has_dry_run: bool = False
 
     @cached_property
@@ -118,7 +118,7 @@ def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
     return call
 
 
-def signature_of(function: Callable[..., Any]) -> inspect.Signature:
+def signature_of(function: Callable[..., object]) -> inspect.Signature:
     """Signature with evaluated annotations; keywords of a `Folder` or `Place` are parameters of their own."""
     # What it returns may be a type that only a type checker sees.
     own = {name: text for name, text in function.__annotations__.items() if name != "return"}
@@ -139,7 +139,7 @@ def signature_of(function: Callable[..., Any]) -> inspect.Signature:
     return inspect.Signature(parameters)
 
 
-def word_of(annotation: Any) -> Word:
+def word_of(annotation: object) -> Word:
     """How an annotation says that a parameter stands on the command line."""
     return next((part for part in getattr(annotation, "__metadata__", ()) if isinstance(part, Word)), Word())
 
@@ -152,6 +152,6 @@ def _described(docstring: str) -> Iterator[tuple[str, str]]:
         if line.startswith(" "):
             words.append(line.strip())
             continue
-        for one in filter(None, name.split(", ")):
-            yield one, " ".join(words)
+        for parameter in filter(None, name.split(", ")):
+            yield parameter, " ".join(words)
         name, words = line.partition(" : ")[0], []

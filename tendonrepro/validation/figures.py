@@ -43,9 +43,9 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
         for above, trace in enumerate(traces, 1 - len(traces)):
             if trace.name in models:
                 file = replace(measured, runs={trace.name: models[trace.name].of_joints(joints)})
-                for one in spec.traces(file):
-                    _lay_over(sheet, spec.draw(file, [one]), one, _WIDE * _WIDER**-above)
-                    drawn.append(one)
+                for traced in spec.traces(file):
+                    _lay_over(sheet, spec.draw(file, [traced]), traced, _WIDE * _WIDER**-above)
+                    drawn.append(traced)
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
         return sheet.finish(name, caption_of(name, measured, sheet, _made(traces, drawn)), origin)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from tendonrepro.studies.outcome import Outcome
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of
+from tendonrepro.verdicts.rules import Evidence
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
@@ -60,7 +61,22 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
     closest = closest_window(tables)
-    numbers = {name: one for name, one in judged.items() if name not in JUDGED}
+    claims: list[JudgedClaim] = [
+        {
+            "id": name,
+            "where": paper.entries[name].where,
+            "rule": paper.judgements[name].rule,
+            "kind": "measured",
+            "verdict": claim.decision.verdict,
+            "evidence": claim.evidence,
+        }
+        for name, claim in judged.items()
+        if name in JUDGED
+    ]
+    numbers = {name: number for name, number in judged.items() if name not in JUDGED}
+    windows, motion = tables.as_dict(), reference.as_dict() if reference else None
+    controllers = controllers_of(measured.compare, talk)
+    missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
     status = {name: model.status for name, model in models.items()}
     data = {
         "schema_version": 1,
@@ -73,70 +89,108 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
         "window": tables.window,
         **table_data(tables.deciding, paper),
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
-        "windows": tables.as_dict(),
-        "reference": reference.as_dict() if reference else None,
-        "claims": [
-            {"id": name, "where": paper.entries[name].where, "rule": paper.judgements[name].rule}
-            | {"kind": "measured", "verdict": one.decision.verdict, "evidence": one.evidence}
-            for name, one in judged.items()
-            if name in JUDGED
-        ],
-        "numbers": {key: {"verdict": one.decision.verdict, "ours": one.ours} for key, one in numbers.items()},
+        "windows": windows,
+        "reference": motion,
+        "claims": claims,
+        "numbers": {
+            name: {"verdict": number.decision.verdict, "ours": number.ours}
+            for name, number in numbers.items()
+        },
         "residuals": {"rows": rows, "coupling": coupling, "status": status},
         "diverged": "diverged" in status.values(),
-        "controllers": controllers_of(measured.compare, talk),
-        "missing": [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing,
+        "controllers": controllers,
+        "missing": missing,
     }
     figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
-    parts, manifest = [*_parts(data, measured, paper)], {"experiment": "validate"}
+    compared = Compared(
+        measured=str(path),
+        guesses=known.get("guesses", []),
+        doubts=known.get("doubts", []),
+        remark=str(windows["remark"]),
+        motion=[motion] if motion else [],
+        claims=claims,
+        residuals=rows,
+        coupling=coupling,
+        controllers=controllers,
+        missing=missing,
+    )
+    parts, manifest = list(_parts(compared, measured, paper)), {"experiment": "validate"}
     return Outcome(data, parts, figures, manifest, diverged="diverged" in status.values())
 
 
-def _parts(data: Mapping[str, Any], measured: Measured, paper: Published) -> Iterator[Table | str]:
-    doubts = (f"check {doubt}" for doubt in data["doubts"])
-    yield "\n".join(
-        [f"{data['measured']}, resting on {count_of(len(data['guesses']), 'guess', 'guesses')}", *doubts]
-    )
-    yield from measured_tables(measured, paper, data["measured"])
-    yield data["windows"]["remark"]
-    motion = [data["reference"]] if data["reference"] else []
-    yield from shown("motion", "The desired motion, sampled to run again.", motion, _MOTION)
-    yield claims_table(data["claims"])
-    residuals = data["residuals"]["rows"]
+class JudgedClaim(TypedDict):
+    """A claim's entry in ``validate --json``."""
+
+    id: str
+    where: str
+    rule: str
+    kind: str
+    verdict: str
+    evidence: Evidence
+
+
+class Compared(NamedTuple):
+    """What the terminal shows of a measurement beside print and model."""
+
+    measured: str
+    guesses: Sequence[str]
+    doubts: Sequence[str]
+    remark: str
+    motion: TableRows
+    claims: Sequence[JudgedClaim]
+    residuals: TableRows
+    coupling: TableRows
+    controllers: TableRows
+    missing: Sequence[str]
+
+
+def _parts(compared: Compared, measured: Measured, paper: Published) -> Iterator[Table | str]:
+    doubts = (f"check {doubt}" for doubt in compared.doubts)
+    guesses = count_of(len(compared.guesses), "guess", "guesses")
+    yield "\n".join([f"{compared.measured}, resting on {guesses}", *doubts])
+    yield from measured_tables(measured, paper, compared.measured)
+    yield compared.remark
+    yield from shown("motion", "The desired motion, sampled to run again.", compared.motion, _MOTION)
+    yield claims_table(compared.claims)
+    residuals = compared.residuals
     is_read_off = any("reading_error_deg" in row for row in residuals)
     columns = (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
     yield from shown("residuals", "Measured less simulated.", residuals, columns)
-    yield from shown("coupling", "Angles through the coupling.", data["residuals"]["coupling"], ())
-    controllers = [{name: row.get(name) for name in _CONTROLLERS} for row in data["controllers"]]
+    yield from shown("coupling", "Angles through the coupling.", compared.coupling, ())
+    controllers = [{name: row.get(name) for name in _CONTROLLERS} for row in compared.controllers]
     yield from shown("controllers", "Controllers of the runs, as recover finds.", controllers, _CONTROLLERS)
-    yield from (f"Missing: {what}" for what in data["missing"])
+    yield from (f"Missing: {what}" for what in compared.missing)
 
 
-def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, Any]]:
+TableData: TypeAlias = dict[str, dict[str, dict[str, dict[str, list[object]]]]]
+"""Lists over joints by table, row, what (``measured``, ``printed``, ``agree``) and metric (``mae_deg``)."""
+
+
+def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, object]]:
     """Measured errors beside those of ``table2`` or ``table3``, of runs that were measured."""
     for row, start in _ROWS[table].items():
         for joint in COMPARED if any(name.startswith(start) for name in tried.sizes) else ():
-            found: dict[str, Any] = {"row": row, "joint": joint}
+            sizes: dict[str, object] = {"row": row, "joint": joint}
             for metric in _METRICS:
                 name = f"{start}.{metric}.joint_{joint}"
                 size = tried.sizes.get(name)
-                found |= {f"{metric}_measured": size, f"{metric}_printed": paper.number(name)}
-                found[f"{metric}_agree"] = None if size is None else name in tried.agree
-            yield found
+                sizes |= {f"{metric}_measured": size, f"{metric}_printed": paper.number(name)}
+                sizes[f"{metric}_agree"] = None if size is None else name in tried.agree
+            yield sizes
 
 
-def table_data(tried: Tried, paper: Published) -> dict[str, Any]:
+def table_data(tried: Tried, paper: Published) -> TableData:
     """``table2`` and ``table3`` of ``validate --json``.
 
     Row -> ``measured``, ``printed``, ``agree``; each has ``mae_deg`` and ``rmse_deg``, lists over joints 2
     and 3.
     """
-    data: dict[str, Any] = {table: {} for table in _ROWS}
+    data: TableData = {table: {} for table in _ROWS}
     for table, rows in data.items():
         for row in size_rows(tried, paper, table):
-            held = rows.setdefault(row["row"], {what: {} for what in _WHAT})
+            cells = rows.setdefault(str(row["row"]), {what: {} for what in _WHAT})
             for metric, what in product(_METRICS, _WHAT):
-                held[what].setdefault(f"{metric}_deg", []).append(row[f"{metric}_{what}"])
+                cells[what].setdefault(f"{metric}_deg", []).append(row[f"{metric}_{what}"])
     return data
 
 
@@ -153,20 +207,20 @@ def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterat
             caption = f"Table {table[-1]} as measured, degrees, averaged over: {window.name} ({origin})."
             yield Table(table, caption, rows)
     windows = [
-        {"window": one.window, "offset_removed": one.offset_removed, "id": name, "measured_deg": size}
-        | {"printed_deg": paper.number(name), "agrees": name in one.agree}
-        for one in measured.tables.tried
-        for name, size in one.sizes.items()
+        {"window": tried.window, "offset_removed": tried.offset_removed, "id": name, "measured_deg": size}
+        | {"printed_deg": paper.number(name), "agrees": name in tried.agree}
+        for tried in measured.tables.tried
+        for name, size in tried.sizes.items()
     ]
     yield Table("windows", "Every number by every way of averaging.", windows, terminal=(), suffixes=["csv"])
 
 
-def claims_table(claims: Sequence[Mapping[str, Any]]) -> Table:
+def claims_table(claims: Sequence[JudgedClaim]) -> Table:
     """Verdicts with their window, statements that fail, and what is missing."""
     rows = []
     for claim in claims:
         evidence = claim["evidence"]
-        row = {"claim": claim["id"], "where": claim["where"], "verdict": claim["verdict"]}
+        row: dict[str, object] = {"claim": claim["id"], "where": claim["where"], "verdict": claim["verdict"]}
         # A remark of C4 says that s was computed and not recorded.
         row |= {name: evidence.get(name) or None for name in ("window", "missing", "remarks")}
         failing = sum(not statement["holds"] for statement in evidence.get("statements", ()))
@@ -177,4 +231,5 @@ def claims_table(claims: Sequence[Mapping[str, Any]]) -> Table:
 def shown(name: str, caption: str, rows: TableRows, columns: Sequence[str]) -> Iterator[Table]:
     """A table, if it has rows; the terminal shows those `columns` that a row has."""
     if rows:
-        yield Table(name, caption, rows, terminal=[one for one in columns if any(one in row for row in rows)])
+        known = [column for column in columns if any(column in row for row in rows)]
+        yield Table(name, caption, rows, terminal=known)

@@ -76,7 +76,7 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
         write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
-    return {one.name: aligned(one, measured.runs[one.name], zeros[one.name]) for one in traces}
+    return {trace.name: aligned(trace, measured.runs[trace.name], zeros[trace.name]) for trace in traces}
 
 
 def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
@@ -97,10 +97,10 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
     tree["runs"] = dict(tree["runs"])
     for run in runs.keys() & tree["runs"].keys():
-        mass, held = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
-        if held["payload"]["unit"] == "kg" and mass != held["payload"]["value"]:
+        mass, entry = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
+        if entry["payload"]["unit"] == "kg" and mass != entry["payload"]["value"]:
             payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {name}"}
-            tree["runs"][run] = held | {"payload": payload}
+            tree["runs"][run] = entry | {"payload": payload}
     zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
     return _write_config(tree, folder / "compare.yaml"), zeros
 
@@ -187,7 +187,7 @@ def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
     return np.array([starts.get(joint, 0.0) for joint in joints])
 
 
-def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, Any]]:
+def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, object]]:
     """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
     The motion begins at `start`, s. The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*``
@@ -248,7 +248,7 @@ def at(trace: Trace, name: str, time: Array) -> Array:
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _row(columns: Mapping[str, Array], place: int) -> dict[str, Any]:
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, object]:
     """Numbers of a joint, None where one cannot be told."""
     values = {name: column[place] for name, column in columns.items()}
     return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
@@ -281,7 +281,7 @@ def _lag(behind: Array, rate: Array) -> Array:
     return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
-def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, Any]]:
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, object]]:
     """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
 
     Differences are in degrees, as they are and less that at the start.

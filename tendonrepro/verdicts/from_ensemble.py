@@ -82,22 +82,24 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
         statement, rankable = _direction(plants, paper, identifier)
         share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
         evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
-        decision, ranked = (rules.of_number((low, high), box, one, power) for one in (share, last))
+        decision, ranked = (
+            rules.of_number((low, high), box, direction, power) for direction in (share, last)
+        )
         if ranked.verdict != decision.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
     return Judged(decision, box.median, evidence | _remarks(decision, remarks))
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
-    found = findings_of(plants, paper, rule)
-    _check_enough(found.judged)
-    decision, evidence = _by_statements(plants, found, found.judged)
-    evidence["share_judged"] = float(found.judged.mean())
-    remarks = [*found.remarks]
-    if found.beside:
-        evidence["beside"] = _rows(plants, found.beside, found.judged)
-    if found.chance:
-        evidence["chance"], evidence["chance_together"] = found.chance
+    findings = findings_of(plants, paper, rule)
+    _check_enough(findings.judged)
+    decision, evidence = _by_statements(plants, findings, findings.judged)
+    evidence["share_judged"] = float(findings.judged.mean())
+    remarks = [*findings.remarks]
+    if findings.beside:
+        evidence["beside"] = _rows(plants, findings.beside, findings.judged)
+    if findings.chance:
+        evidence["chance"], evidence["chance_together"] = findings.chance
     if "measure" in evidence:
         shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
         remarks.append(
@@ -106,8 +108,8 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
     unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
     if unresolved:
         remarks.append(f"left out: {count_of(int(unresolved), 'plant')} too fast for the integrator")
-    if found.rankable is not None:
-        last, evidence["diverged_last"] = _by_statements(plants, found, found.rankable)
+    if findings.rankable is not None:
+        last, evidence["diverged_last"] = _by_statements(plants, findings, findings.rankable)
         if last.verdict != decision.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
     if rule in VALUES:
@@ -120,41 +122,41 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
     evidence |= _remarks(decision, remarks)
-    if found.untestable:
-        return missing(found.untestable, None, **evidence)
+    if findings.untestable:
+        return missing(findings.untestable, None, **evidence)
     return Judged(decision, evidence["share"], evidence)
 
 
-def _by_statements(plants: Plants, found: Findings, counted: Mask) -> tuple[Decision, Evidence]:
+def _by_statements(plants: Plants, findings: Findings, counted: Mask) -> tuple[Decision, Evidence]:
     """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
-        none = np.logical_and.reduce([~one.holds for one in statements])
-        return _share(plants, found.opposite.holds if found.opposite else none, counted)
+        none = np.logical_and.reduce([~part.holds for part in statements])
+        return _share(plants, findings.opposite.holds if findings.opposite else none, counted)
 
-    wholes = {name: _share(plants, together(held), counted) for name, held in found.measures.items()}
+    wholes = {name: _share(plants, together(parts), counted) for name, parts in findings.measures.items()}
     best = max(wholes, key=lambda name: wholes[name].share)
-    overall = against(found.statements)
+    overall = against(findings.statements)
     evidence: Evidence = asdict(wholes[best])
     if len(wholes) > 1:
-        by = {name: rules.of_claim(wholes[name], against(held)) for name, held in found.measures.items()}
+        by = {name: rules.of_claim(wholes[name], against(parts)) for name, parts in findings.measures.items()}
         evidence["measure"] = best
         evidence["by_measure"] = [
-            {"measure": name, "verdict": one.verdict, **asdict(wholes[name])} for name, one in by.items()
+            {"measure": name, "verdict": part.verdict, **asdict(wholes[name])} for name, part in by.items()
         ]
-    told = found.opposite.text if found.opposite else "no statement holds"
+    told = findings.opposite.text if findings.opposite else "no statement holds"
     evidence["opposite"] = {"statement": told, **asdict(overall)}
-    evidence["statements"] = _rows(plants, found.statements, counted)
+    evidence["statements"] = _rows(plants, findings.statements, counted)
     return rules.of_claim(wholes[best], overall), evidence
 
 
 def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
     rows = []
-    for one in statements:
-        share = _share(plants, one.holds, counted)
-        named = {"measure": one.measure} if one.measure else {}
+    for statement in statements:
+        share = _share(plants, statement.holds, counted)
+        named = {"measure": statement.measure} if statement.measure else {}
         rows.append(
-            {"statement": one.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
+            {"statement": statement.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
         )
     return rows
 

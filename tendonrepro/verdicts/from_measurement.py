@@ -34,13 +34,13 @@ LEAST_RANGE = float(np.deg2rad(1.0))
 def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
     """Judge the claims `JUDGED` and all printed errors and percentages, by id."""
     numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
-    found = {name: _number(measured, paper, name) for name in numbers}
+    judged = {name: _number(measured, paper, name) for name in numbers}
     for name in JUDGED:
         try:
-            found[name] = _claim(measured, paper, name, found)
+            judged[name] = _claim(measured, paper, name, judged)
         except DataMissingError as error:
-            found[name] = missing(error.message)
-    return found
+            judged[name] = missing(error.message)
+    return judged
 
 
 def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
@@ -77,16 +77,16 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
     needed: tuple[str, ...] = (*CONTROLLERS, LOADED)
     if rule == "payload":
         needed = (FIRST, LOADED)
-        found = Findings(larger_with_load(plants), plants.ok(*needed), None)
+        findings = Findings(larger_with_load(plants), plants.ok(*needed), None)
     else:
-        found = findings_of(plants, paper, rule)
+        findings = findings_of(plants, paper, rule)
     lost = [name for name in needed if name in runs and runs[name].status != "ok"]
     if rule == "stable":
         for name in CONTROLLERS:
             # A status that was judged without the error of a joint says nothing about it.
             arm.statistic(name, PRINTED, "max_error")
         remarks += [f"{name} is {runs[name].told_status}" for name in lost if name in CONTROLLERS]
-    elif not found.judged[0]:
+    elif not findings.judged[0]:
         message = f"a run of {lost[0]} that is ok; the one measured is {runs[lost[0]].told_status}"
         raise DataMissingError(message)
     if rule == "similar_surfaces" and "s" not in runs[FIRST]:
@@ -94,11 +94,13 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
             "s was not recorded: computed from e by Eq. (11) with the printed gains, the rate of e by its "
             f"difference over {1e3 * RATE_WINDOW:g} ms"
         )
-    by = [name for name, held in found.measures.items() if together(held)[0]]
-    if by and len(found.measures) > 1:
+    by = [name for name, parts in findings.measures.items() if together(parts)[0]]
+    if by and len(findings.measures) > 1:
         remarks.append(f"holds by {', '.join(by)}")
     evidence: Evidence = {
-        "statements": [{"statement": one.text, "holds": bool(one.holds[0])} for one in found.statements],
+        "statements": [
+            {"statement": part.text, "holds": bool(part.holds[0])} for part in findings.statements
+        ],
         "statistics": arm.asked,
         "remarks": remarks,
     }
@@ -106,7 +108,9 @@ def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mappi
         evidence["window"] = measured.tables.window
     holds = bool(by)
     if rule == "payload":
-        values = {name: one.decision.verdict for name, one in numbers.items() if name.startswith("increase.")}
+        values = {
+            name: part.decision.verdict for name, part in numbers.items() if name.startswith("increase.")
+        }
         evidence["percentages"] = values
         holds = holds and {*values.values()} == {"reproduced"}
     return Judged(of_model(holds), None, evidence)
@@ -143,7 +147,7 @@ def _agreement(size: Array, reach: Array) -> Evidence:
     return {
         "mae_deg": np.rad2deg(size).tolist(),
         "share_of_range": (size / reach).tolist(),
-        "statements": [{"statement": text, "holds": bool(held)} for text, held in statements.items()],
+        "statements": [{"statement": text, "holds": bool(holds)} for text, holds in statements.items()],
     }
 
 

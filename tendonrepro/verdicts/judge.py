@@ -93,21 +93,21 @@ def judge_all(
             message = f"no claim or number {name!r} is judged"
             raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
     wanted = list(only) or judged
-    found = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
+    verdicts = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
     for name in wanted:
-        found.setdefault(name, _without_ensemble(sources, paper, name))
+        verdicts.setdefault(name, _without_ensemble(sources, paper, name))
         if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
-            found[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
+            verdicts[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
     measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
-    for name in found.keys() & measured.keys():
-        one = measured[name]
+    for name in verdicts.keys() & measured.keys():
+        beside = measured[name]
         if paper.judgements[name].kind == "measured":
-            found[name] = one
+            verdicts[name] = beside
         else:
-            head = {"verdict": one.decision.verdict, "ours": one.ours}
-            found[name].evidence["measured"] = head | one.evidence
+            head = {"verdict": beside.decision.verdict, "ours": beside.ours}
+            verdicts[name].evidence["measured"] = head | beside.evidence
     shipped = _shipped_numbers(sources.compare, paper)
-    return [_verdict(paper, name, found[name], shipped.get(name)) for name in wanted]
+    return [_verdict(paper, name, verdicts[name], shipped.get(name)) for name in wanted]
 
 
 def _over_the_box(
@@ -118,18 +118,18 @@ def _over_the_box(
     if data is None or PRINTED not in data.readings or not names:
         return {}
     plants = Plants(data, PRINTED)
-    found = {name: judge(plants, paper, name) for name in names}
+    judged = {name: judge(plants, paper, name) for name in names}
     progress(1)
     for reading in data.readings:
         if reading != PRINTED:
             plants = Plants(data, reading)
             for name in names:
-                one = judge(plants, paper, name)
-                found[name].other_readings[reading] = one.decision.verdict
+                other = judge(plants, paper, name)
+                judged[name].other_readings[reading] = other.decision.verdict
                 if is_choice(reading):
-                    found[name].by_choice.append(ByChoice(reading, one.decision.verdict, one.ours))
+                    judged[name].by_choice.append(ByChoice(reading, other.decision.verdict, other.ours))
             progress(1)
-    return found
+    return judged
 
 
 def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
@@ -143,9 +143,9 @@ def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Ju
     return missing("the ensemble", COMMAND)
 
 
-def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | None) -> Verdict:
+def _verdict(paper: Published, identifier: str, judged: Judged, shipped: float | None) -> Verdict:
     entry, rule = paper.entries[identifier], paper.judgements[identifier]
-    verdict, evidence, others = found.decision.verdict, dict(found.evidence), found.other_readings
+    verdict, evidence, others = judged.decision.verdict, dict(judged.evidence), judged.other_readings
     if shipped is not None:
         evidence["shipped_run"] = shipped
     unknown = [name for name, other in others.items() if other == "not_testable"]
@@ -157,14 +157,14 @@ def _verdict(paper: Published, identifier: str, found: Judged, shipped: float | 
         where=entry.where,
         printed=printed,
         unit=unit,
-        ours=found.ours if shipped is None else shipped,
+        ours=judged.ours if shipped is None else shipped,
         verdict=verdict,
-        borderline=found.decision.borderline,
+        borderline=judged.decision.borderline,
         evidence=evidence,
         readings_that_change_it=tuple(
             name for name, other in others.items() if other not in {verdict, "not_testable"}
         ),
-        by_choice=tuple(found.by_choice),
+        by_choice=tuple(judged.by_choice),
         **rule.model_dump(exclude={"ids"}),
     )
 
@@ -177,14 +177,14 @@ def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, f
         for metric in ("mae", "rmse"):
             for joint, size in zip(trace.joint, whole[metric], strict=True):
                 sizes[ErrorOf(run, metric, joint).id] = float(size)
-    found = {}
+    values = {}
     for name, judgement in paper.judgements.items():
         if judgement.rule in NUMBERS and judgement.rule != "dose":
             formula = formula_of(paper, name)
             errors = [sizes.get(error.id, np.nan) for error in formula.errors]
             if np.isfinite(errors).all() and errors[-1] > 0.0:
-                found[name] = formula.value(*errors)
-    return found
+                values[name] = formula.value(*errors)
+    return values
 
 
 def _as_printed(paper: Published, identifier: str) -> tuple[str, str | None]:

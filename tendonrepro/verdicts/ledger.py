@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
@@ -20,6 +20,7 @@ from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
+from tendonrepro.verdicts.entries import Entry, Ledger, Origin
 from tendonrepro.verdicts.judge import Sources, Verdict, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, claims_table, details_text, table_text
@@ -111,7 +112,7 @@ def _with_influences(outcome: Outcome, data: EnsembleData | None) -> Outcome:
 
 def judged(
     out: Path, measured: Path | None, ids: Sequence[str], talk: Talk
-) -> tuple[Sources, list[Verdict], Mapping[str, Any]]:
+) -> tuple[Sources, list[Verdict], Origin]:
     """Judge from what is under `out`; the last item tells which ensemble judged."""
     sources = _found(out, measured, talk)
     ensemble = sources.ensemble
@@ -154,31 +155,38 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
         raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims") from error
 
 
-def shipped_ledger() -> dict[str, Any]:
+def shipped_ledger() -> Ledger:
     """Read the ``claims.json`` of the package."""
     path = shipped("docs/results") / "claims.json"
-    stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return stored | {"ensemble": _origin("shipped", stored["ensemble"])}
+    stored: Ledger = json.loads(path.read_text(encoding="utf-8"))
+    return {**stored, "ensemble": _origin("shipped", stored["ensemble"])}
 
 
-def _origin(source: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    origin = ("draws", "tendonrepro_version", "created", "rules_edition")
-    return {"source": source} | {key: known.get(key) for key in origin}
+def _origin(source: str, known: Mapping[str, object]) -> Origin:
+    keys = ("draws", "tendonrepro_version", "created", "rules_edition")
+    return cast("Origin", {"source": source} | {key: known.get(key) for key in keys})
 
 
-def with_shipped(verdicts: Sequence[Verdict], ledger: Mapping[str, Any]) -> list[Verdict]:
+def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:
     """Take from a ledger what waits for an ensemble, if its text and rule are the same."""
     entries = {entry["id"]: entry for entry in ledger["claims"]}
-    found = []
-    for one in verdicts:
-        entry = entries.get(one.id, {})
-        waits = one.kind == "ensemble" and one.verdict == "not_testable"
-        same = all(entry.get(key) == getattr(one, key) for key in ("kind", "rule", "printed"))
-        found.append(_taken(one, entry, ledger["ensemble"]) if waits and same else one)
-    return found
+
+    def or_taken(verdict: Verdict) -> Verdict:
+        entry = entries.get(verdict.id)
+        waits = verdict.kind == "ensemble" and verdict.verdict == "not_testable"
+        if entry is None or not waits or not _same_question(verdict, entry):
+            return verdict
+        return _taken(verdict, entry, ledger["ensemble"])
+
+    return [or_taken(verdict) for verdict in verdicts]
 
 
-def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]) -> Verdict:
+def _same_question(verdict: Verdict, entry: Entry) -> bool:
+    theirs = entry["kind"], entry["rule"], entry["printed"]
+    return (verdict.kind, verdict.rule, verdict.printed) == theirs
+
+
+def _taken(waiting: Verdict, entry: Entry, origin: Origin) -> Verdict:
     # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
     evidence = {**entry["evidence"], **here, "ensemble": origin}
@@ -189,6 +197,6 @@ def _taken(waiting: Verdict, entry: Mapping[str, Any], origin: Mapping[str, Any]
         borderline=entry["borderline"],
         evidence={name: value for name, value in evidence.items() if value is not None},
         readings_that_change_it=tuple(entry["readings_that_change_it"]),
-        by_choice=tuple(ByChoice(**one) for one in entry.get("by_choice", ())),
+        by_choice=tuple(ByChoice(**choice) for choice in entry.get("by_choice", ())),
         shipped=True,
     )

@@ -112,11 +112,11 @@ class OneArm:
         """One statistic, SI, (1, 2)."""
         trace = self._trace(run)
         of_tables = name in ("mae", "rmse")
-        found = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)
+        sizes = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)
         _, unit = _SIGNALS[name.partition("_")[0]]
-        shown = found if unit == "N_m" else np.rad2deg(found)
+        shown = sizes if unit == "N_m" else np.rad2deg(sizes)
         self.asked.setdefault(run, {})[f"{name}_{unit}"] = shown.tolist()
-        return found[np.newaxis]
+        return sizes[np.newaxis]
 
     def _of_the_tables(self, run: str, metric: str) -> Array:
         sizes = self._measured.tables.deciding.sizes
@@ -132,13 +132,13 @@ class OneArm:
             with suppress(DataMissingError):
                 rates = derivatives(trace)
             self._kept[trace.name] = statistics(with_surface(trace), rates)
-        found = self._kept[trace.name].get(name, np.full(len(self.joints), np.nan))
-        for joint, value in zip(trace.joint, found, strict=True):
+        values = self._kept[trace.name].get(name, np.full(len(self.joints), np.nan))
+        for joint, value in zip(trace.joint, values, strict=True):
             # NaN is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
                 what = f"{_SIGNALS[name.partition('_')[0]][0]} of the run {trace.name}, joint {joint}"
                 raise DataMissingError(f"{what}, or its desired motion q_d")
-        return found
+        return values
 
     def _trace(self, run: str) -> Trace:
         runs = self._measured.compare.runs

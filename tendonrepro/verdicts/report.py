@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
 
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
+from tendonrepro.verdicts.entries import Origin
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
@@ -66,7 +66,7 @@ def number_in_words(identifier: str) -> str:
     return ", ".join(words).replace("controller", "Controller")
 
 
-def as_data(verdicts: Sequence[Verdict], ensemble: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def as_data(verdicts: Sequence[Verdict], ensemble: Origin | None = None) -> dict[str, object]:
     """Data of ``claims --json``; `ensemble` tells which one judged."""
     return {
         "schema_version": SCHEMA_VERSION,
@@ -83,7 +83,7 @@ def claims_table(verdicts: Sequence[Verdict]) -> Table:
     return Table("claims", caption, rows, terminal=(), suffixes=("csv", "md"), folder="")
 
 
-def _row(verdict: Verdict) -> dict[str, Any]:
+def _row(verdict: Verdict) -> dict[str, object]:
     row = asdict(verdict)
     evidence = row.pop("evidence")
     box = evidence.get("box", {})
@@ -102,12 +102,14 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     for heading, names in HEADINGS.items():
         under = [verdict for verdict in shown if verdict.verdict in names]
         rows += [[f"{heading}:", "", "", "", ""]] if under else []
-        for one in under:
-            verdict = f"{VERDICTS[one.verdict]}{_marks(one)}"
-            rows.append([f"  {in_words(one.id)}", _ours(one), verdict, one.id, _measured(one) or NOTHING])
+        for claim in under:
+            verdict = f"{VERDICTS[claim.verdict]}{_marks(claim)}"
+            rows.append(
+                [f"  {in_words(claim.id)}", _ours(claim), verdict, claim.id, _measured(claim) or NOTHING]
+            )
             rows += [
-                [f"    with {held.reading}", _size(one, held.ours), VERDICTS[held.verdict], "", ""]
-                for held in one.unless
+                [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], "", ""]
+                for choice in claim.unless
             ]
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]

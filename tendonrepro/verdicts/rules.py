@@ -98,10 +98,10 @@ def meets(first: Bounds, second: Bounds) -> bool:
     return first[0] <= second[1] and second[0] <= first[1]
 
 
-def of_number(printed: Ends, found: Spread, direction: Share | None, power: float) -> Decision:
+def of_number(printed: Ends, spread: Spread, direction: Share | None, power: float) -> Decision:
     """Judge a printed interval by the spread over plants, else by direction."""
-    near = any(edge and meets(printed, edge) for edge in (found.low_interval, found.high_interval))
-    if meets(printed, (found.low, found.high)):
+    near = any(edge and meets(printed, edge) for edge in (spread.low_interval, spread.high_interval))
+    if meets(printed, (spread.low, spread.high)):
         return Decision("no_power" if power >= NO_POWER else "compatible", near)
     if direction is None:
         return Decision("outside_model", near)
@@ -110,14 +110,14 @@ def of_number(printed: Ends, found: Spread, direction: Share | None, power: floa
     return Decision(verdict, near or by_direction.borderline)
 
 
-def power_of(printed: Ends, found: Spread, least: float = 0.0) -> float:
+def power_of(printed: Ends, spread: Spread, least: float = 0.0) -> float:
     """Share of the decade around a printed number that would also be inside, 0 to 1.
 
     The decade is of what exceeds `least`, the smallest possible number.
     """
     low, high = printed
     value, half = 0.5 * (low + high) - least, 0.5 * (high - low)
-    ends = np.array([found.low - half, found.high + half]) - least
+    ends = np.array([spread.low - half, spread.high + half]) - least
     decades = np.log10(np.clip(ends, value / 10**0.5, value * 10**0.5) / value)
     return float(decades[1] - decades[0])
 

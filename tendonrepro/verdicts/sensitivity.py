@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -44,8 +44,27 @@ MOST_TOTAL = 2.0
 SURROGATE = 8
 """The strongest unknowns, which have a total index."""
 
-Ranking: TypeAlias = dict[str, Any]
-"""What `ranked` returns."""
+
+class Influence(TypedDict):
+    """First-order index (RBD-FAST) of an unknown, half its 95 % bootstrap interval, and its total index."""
+
+    name: str
+    index: float
+    half_width: float
+    total: float | None
+
+
+class Ranking(TypedDict):
+    """Unknowns by their share of an outcome's variance, the largest first.
+
+    ``noise_floor`` is the 95 % quantile over shuffles of the largest index; ``unexplained`` is what rows
+    above it leave; ``draws`` is their number.
+    """
+
+    rows: list[Influence]
+    noise_floor: float
+    unexplained: float
+    draws: int
 
 
 def ranked(
@@ -57,10 +76,7 @@ def ranked(
 
     Returns
     -------
-    dict or None
-        ``rows``, the largest first-order index (RBD-FAST) first: ``name``, ``index``, ``half_width`` of its
-        95 % bootstrap interval, and ``total`` of the strongest. ``noise_floor`` is the 95 % quantile over
-        shuffles of the largest index; ``unexplained`` is what rows above it leave; ``draws`` is their number.
+    Ranking or None
         None with too few outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
@@ -75,10 +91,10 @@ def ranked(
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
     problem = {"num_vars": len(names), "names": list(names)}
-    found = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
-    rows: list[dict[str, Any]] = [
+    indices = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
+    rows: list[Influence] = [
         {"name": name, "index": float(index), "half_width": float(half), "total": None}
-        for name, index, half in zip(names, found["S1"], found["S1_conf"], strict=True)
+        for name, index, half in zip(names, indices["S1"], indices["S1_conf"], strict=True)
     ]
     rows.sort(key=lambda row: -row["index"])
     for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
@@ -98,21 +114,21 @@ def rankings(data: EnsembleData) -> dict[str, Ranking]:
         kept = plants.ok(*runs)
         return ranked(data.names, data.draws[kept], values[kept], floor)
 
-    found = {claim: deciding(data, published(), claim) for claim in DECIDED}
+    rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), ("mae", "rmse"))}
         mae = logs[FIRST, "mae"]
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
-        found[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
+        rankings_of[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
     # About as many plants, so the same floor.
-    first = found[f"ratio_joint_{data.joints[0]}"]
+    first = rankings_of[f"ratio_joint_{data.joints[0]}"]
     floor = None if first is None else first["noise_floor"]
     for (run, metric), errors in logs.items():
         for i, joint in enumerate(data.joints):
-            found[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
-    found["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
-    return {name: ranking for name, ranking in found.items() if ranking is not None}
+            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
+    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
+    return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
@@ -144,9 +160,9 @@ def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcom
         warnings.simplefilter("ignore", DeprecationWarning)
         # Its fit runs away where two choices that are rare together meet in few plants.
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
+        analysis = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
     totals = np.zeros(len(chosen))
-    totals[free] = found["ST"][: X.shape[1]]
+    totals[free] = analysis["ST"][: X.shape[1]]
     return totals.tolist() if (np.abs(totals) <= MOST_TOTAL).all() else []
 
 
@@ -160,18 +176,18 @@ def _largest_index(draws: Array, outcome: Array) -> float:
     return float(rbd_fast.unskew_S1(max(raw), _HARMONICS, len(outcome)))
 
 
-def draw_influences(found: Mapping[str, Ranking]) -> Drawing:
+def draw_influences(rankings: Mapping[str, Ranking]) -> Drawing:
     """Draw the strongest unknowns' shares of each outcome's variance."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 
     shares = {
-        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in held["rows"]}
-        for name, held in found.items()
+        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in parts["rows"]}
+        for name, parts in rankings.items()
     }
     unknowns = sorted(
-        next(iter(shares.values())), key=lambda name: -sum(held[name] for held in shares.values())
+        next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
     )[:SHOWN]
-    cells = np.array([[100.0 * held[name] for held in shares.values()] for name in unknowns])
+    cells = np.array([[100.0 * parts[name] for parts in shares.values()] for name in unknowns])
     with journal_style():
         figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
         axes = figure.subplots()

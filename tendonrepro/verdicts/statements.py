@@ -128,12 +128,12 @@ def rising_shape(plants: Plants, _: Published) -> Findings:
 
 
 def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
-    found, reverse = (
+    published, reverse = (
         [
-            one
+            statement
             for first, second in pairwise(runs)
             for name, what in statistics.items()
-            for one in smaller(plants, name, first, second, what)
+            for statement in smaller(plants, name, first, second, what)
         ]
         for runs in (CONTROLLERS, CONTROLLERS[::-1])
     )
@@ -141,11 +141,11 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
     beside = [
         Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)
-        for text, statements in (("complete order", found), ("complete reverse order", reverse))
+        for text, statements in (("complete order", published), ("complete reverse order", reverse))
     ]
     opposite = Statement("the complete reverse order on all joints", together(reverse))
     chance = _by_chance(plants, factorial(3))
-    return _over(plants, CONTROLLERS, found, opposite=opposite, beside=beside, chance=chance)
+    return _over(plants, CONTROLLERS, published, opposite=opposite, beside=beside, chance=chance)
 
 
 def joints_alike(plants: Plants, paper: Published) -> Findings:
@@ -153,34 +153,34 @@ def joints_alike(plants: Plants, paper: Published) -> Findings:
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
     runs = (*CONTROLLERS, LOADED)
-    found = []
+    statements = []
     for run, (name, what) in product(runs, ERRORS.items()):
         holds = plants[run, name][:, -1] / plants[run, name][:, 0] >= least
         text = f"{what} of {run} on joint {last} at least {least:.3f} of that on joint {first}"
-        found.append(Statement(text, holds & plants.none(DIVERGED, run)))
-    return _over(plants, runs, found)
+        statements.append(Statement(text, holds & plants.none(DIVERGED, run)))
+    return _over(plants, runs, statements)
 
 
 def rapid_advantage(plants: Plants, _: Published) -> Findings:
     """C3: Controller 1 is ahead in rapid phases, and by more than elsewhere."""
-    found: list[Statement] = []
+    statements: list[Statement] = []
     for rival in RIVALS:
         rapid, calm = (plants[rival, name] - plants[FIRST, name] for name in ("mae_rapid", "mae_calm"))
         text = f"{FIRST} is better than {rival} in rapid phases"
-        found += _of_runs(plants, text, rapid > 0.0, (FIRST, rival))
+        statements += _of_runs(plants, text, rapid > 0.0, (FIRST, rival))
         text = f"the lead of {FIRST} over {rival} is larger there than elsewhere, its lag smaller"
-        found += _of_runs(plants, text, rapid > calm, (FIRST, rival))
-    return _over(plants, CONTROLLERS, found)
+        statements += _of_runs(plants, text, rapid > calm, (FIRST, rival))
+    return _over(plants, CONTROLLERS, statements)
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Findings:
     """C4: s is of similar size."""
-    found: list[Statement] = []
+    statements: list[Statement] = []
     for name, what in (("s_rms", "RMS of s"), ("s_slow_rms", "RMS of s below 3 Hz")):
         holds = _similar([plants[run, name] for run in CONTROLLERS])
         text = f"the {what} of the three laws differ by at most {100.0 * SIMILAR:.0f} %"
-        found += _of_runs(plants, text, holds, CONTROLLERS, what)
-    return _over(plants, CONTROLLERS, found)
+        statements += _of_runs(plants, text, holds, CONTROLLERS, what)
+    return _over(plants, CONTROLLERS, statements)
 
 
 def _similar(sizes: Sequence[Array]) -> Mask:
@@ -189,35 +189,35 @@ def _similar(sizes: Sequence[Array]) -> Mask:
 
 def estimate_size(plants: Plants, _: Published) -> Findings:
     """C5: Controller 1's estimate is smaller moving up, similar moving down."""
-    found: list[Statement] = []
+    statements: list[Statement] = []
     for size, measure in SIZES.items():
-        found += _smaller_up(plants, "H_hat", size)
+        statements += _smaller_up(plants, "H_hat", size)
         for rival in RIVALS:
             holds = _similar([plants[run, f"H_hat_{size}_down"] for run in (FIRST, rival)])
             text = f"moving down {measure} of H_hat of {FIRST} and {rival} are similar"
-            found += _of_runs(plants, text, holds, (FIRST, rival), measure)
-    return _over(plants, CONTROLLERS, found, remarks=[ONE_OBSERVATION])
+            statements += _of_runs(plants, text, holds, (FIRST, rival), measure)
+    return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
 
 
 def torque_size(plants: Plants, _: Published) -> Findings:
     """C6: Controller 1's torque is significantly smaller moving up, smaller and smoother overall."""
-    found: list[Statement] = []
+    statements: list[Statement] = []
     for size, measure in SIZES.items():
-        found += _smaller_up(plants, "torque", size, by=SIMILAR)
+        statements += _smaller_up(plants, "torque", size, by=SIMILAR)
         for rival in RIVALS:
-            found += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
-            found += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
-    return _over(plants, CONTROLLERS, found, remarks=[ONE_OBSERVATION])
+            statements += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
+            statements += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
+    return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
-    found: list[Statement] = []
+    statements: list[Statement] = []
     for rival in RIVALS:
         first, second = (plants[run, f"{signal}_{size}_up"] for run in (FIRST, rival))
         text = f"moving up {SIZES[size]} of {signal} of {FIRST} is smaller than that of {rival}"
         text += f" by more than {100.0 * by:.0f} %" if by else ""
-        found += _of_runs(plants, text, first < (1.0 - by) * second, (FIRST, rival), SIZES[size])
-    return found
+        statements += _of_runs(plants, text, first < (1.0 - by) * second, (FIRST, rival), SIZES[size])
+    return statements
 
 
 def payload(plants: Plants, _: Published) -> Findings:
@@ -233,28 +233,28 @@ def larger_with_load(plants: Plants) -> list[Statement]:
 
 def better_estimate(plants: Plants, _: Published) -> Findings:
     """E1: Controller 1's estimate is better than Controller 2's."""
-    found: list[Statement] = []
+    statements: list[Statement] = []
     beside: list[Statement] = []
     ideal = Plants(plants.data, IDEAL)
     for name, what in (("epsilon_rms", "RMS of epsilon"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
-        found += smaller(plants, name, FIRST, SECOND, what, what)
+        statements += smaller(plants, name, FIRST, SECOND, what, what)
         if plants.reading == PRINTED and plants.data.has(FIRST, IDEAL):
             text, holds = f"with an ideal encoder {what}", ideal[FIRST, name] < ideal[SECOND, name]
             beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
             beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
-    return _over(plants, CONTROLLERS, found, beside=beside, chance=_by_chance(plants, 2))
+    return _over(plants, CONTROLLERS, statements, beside=beside, chance=_by_chance(plants, 2))
 
 
 def robustness(plants: Plants, _: Published) -> Findings:
     """E1a: where only one of Controllers 1 and 2 is ``ok``, it is 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
-    found = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
+    statements = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
     remark = (
         f"both are ok on {count_of(int((first & second).sum()), 'plant')} and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
-    return Findings(found, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
+    return Findings(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
 
 
 def delay_time(plants: Plants, _: Published) -> Findings:
@@ -264,20 +264,20 @@ def delay_time(plants: Plants, _: Published) -> Findings:
 
     def along(periods: Sequence[str], more: str) -> list[Statement]:
         return [
-            one
+            statement
             for name, what in (("mae", "MAE"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz"))
             for shorter, longer in pairwise(periods)
-            for one in smaller(plants, name, shorter, longer, f"{more}{what}", what)
+            for statement in smaller(plants, name, shorter, longer, f"{more}{what}", what)
         ]
 
-    found, beside = along(published, ""), along(ideal, "with an ideal encoder ")
+    statements, beside = along(published, ""), along(ideal, "with an ideal encoder ")
     shares = ", ".join(f"{100.0 * plants.ok(run).mean():.3g} %" for run in published)
     remark = (
         f"Controller 2 is ok on {shares} of the plants with the shorter, the printed and the longer period: "
         "what a shorter one costs in stability is no part of the claim"
     )
     chance = _by_chance(plants, factorial(3))
-    return _over(plants, (*published, *ideal), found, remarks=[remark], beside=beside, chance=chance)
+    return _over(plants, (*published, *ideal), statements, remarks=[remark], beside=beside, chance=chance)
 
 
 def small_inertia(plants: Plants, _: Published) -> Findings:
@@ -295,15 +295,15 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
     # A law that diverged has not rested, whatever its last excursion was.
     neither &= plants.none(DIVERGED, FIRST, SECOND)[:, np.newaxis]
     less = smaller(plants, "overshoot", FIRST, SECOND, "overshoot")
-    found = [
-        Statement(f"{one.text}, or neither", one.holds | held)
-        for one, held in zip(less, neither.T, strict=True)
+    statements = [
+        Statement(f"{statement.text}, or neither", statement.holds | resting)
+        for statement, resting in zip(less, neither.T, strict=True)
     ]
     ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
     remark = (
         f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
     )
-    return Findings(found, ok & counted, rankable & counted, [remark])
+    return Findings(statements, ok & counted, rankable & counted, [remark])
 
 
 def bounds(plants: Plants, paper: Published) -> Findings:
@@ -318,14 +318,14 @@ def bounds(plants: Plants, paper: Published) -> Findings:
         "|e| inside Eq. (30) as printed": printed[FIRST, "max_error"] <= error,
         "|de/dt| inside Eq. (31)": printed[FIRST, "rate_max"] <= omega + eta * error**b,
     }
-    found = [
-        one
+    statements = [
+        statement
         for text, holds in inside.items()
-        for one in _of_runs(printed, f"the largest {text}", holds, [FIRST])
+        for statement in _of_runs(printed, f"the largest {text}", holds, [FIRST])
     ]
     judged = printed.ok(*CONTROLLERS)
     remarks = ["judged under the reading printed, whatever the reading"]
-    return Findings(found, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
+    return Findings(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
 
 
 def _beyond_divergence(bound: Array) -> str | None:

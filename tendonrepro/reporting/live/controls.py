@@ -134,7 +134,7 @@ def knobs_of(config: CompareConfig) -> Iterator[Knob]:
 
 def choices_of(config: CompareConfig) -> list[Choice]:
     """The readings that can be chosen; a value that needs another trace stays as configured."""
-    readings, found = config.control.readings, []
+    readings, choices = config.control.readings, []
     for choice in CHOICES:
         known = getattr(readings, choice.name) in choice.words
         if choice.name == "error_rate" and config.control.filter_cutoff is None:
@@ -145,8 +145,8 @@ def choices_of(config: CompareConfig) -> list[Choice]:
             words = dict(choice.words)
             if config.control.reference_lag is None:
                 words.pop(LATE, None)
-            found.append(replace(choice, words=words))
-    return found
+            choices.append(replace(choice, words=words))
+    return choices
 
 
 def entries_of(config: CompareConfig, key: str) -> list[tuple[int | None, str]]:

@@ -69,12 +69,14 @@ def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape, off: str = ""
     symbols = tape.places("pp", len(inputs.numbers))
     for (key, entry), known in zip(inputs.numbers, symbols, strict=True):
         symbol: Any = 0.0 if key == off else known
-        held, unit = attrgetter(key)(config), inputs.units[key]
+        quantity, unit = attrgetter(key)(config), inputs.units[key]
         value: Any = symbol
         if entry is not None:
-            factor = 1.0 if held.unit == unit else to_si(1.0, held.unit) / to_si(1.0, unit)
-            value = tuple(symbol if k == entry else one * factor for k, one in enumerate(held.value))
-        changed = _Given.model_construct(value=value, unit=unit, source=held.source)
+            factor = 1.0 if quantity.unit == unit else to_si(1.0, quantity.unit) / to_si(1.0, unit)
+            value = tuple(
+                symbol if k == entry else number * factor for k, number in enumerate(quantity.value)
+            )
+        changed = _Given.model_construct(value=value, unit=unit, source=quantity.source)
         config = replaced(config, key, changed)
     return config
 
@@ -90,7 +92,7 @@ def plant_code(config: CompareConfig, inputs: Inputs, off: str = "") -> Code:
     tape, n = PlacesTape(), len(config.joints)
     payload, scale = tape.places("rr", 2)
     plant = rig.build_plant(given(config, inputs, tape, off), payload, scale)  # type: ignore[arg-type]
-    begin: Any = np.array([to_si(one, "deg") for one in tape.places("rr", n, 2)], dtype=object)
+    begin: Any = np.array([to_si(angle, "deg") for angle in tape.places("rr", n, 2)], dtype=object)
     rest = rest_at(begin, plant)
     state, torque = _array(tape, "ss", 4 * n), _array(tape, "uu", n)
     t, h = tape.places("uu", 2, n)
@@ -110,36 +112,36 @@ def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
     commanded and applied torque, estimate, sliding variable, and whether all is in bounds.
     """
     tape, n = PlacesTape(), len(config.joints)
-    held = given(config, inputs, tape)
+    traced = given(config, inputs, tape)
     choices = tape.places("pp", len(inputs.readings), len(inputs.numbers))
     law = _under(
-        held, list(zip(inputs.readings.items(), choices, strict=True)), partial(build_law, name=name)
+        traced, list(zip(inputs.readings.items(), choices, strict=True)), partial(build_law, name=name)
     )
     rest, tau, zero = np.split(_array(tape, "zz", 6 * n), [4 * n, 5 * n])
-    hardware = _hardware(held, zero)
+    hardware = _hardware(traced, zero)
     quiet: Any = np.zeros(3 * n)
     if config.control.readings.start == "cold":
         tau = 0.0 * tau
     # Every reference begins at zero, the start posture.
     first = start(measure(rest, quiet, law, hardware), np.zeros(n), tau, law)
     delay = hardware.actuator.delay
-    begin = [*_flat(first), *(one for _ in range(delay) for one in tau)]
+    begin = [*_flat(first), *(symbol for _ in range(delay) for symbol in tau)]
     sizes = len(begin) - delay * n
     memory = unpacked(_array(tape, "mm", sizes), first)
     pending = list(_array(tape, "mm", delay * n, sizes).reshape(-1, n))
     desired = tuple(_array(tape, "dd", 3 * n).reshape(3, n))
     state = _array(tape, "ss", 4 * n)
-    found = sample(state, memory, pending, desired, quiet, law, hardware)
-    result = [*_flat(found.memory), *(one for line in found.pending for one in line)]
+    sampled = sample(state, memory, pending, desired, quiet, law, hardware)
+    result = [*_flat(sampled.memory), *(symbol for line in sampled.pending for symbol in line)]
     result += [
-        *found.torque,
-        *found.measured[0],
-        *found.tau,
-        *found.tau_m,
-        *found.signals[0],
-        *found.signals[1],
+        *sampled.torque,
+        *sampled.measured[0],
+        *sampled.tau,
+        *sampled.tau_m,
+        *sampled.signals[0],
+        *sampled.signals[1],
     ]
-    result.append(found.bounded)
+    result.append(sampled.bounded)
     return _code(tape, ("law", begin, ("pp", "zz"), "bb"), ("sample", result, ("ss", "mm", "dd"), "oo"))
 
 
@@ -166,11 +168,11 @@ def _under(config: CompareConfig, choices: Sequence[Any], build: Callable[[Compa
         return build(config)
     ((name, values), chosen), *rest = choices
     key = f"control.readings.{name}"
-    found = _under(replaced(config, key, values[0]), rest, build)
+    built = _under(replaced(config, key, values[0]), rest, build)
     for k, value in enumerate(values[1:], 1):
         other = _under(replaced(config, key, value), rest, build)
-        found = mapped(partial(_either, chosen >= k - 0.5), other, found)
-    return found
+        built = mapped(partial(_either, chosen >= k - 0.5), other, built)
+    return built
 
 
 def _either(condition: Any, then: Any, otherwise: Any) -> Any:
@@ -224,9 +226,9 @@ def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Co
     angles, velocities and accelerations.
     """
     tape = PlacesTape()
-    held = given(config, inputs, tape)
-    joints = motions(held.reference, held.joints, folder)
-    moving = [next((one for one in joint.turns if one is not at_rest), at_rest) for joint in joints]
+    traced = given(config, inputs, tape)
+    joints = motions(traced.reference, traced.joints, folder)
+    moving = [next((kind for kind in joint.turns if kind is not at_rest), at_rest) for joint in joints]
     since = tape.places("tt", len(joints))
     shapes = [shape(t) for shape, t in zip(moving, since, strict=True)]  # type: ignore[arg-type]
     desired = [value for part in zip(*shapes, strict=True) for value in part]

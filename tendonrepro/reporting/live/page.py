@@ -120,11 +120,11 @@ class Library:
     models: list[str] = field(default_factory=list)
     knobs: list[dict[str, object]] = field(default_factory=list)
 
-    def knob(self, held: dict[str, object]) -> int:
+    def knob(self, control: dict[str, object]) -> int:
         """Number of what is said of a control, new or known."""
-        if held not in self.knobs:
-            self.knobs.append(held)
-        return self.knobs.index(held)
+        if control not in self.knobs:
+            self.knobs.append(control)
+        return self.knobs.index(control)
 
     def add(self, text: str) -> int:
         """Number of a model, new or known."""
@@ -192,7 +192,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
     model, turns = model_source(loaded, library)
     papers = compares_as_paper(config)
     controls = [*_shared_controls(config), *_run_controls(config)]
-    groups = {one["group"] for one, _ in controls}
+    groups = {control["group"] for control, _ in controls}
     return {
         "name": name,
         "title": title,
@@ -209,7 +209,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
         "ringing": config.status.ringing_frequency.si,
         "share": config.status.ringing_share.si,
         "groups": [group for group in GROUPS if group in groups],
-        "controls": [[library.knob(held), *own] for held, own in controls],
+        "controls": [[library.knob(said), *own] for said, own in controls],
         "choices": _choices(config),
         "runs": _runs(config, loops, papers=papers),
         "printed": papers,
@@ -243,19 +243,19 @@ def _shared_controls(config: CompareConfig) -> list[Control]:
 def _run_controls(config: CompareConfig) -> list[Control]:
     """Where each run starts, and the payload of those that carry one."""
     # Of no single run: the script takes it from the errors of all.
-    found = [_control(config, LEFT_OUT, None, "", {"run": "", "place": 0})]
+    controls = [_control(config, LEFT_OUT, None, "", {"run": "", "place": 0})]
     start, load = RUN
     for name, run in config.runs.items():
         own = start._replace(
-            label=start.label.format(_label(name)), help=START_HELP if len(found) == 1 else ""
+            label=start.label.format(_label(name)), help=START_HELP if len(controls) == 1 else ""
         )
         for k, joint in enumerate(config.joints):
             at = {"run": name, "place": 2 + k}
-            found.append(_control(config, own, k, f"joint {joint}", at, name))
+            controls.append(_control(config, own, k, f"joint {joint}", at, name))
         if run.payload.si > 0.0 or name.endswith(PAYLOAD):
             own = load._replace(label=load.label.format(_label(name)))
-            found.append(_control(config, own, None, "", {"run": name, "place": 0}, name))
-    return found
+            controls.append(_control(config, own, None, "", {"run": name, "place": 0}, name))
+    return controls
 
 
 def _control(
@@ -271,9 +271,9 @@ def _control(
     root: Any = config if run is None else config.runs[run]
     *above, last = knob.key.split(".")
     section = attrgetter(".".join(above))(root) if above else root
-    held: Any = getattr(section, last) or absent(config, entry, knob.unit)
-    factor = 1.0 if held.unit == knob.unit else to_si(1.0, held.unit) / to_si(1.0, knob.unit)
-    value = held.value if entry is None else held.value[entry]
+    quantity: Any = getattr(section, last) or absent(config, entry, knob.unit)
+    factor = 1.0 if quantity.unit == knob.unit else to_si(1.0, quantity.unit) / to_si(1.0, knob.unit)
+    value = quantity.value if entry is None else quantity.value[entry]
     held_field = type(section).model_fields[last]
     rule = next(_rules((*held_field.metadata, held_field.annotation)))
     said = {
@@ -310,21 +310,21 @@ def _rules(parts: Iterable[Any]) -> Iterator[Physical]:
 
 def _limits(rule: Physical, unit: str) -> dict[str, object]:
     """Numbers that the configuration allows, in a unit; where there is no limit, none is named."""
-    found: dict[str, object] = {}
+    limits: dict[str, object] = {}
     for name, limit in rule.limits.items():
         side = "least" if name in ("above", "at_least") else "most"
-        found[side] = limit / to_si(1.0, unit)
+        limits[side] = limit / to_si(1.0, unit)
         if name in ("above", "below"):
-            found[f"open_{side}"] = True
-    return found
+            limits[f"open_{side}"] = True
+    return limits
 
 
 def _choices(config: CompareConfig) -> list[dict[str, object]]:
     numbers = len(inputs_of(config).numbers)
-    found = []
+    choices = []
     for k, choice in enumerate(choices_of(config)):
         value, axis = getattr(config.control.readings, choice.name), AXES[choice.name]
-        found.append(
+        choices.append(
             {
                 "id": f"control.readings.{choice.name}",
                 "label": choice.label,
@@ -339,7 +339,7 @@ def _choices(config: CompareConfig) -> list[dict[str, object]]:
         )
     if config.reference.kind in MOTIONS:
         kind = config.reference.kind
-        found.append(
+        choices.append(
             {
                 "id": "reference.kind",
                 "label": "Motion",
@@ -352,7 +352,7 @@ def _choices(config: CompareConfig) -> list[dict[str, object]]:
                 "place": None,
             }
         )
-    return found
+    return choices
 
 
 def _label(run: str) -> str:
@@ -365,14 +365,14 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
     """Runs with their steps a sample, by the rule of the batch, and the printed errors."""
     places = dict(enumerate(loops.values()))
     steps = {name: int(rule.max()) for name, rule in zip(loops, _steps(places), strict=True)}
-    found = []
+    runs = []
     for name, run in config.runs.items():
         row = "table3.with_load" if name == RUNS[-1] else f"table2.{name}"
         printed = None
         if papers and name in RUNS:
             printed = {metric: published().per_joint(f"{row}.{metric}", config.joints) for metric in METRICS}
         enough = steps[name] or STEPS[-1]
-        found.append(
+        runs.append(
             {
                 "name": name,
                 "label": _label(name),
@@ -385,7 +385,7 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
                 "printed": printed,
             }
         )
-    return found
+    return runs
 
 
 def _of_run(run: CompareRun, n: int) -> list[float]:
@@ -478,15 +478,15 @@ def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
 
 def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[str, object]:
     """What to lay over another configuration for this one; None takes a key away."""
-    found: dict[str, object] = {key: None for key in first if key not in tree}
+    changes: dict[str, object] = {key: None for key in first if key not in tree}
     for key, value in tree.items():
-        held = first.get(key)
-        if isinstance(value, dict) and isinstance(held, dict):
-            if inner := _changes(value, held):
-                found[key] = inner
-        elif value != held:
-            found[key] = value
-    return found
+        before = first.get(key)
+        if isinstance(value, dict) and isinstance(before, dict):
+            if inner := _changes(value, before):
+                changes[key] = inner
+        elif value != before:
+            changes[key] = value
+    return changes
 
 
 def _script_json(data: object) -> str:

@@ -111,7 +111,7 @@ def _places(time: Array, speed: float) -> list[int]:
         message = f"must be above zero and leave at most {MOST_PICTURES} pictures, found {speed:g}"
         raise UsageError(message, where="--speed")
     times = time[0] + np.arange(int(count) + 1) * speed / RATE
-    return [int(np.abs(time - one).argmin()) for one in times]
+    return [int(np.abs(time - moment).argmin()) for moment in times]
 
 
 @dataclass(frozen=True, eq=False)

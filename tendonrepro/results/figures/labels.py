@@ -54,7 +54,7 @@ def name_points(
         size = np.array([extent.width, extent.height])
         start = at(point)
         others = marked[np.hypot(*(marked - start).T) > pixel]
-        found = []
+        candidates = []
         for away in _DISTANCES:
             for centre in _around(start, away * pixel, size):
                 box = _box(centre, size + 2.0 * _AIR * pixel)
@@ -62,8 +62,8 @@ def name_points(
                 cost = _OVER_TEXT * box.count_overlaps(taken) + _OVER_LINE * _inside(passed, box)
                 cost += _OVER_MARK * _inside(others, near)
                 outside = Bbox.union([box, axes.bbox]).bounds != axes.bbox.bounds
-                found.append((np.inf if outside else cost + _FARTHER * away, away, centre))
-        _, away, centre = min(found, key=lambda one: one[0])
+                candidates.append((np.inf if outside else cost + _FARTHER * away, away, centre))
+        _, away, centre = min(candidates, key=lambda candidate: candidate[0])
         label.set_position(tuple((centre - start) / pixel))
         if away >= _LED:
             passed = np.vstack([passed, _lead(axes, start, centre, size)])

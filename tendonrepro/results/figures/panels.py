@@ -131,8 +131,8 @@ class Canvas:
         """Lay the narrow bands of a panel on the wide ones, and in grey what all of several cover."""
         bands = [band for (panel, _), band in self._bands.items() if panel == letter]
         widths = [float(np.mean(high - low)) for _, low, high in edges]
-        for place, one in enumerate(np.argsort(widths)[::-1], start=1):
-            bands[one].set_zorder(0.7 * place / (1 + len(bands)))
+        for place, at in enumerate(np.argsort(widths)[::-1], start=1):
+            bands[at].set_zorder(0.7 * place / (1 + len(bands)))
         if len(bands) > 1:
             time = min((time for time, _, _ in edges), key=lambda time: float(time[-1]))
             low = np.max([np.interp(time, own, values) for own, values, _ in edges], axis=0)

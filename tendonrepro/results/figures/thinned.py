@@ -25,7 +25,7 @@ def thinned_fonts(figure: Figure) -> Iterator[None]:
     Where the figure has other letters, as in the name of a user's file, the whole fonts serve.
     """
     letters = set().union(*(text.get_text() for text in figure.findobj(Text))) - {"\n"}
-    if not all(any(ord(letter) in held for held in LETTERS) for letter in letters):
+    if not all(any(ord(letter) in subset for subset in LETTERS) for letter in letters):
         yield
         return
     whole = fontManager.ttflist
