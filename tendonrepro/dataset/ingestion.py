@@ -11,6 +11,7 @@ from typing import Literal, TypedDict
 import numpy as np
 
 from tendonrepro import __version__
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
@@ -163,31 +164,7 @@ def run_ingest(
     told = {"guesses": guesses, "notes": notes, "doubts": doubts, "inputs": inputs}
     # The runs hold what is needed; the columns of a long log take as much again.
     del assembly, sources
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    created = datetime.now(UTC).isoformat(timespec="seconds")
-    manifest = {
-        "schema_version": 1,
-        "tendonrepro_version": __version__,
-        "created": created,
-        "mapping": {"origin": str(mapping), "sha256": digest},
-        "environment": environment(),
-    }
-    coupling = {
-        "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
-        "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
-    }
-    file = TraceFile(
-        experiment=_experiment(runs),
-        source="measured",
-        title=loaded.title,
-        runs=runs,
-        plant=PlantRecord(coupling, {}),
-        config_yaml=text,
-        config_sha256=digest,
-        manifest_json=to_json(manifest | told),
-        created=created,
-        tendonrepro_version=__version__,
-    )
+    file = _trace_file(loaded.title, runs, {"S": S, "S_inv": S_inv}, text, mapping, told)
     if not dry_run:
         write_traces(out, file)
         if confirm:
@@ -204,6 +181,40 @@ def run_ingest(
         "doubts": doubts,
         "inputs": inputs,
     }
+
+
+def _trace_file(
+    title: str,
+    runs: Mapping[str, Trace],
+    coupling: Mapping[str, Array],
+    text: str,
+    mapping: Path,
+    told: Mapping[str, object],
+) -> TraceFile:
+    """Runs as a trace file: its plant is the coupling, its configuration the text of the mapping."""
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    manifest = {
+        "schema_version": 1,
+        "tendonrepro_version": __version__,
+        "created": created,
+        "mapping": {"origin": str(mapping), "sha256": digest},
+        "environment": environment(),
+    }
+    about = {"S": "coupling matrix, q = S q_motor", "S_inv": "inverse coupling matrix"}
+    plant = {name: PlantValue(value, "1", _PRINTED, about[name]) for name, value in coupling.items()}
+    return TraceFile(
+        experiment=_experiment(runs),
+        source="measured",
+        title=title,
+        runs=runs,
+        plant=PlantRecord(plant, {}),
+        config_yaml=text,
+        config_sha256=digest,
+        manifest_json=to_json({**manifest, **told}),
+        created=created,
+        tendonrepro_version=__version__,
+    )
 
 
 def _timing(file: TraceFile) -> dict[str, Timing]:

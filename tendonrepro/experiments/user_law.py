@@ -25,6 +25,7 @@ from tendonrepro.files import sha256_of
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory
 from tendonrepro.results.summary import PAYLOAD
+from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
 
@@ -136,6 +137,39 @@ def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) ->
         name: replace(loops[plant], controller=replace(controller, command=checked(law, model_of(config))))
         for name, plant in runs_of(law, config).items()
     }
+
+
+def lane_function(law: UserLaw) -> CommandFunction:
+    """The law as one function for many plants together; a UsageError if it is told of its plant."""
+    function, setup = law.load()
+    if setup is not None:
+        message = f"the law {law.name} is told of its plant, and cannot run on many plants together"
+        raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
+    return cast("CommandFunction", function)
+
+
+def lane_loops(
+    law: UserLaw, function: CommandFunction, config: CompareConfig, loops: Mapping[str, Loop]
+) -> dict[str, Loop]:
+    """As `own_loops`, for many plants together."""
+    first = cast("TimeDelayController", next(iter(loops.values())).controller)
+    controller = replace(first, command=function, on_lanes=True)
+    return {
+        name: replace(loops[plant], controller=controller) for name, plant in runs_of(law, config).items()
+    }
+
+
+def refused_on_lanes(name: str, error: Exception) -> UsageError:
+    """Why a law cannot run on many plants together, and what to write instead."""
+    message = f"the law {name} cannot run on many plants together: {type(error).__name__}: {error}"
+    hint = "return tau, H_hat, s and de, each an array with a number per joint"
+    if isinstance(error, UnknownValueError):
+        calls = traceback.extract_tb(error.__traceback__)
+        lines = [call.lineno for call in calls if call.name == name]
+        at = f" in its line {lines[-1]}" if lines else ""
+        message = f"the law {name} branches{at} on a number, which differs from plant to plant"
+        hint = "write np.where(e[i] > 0.0, then, otherwise) for each joint i in place of if"
+    return UsageError(message, where="--law", hint=hint)
 
 
 def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:

@@ -6,7 +6,8 @@ import warnings
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,9 @@ from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.models.readings import Reading, named_readings, under
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops, build_reference
+from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops
 from tendonrepro.simulation.loop import DesiredMotion, Loop
+from tendonrepro.simulation.sampled import CommandFunction
 
 _DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("run_friction", "drawn")}
 """Settings of readings whose numbers are rows of the box."""
@@ -132,8 +135,14 @@ class AroundArm:
 class ArmDraws:
     """Arms, by factors (N, P), as closed loops of cases: runs, each under a reading."""
 
-    def __init__(self, arm: AroundArm, values: Array, cases: Sequence[tuple[str, Reading]]) -> None:
-        self._arm, self._values, self._cases = arm, values, cases
+    def __init__(
+        self,
+        arm: AroundArm,
+        values: Array,
+        cases: Sequence[tuple[str, Reading]],
+        laws: Sequence[UserLaw] = (),
+    ) -> None:
+        self._arm, self._values, self._cases, self._laws = arm, values, cases, laws
 
     def loops(self, k: int) -> list[Loop]:
         """Loops of arm k, from 0, by case; all share their motion."""
@@ -143,7 +152,15 @@ class ArmDraws:
             reading: dict(build_loops(under(reading, config, {}), folder, self._arm.motion))
             for reading in readings
         }
+        for law, of_reading in product(self._laws, loops.values()):
+            of_reading.update(lane_loops(law, _function(law), config, of_reading))
         return [loops[reading][run] for run, reading in self._cases]
+
+
+@cache
+def _function(law: UserLaw) -> CommandFunction:
+    """The same for all arms, so that they share its code."""
+    return lane_function(law)
 
 
 def draws_rows(reading: Reading) -> list[str]:

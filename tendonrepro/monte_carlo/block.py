@@ -104,7 +104,7 @@ def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
     """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
     drawn_from, found = study.populations[block.population], []
     draws = (
-        ArmDraws(drawn_from, rows, study.cases)
+        ArmDraws(drawn_from, rows, study.cases, study.laws)
         if isinstance(drawn_from, AroundArm)
         else Draws(study.loaded.base, drawn_from, rows, study.cases)
     )

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Ranges, Seed, Source, Spread, Word
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread, Word
 from tendonrepro.studies.study import Study
 
 
@@ -18,6 +18,7 @@ def ensemble(
     readings: str = "default",
     spread: Spread = None,
     ranges: Ranges = None,
+    laws: Laws = None,
     jobs: Jobs = -1,
     device: On = "cpu",
     dask: Annotated[str | None, Word(metavar="ADDRESS")] = None,
@@ -33,12 +34,15 @@ def ensemble(
         Plants, a power of two; 256 at least, around your own arm 64.
     readings
         default, or comma-separated names.
+    laws
+        Around your own arm, run your own controller too; repeatable. FILE is executed.
     dask
         Scheduler to send the work to.
     """
+    from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
     from tendonrepro.simulation.device import require
 
     require(device)
-    ensemble = replace(load_study(config, set, seed, readings, spread, ranges), device=device)
+    ensemble = replace(load_study(config, set, seed, readings, spread, ranges, laws_of(laws)), device=device)
     return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=folder)

@@ -11,18 +11,22 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tendonrepro import __version__
 from tendonrepro.configuration.around import Around, Ranges
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import Source
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.plants import load_study_plants
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.experiments.user_law import UserLaw, refused_on_lanes, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
-from tendonrepro.monte_carlo.around import AroundArm, readings_around
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, readings_around
 from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
@@ -42,6 +46,9 @@ from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site
 from tendonrepro.studies.study import Study as Runnable
 
+_STUB = 64
+"""Samples in which it shows whether a law can run."""
+
 
 def load_study(
     source: Source,
@@ -50,6 +57,7 @@ def load_study(
     readings: str,
     spread: float | None = None,
     ranges: Ranges = None,
+    laws: Sequence[UserLaw] = (),
 ) -> Study:
     """Read an ensemble's configuration, or a comparison around whose arm plants are drawn.
 
@@ -59,7 +67,10 @@ def load_study(
     """
     loaded = load_study_plants(source, spread, ranges, overrides=overrides, seed=seed)
     if loaded.around:
-        return _around(loaded, loaded.around, readings)
+        return _around(loaded, loaded.around, readings, laws)
+    if laws:
+        message = "runs around an arm of your own"
+        raise UsageError(message, where="--law", hint="name a comparison, --config compare.yaml")
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
@@ -75,8 +86,13 @@ def load_study(
     )
 
 
-def _around(loaded: LoadedEnsemble, around: Around, readings: str) -> Study:
-    return Study(
+def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequence[UserLaw]) -> Study:
+    for law in laws:
+        if law.name in (*loaded.compare.runs, *RUNS):
+            message = f"there is a run {law.name!r} already"
+            raise UsageError(message, where="--law", hint="give the function another name")
+    loaded = replace(loaded, base=with_user_laws(loaded.base, laws))
+    study = Study(
         loaded,
         boxes={},
         shares={ARMS: 1.0},
@@ -86,7 +102,23 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str) -> Study:
         replicates=LEAST_SCRAMBLINGS,
         block_draws=int(loaded.config.block.si),
         arm=AroundArm(loaded, around),
+        laws=tuple(laws),
     )
+    for law in laws:
+        _try(study, AroundArm(loaded, around), law)
+    return study
+
+
+def _try(study: Study, arm: AroundArm, law: UserLaw) -> None:
+    """Refuse a law that cannot run on many arms together, before the many are simulated."""
+    loops = ArmDraws(arm, np.ones((1, len(arm.names))), study.cases, study.laws).loops(0)
+    loop = loops[study.lookup[law.name, PRINTED]]
+    names = ("time", "q_d", "dq_d", "ddq_d")
+    start = replace(loop.reference, **{name: getattr(loop.reference, name)[:_STUB] for name in names})
+    try:
+        simulate_batch([replace(loop, reference=start)], study.loaded.compare.status)
+    except Exception as error:
+        raise refused_on_lanes(law.name, error) from error
 
 
 def ensemble_study(

@@ -16,6 +16,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
+from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box
@@ -68,8 +69,9 @@ class Study:
     """Everything that determines an ensemble's numbers but the number of draws.
 
     Claims are judged by the first of the populations `boxes`. Around an arm of a user's own there is the
-    population `arm` instead. `shares` are their parts of the number asked for. `replicates` are independent
-    scramblings. A block of `block_draws`, a power of two, is the most work that a kill can cost a process.
+    population `arm` instead, and a user's `laws` run too. `shares` are their parts of the number asked for.
+    `replicates` are independent scramblings. A block of `block_draws`, a power of two, is the most work
+    that a kill can cost a process.
     """
 
     loaded: LoadedEnsemble
@@ -83,6 +85,7 @@ class Study:
     check_every: int = CHECK_EVERY
     device: DeviceName = "cpu"
     arm: AroundArm | None = None
+    laws: tuple[UserLaw, ...] = ()
 
     @property
     def populations(self) -> Mapping[str, Box | AroundArm]:
@@ -91,8 +94,10 @@ class Study:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """The paper's runs, or those of the comparison around whose arm plants are drawn."""
-        return tuple(self.loaded.compare.runs) if self.arm else RUNS
+        """The paper's runs, or those of the comparison around whose arm plants are drawn, and of laws."""
+        config = self.loaded.compare
+        own = [run for law in self.laws for run in runs_of(law, config)]
+        return (*config.runs, *own) if self.arm else RUNS
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:

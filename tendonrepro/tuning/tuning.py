@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import traceback
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -18,11 +17,10 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
-from tendonrepro.experiments.user_law import UserLaw, with_user_laws
+from tendonrepro.experiments.user_law import UserLaw, refused_on_lanes, with_user_laws
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
-from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
@@ -133,16 +131,7 @@ def _try(task: Task, law: TunedLaw) -> None:
     try:
         measure(plants, [Candidate(law, "none", False, middle)])
     except Exception as error:
-        message = f"the law {law.name} cannot run on many plants together: {type(error).__name__}: {error}"
-        hint = "return tau, H_hat, s and de, each an array with a number per joint"
-        if isinstance(error, UnknownValueError):
-            lines = [
-                call.lineno for call in traceback.extract_tb(error.__traceback__) if call.name == law.name
-            ]
-            at = f" in its line {lines[-1]}" if lines else ""
-            message = f"the law {law.name} branches{at} on a number, which differs from plant to plant"
-            hint = "write np.where(e[i] > 0.0, then, otherwise) for each joint i in place of if"
-        raise UsageError(message, where="--law", hint=hint) from error
+        raise refused_on_lanes(law.name, error) from error
 
 
 def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:

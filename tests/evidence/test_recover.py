@@ -265,7 +265,9 @@ def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     arm["posture"]["value"] = [45, 0]
     path = tmp_path_factory.mktemp("arm") / "two.yaml"
     path.write_text(dump(tree | arm | {"joints": [1, 2]}))
-    file = tr.compare(path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1])._outcome.traces
+    file = tr.compare(
+        path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1]
+    )._outcome.traces
     assert file is not None
     return replace(file, runs={"controller_1": file.runs["controller_1"]})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +16,13 @@ from tendonrepro.configuration.plants import load_around
 from tendonrepro.console import Talk
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.block import loops_of
-from tendonrepro.monte_carlo.data import read_ensemble
+from tendonrepro.monte_carlo.block import compute_block, loops_of
+from tendonrepro.monte_carlo.data import Block, read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
+from tendonrepro.physics.control import command as physics_command
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.studies.lifecycle import carry_out
 
@@ -174,3 +177,42 @@ def test_readings_that_this_arm_cannot_have(compare: Path, readings: str) -> Non
 def test_runs_of_all_controllers_are_needed(compare: Path) -> None:
     with pytest.raises(ConfigError):
         load_study(compare, ["runs={controller_1: {law: controller_1, payload: 0}}"], None, "default")
+
+
+def branching(*given: Any) -> tuple[Any, ...]:
+    _, q, q_d, _, _, law = given
+    e = q_d - q
+    return law.M_bar * (e if e[0] > 0.0 else 2.0 * e), e, e, e
+
+
+def plain(*given: Any) -> Any:
+    """The paper's own command as if it were a user's."""
+    return physics_command(*given)
+
+
+def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
+    """With the paper's own command and the first run's gains, errors are those of Controller 1."""
+    init_arm(1, tmp_path)
+    config, short = (
+        tmp_path / "compare.yaml",
+        ["reference.rise=0.5", "reference.hold=0", "reference.periods=1"],
+    )
+    study = load_study(config, short, None, "default", 0.2, laws=laws_of({"plain": plain}))
+    assert study.runs[-2:] == ("plain", "plain_payload")
+    found = compute_block(replace(study, check_every=0), Block("arms", 0, 0, 2))
+    for own, other in (("controller_1", "plain"), ("controller_1_payload", "plain_payload")):
+        places = [study.lookup[run, "printed"] for run in (own, other)]
+        errors = found["mae"][places]
+        assert (errors[0] == errors[1]).all()
+        assert (errors > 0.0).all()
+
+
+@pytest.mark.parametrize("laws", [{"branching": branching}, {"controller_2": plain}])
+def test_a_law_that_cannot_run(compare: Path, laws: dict[str, Any]) -> None:
+    with pytest.raises(UsageError):
+        load_study(compare, None, None, "default", 0.2, laws=laws_of(laws))
+
+
+def test_a_law_needs_an_arm_of_ones_own() -> None:
+    with pytest.raises(UsageError):
+        load_study(None, None, None, "default", laws=laws_of({"plain": plain}))
