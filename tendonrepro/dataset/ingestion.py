@@ -6,11 +6,12 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Literal, TypedDict, cast
 
 import numpy as np
 
 from tendonrepro import __version__
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
@@ -159,8 +160,7 @@ def run_ingest(
     notes = assembly.notes + [f"{file}: {line}" for file, lines in left_out.items() for line in lines]
     notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
     inputs = list({source.file["name"]: source.file for source in sources}.values())
-    guesses, doubts = list(loaded.guesses), list(assembly.doubts)
-    told = {"guesses": guesses, "notes": notes, "doubts": doubts, "inputs": inputs}
+    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
     # The runs hold what is needed; the columns of a long log take as much again.
     del assembly, sources
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -172,16 +172,12 @@ def run_ingest(
         "mapping": {"origin": str(mapping), "sha256": digest},
         "environment": environment(),
     }
-    coupling = {
-        "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
-        "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
-    }
     file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
         title=loaded.title,
         runs=runs,
-        plant=PlantRecord(coupling, {}),
+        plant=_coupling_record(S, S_inv),
         config_yaml=text,
         config_sha256=digest,
         manifest_json=to_json(manifest | told),
@@ -193,17 +189,18 @@ def run_ingest(
         if confirm:
             write_atomically(mapping, text)
     timing = _timing(file)
-    return {
-        "schema_version": 1,
-        "out": str(out),
-        "dry_run": dry_run,
-        "title": file.title,
-        "runs": {name: _described(trace, timing.get(name)) for name, trace in runs.items()},
-        "guesses": guesses,
-        "notes": notes,
-        "doubts": doubts,
-        "inputs": inputs,
+    described = {name: _described(trace, timing.get(name)) for name, trace in runs.items()}
+    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
+    return cast("Ingested", head | {"runs": described} | told)
+
+
+def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
+    """All that is known of a measured plant: the printed coupling."""
+    coupling = {
+        "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
+        "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
     }
+    return PlantRecord(coupling, {})
 
 
 def _timing(file: TraceFile) -> dict[str, Timing]:

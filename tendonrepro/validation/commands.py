@@ -11,6 +11,8 @@ from tendonrepro.studies.study import Site, Study
 if TYPE_CHECKING:
     from tendonrepro.studies.outcome import Outcome
 
+__all__ = ["validate"]
+
 
 @study(DATA, "tendonrepro validate data/measured.h5")
 def validate(

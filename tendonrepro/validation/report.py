@@ -24,7 +24,7 @@ from tendonrepro.studies.outcome import Outcome
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of
-from tendonrepro.verdicts.rules import Evidence
+from tendonrepro.verdicts.rules import Evidence, Judged
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {name: f"table2.{name}" for name in CONTROLLERS},
@@ -61,18 +61,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
     closest = closest_window(tables)
-    claims: list[JudgedClaim] = [
-        {
-            "id": name,
-            "where": paper.entries[name].where,
-            "rule": paper.judgements[name].rule,
-            "kind": "measured",
-            "verdict": claim.decision.verdict,
-            "evidence": claim.evidence,
-        }
-        for name, claim in judged.items()
-        if name in JUDGED
-    ]
+    claims = _judged_claims(judged, paper)
     numbers = {name: number for name, number in judged.items() if name not in JUDGED}
     windows, motion = tables.as_dict(), reference.as_dict() if reference else None
     controllers = controllers_of(measured.compare, talk)
@@ -127,6 +116,21 @@ class JudgedClaim(TypedDict):
     kind: str
     verdict: str
     evidence: Evidence
+
+
+def _judged_claims(judged: Mapping[str, Judged], paper: Published) -> list[JudgedClaim]:
+    return [
+        {
+            "id": name,
+            "where": paper.entries[name].where,
+            "rule": paper.judgements[name].rule,
+            "kind": "measured",
+            "verdict": claim.decision.verdict,
+            "evidence": claim.evidence,
+        }
+        for name, claim in judged.items()
+        if name in JUDGED
+    ]
 
 
 class Compared(NamedTuple):
