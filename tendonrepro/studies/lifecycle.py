@@ -166,7 +166,7 @@ def _target(name: str, study: Study) -> Path:
 
 def _digest(name: str, study: Study) -> str:
     """Digest of what decides a study's results, the command's name where no configuration does."""
-    return study.loaded.sha256 if study.loaded else name
+    return study.basis.sha256 if study.basis else name
 
 
 def _formats(study: Study) -> tuple[str, ...]:
@@ -175,7 +175,7 @@ def _formats(study: Study) -> tuple[str, ...]:
 
 def manifest_of(name: str, study: Study, outcome: Outcome, seconds: float) -> dict[str, object]:
     """How a result came about; what only its study knows comes last."""
-    loaded = study.loaded
+    loaded = study.basis
     known = made_here(name, _digest(name, study)) if loaded is None else make_manifest(loaded, seconds, name)
     return known | dict(outcome.manifest)
 

@@ -21,7 +21,7 @@ ANGLE_ERROR, ERROR_ERROR = 0.05, 0.01
 
 @pytest.fixture(scope="module")
 def ours():
-    file = tr.compare("plain", set=MOTION, controllers=[1])._file
+    file = tr.compare("plain", set=MOTION, controllers=[1]).traces
     return file.runs["controller_1"]
 
 
