@@ -1,5 +1,5 @@
-# ruff: noqa: I001 (the order is that of --help)
-"""Every command as a function of Python, and what reads results; a new command is imported here."""
+# ruff: noqa: F403, I001, PLC0414 (the order is that of --help)
+"""Every command as a function of Python, and what reads results. A package with commands is named here."""
 
 from __future__ import annotations
 
@@ -7,67 +7,28 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tendonrepro.reporting.reproduction import reproduce
-from tendonrepro.experiments.commands import (
-    animate,
-    compare,
-    decouple,
-    diff,
-    export,
-    figures,
-    statics,
-    sweep,
-    tables,
-)
-from tendonrepro.experiments import configurations, doctor  # noqa: F401 (of the shell alone)
-from tendonrepro.monte_carlo.commands import ensemble
-from tendonrepro.identification.commands import identify
-from tendonrepro.evidence.commands import predict, recover
-from tendonrepro.tuning.commands import tune
-from tendonrepro.analysis.commands import explain
-from tendonrepro.verdicts.commands import claims
-from tendonrepro.reporting.commands import live, report
-from tendonrepro.dataset.commands import fetch, ingest, inspect
-from tendonrepro.validation.commands import validate
-from tendonrepro.studies.command import COMMANDS
+from tendonrepro.reporting.reproduction import *
+from tendonrepro.experiments.commands import *
+import tendonrepro.experiments.configurations
+import tendonrepro.experiments.doctor  # noqa: F401
+from tendonrepro.monte_carlo.commands import *
+from tendonrepro.identification.commands import *
+from tendonrepro.evidence.commands import *
+from tendonrepro.tuning.commands import *
+from tendonrepro.analysis.commands import *
+from tendonrepro.verdicts.commands import *
+from tendonrepro.reporting.commands import *
+from tendonrepro.dataset.commands import *
+from tendonrepro.validation.commands import *
+from tendonrepro.studies.command import COMMANDS as COMMANDS
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import Config
     from tendonrepro.studies.parameters import Changes
     from tendonrepro.studies.result import Result
 
-__all__ = [
-    "COMMANDS",
-    "animate",
-    "claims",
-    "compare",
-    "config",
-    "decouple",
-    "diff",
-    "ensemble",
-    "explain",
-    "export",
-    "fetch",
-    "figures",
-    "identify",
-    "ingest",
-    "inspect",
-    "live",
-    "open",
-    "predict",
-    "recover",
-    "report",
-    "reproduce",
-    "statics",
-    "sweep",
-    "tables",
-    "tune",
-    "validate",
-]
-
-
-PUBLIC = [name for name in __all__ if name != "COMMANDS"]
-"""Names of the functions of ``import tendonrepro``."""
+PUBLIC = sorted({"config", "open"} | (COMMANDS.keys() & globals().keys()))
+"""Names of the functions of ``import tendonrepro``; commands of the shell alone are none of them."""
 
 
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:

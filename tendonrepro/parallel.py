@@ -12,15 +12,20 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import ExitStack, contextmanager, suppress
 from queue import Empty
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from tendonrepro.errors import TendonreproError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-Start: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Begins to apply a function to items, and yields the results in order."""
+
+class Start(Protocol):
+    """Begins to apply a function to items, and yields the results in order."""
+
+    def __call__(self, function: Callable[[Item], Result], items: Sequence[Item], /) -> Iterable[Result]:
+        """Begin."""
+
 
 MOST_WORKERS = 8
 """A worker takes some 60 MB of its own; the paper's experiments have ten runs and thirteen figures."""
@@ -59,7 +64,7 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
     anew: list[Executor] = []
     with ExitStack() as stack:
 
-        def start(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
+        def start(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterable[Result]:
             jobs = min(most, processors())
             if jobs < 2:
                 return map(function, items)
@@ -73,8 +78,8 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
 
 
 def _forked(
-    stack: ExitStack, jobs: int, function: Callable[[Any], Any], items: Sequence[Any]
-) -> Iterator[Any]:
+    stack: ExitStack, jobs: int, function: Callable[[Item], Result], items: Sequence[Item]
+) -> Iterator[Result]:
     """Begin work in copies of this process, which have imported what it has; they end with the work."""
     if not items:
         return iter(())
@@ -82,16 +87,18 @@ def _forked(
     executor = copies.enter_context(_processes(min(jobs, len(items))))
     begun = _submitted(executor, function, items)
 
-    def results() -> Iterator[Any]:
+    def results() -> Iterator[Result]:
         with copies:
             yield from begun
 
     return results()
 
 
-def _submitted(executor: Executor, function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+def _submitted(
+    executor: Executor, function: Callable[[Item], Result], items: Sequence[Item]
+) -> Iterator[Result]:
     begun = [executor.submit(function, item) for item in items]
-    return (one.result() for one in begun)
+    return (future.result() for future in begun)
 
 
 def _can_fork() -> bool:

@@ -6,6 +6,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import Changes, Controllers, Folder, Seed, Source
 from tendonrepro.studies.study import Study
 
+__all__ = ["explain"]
+
 
 @study(EXPLORE, "tendonrepro explain --set manipulator.actuator.output_delay=1")
 def explain(

@@ -8,6 +8,8 @@ from tendonrepro.studies.command import DATA, command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
 
+__all__ = ["fetch", "ingest", "inspect"]
+
 Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
 Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
 MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")

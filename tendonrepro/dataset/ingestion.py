@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Literal, TypedDict, cast
 
 import numpy as np
 
@@ -160,38 +160,9 @@ def run_ingest(
     notes = assembly.notes + [f"{file}: {line}" for file, lines in left_out.items() for line in lines]
     notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
     inputs = list({source.file["name"]: source.file for source in sources}.values())
-    guesses, doubts = list(loaded.guesses), list(assembly.doubts)
-    told = {"guesses": guesses, "notes": notes, "doubts": doubts, "inputs": inputs}
+    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
     # The runs hold what is needed; the columns of a long log take as much again.
     del assembly, sources
-    file = _trace_file(loaded.title, runs, {"S": S, "S_inv": S_inv}, text, mapping, told)
-    if not dry_run:
-        write_traces(out, file)
-        if confirm:
-            write_atomically(mapping, text)
-    timing = _timing(file)
-    return {
-        "schema_version": 1,
-        "out": str(out),
-        "dry_run": dry_run,
-        "title": file.title,
-        "runs": {name: _described(trace, timing.get(name)) for name, trace in runs.items()},
-        "guesses": guesses,
-        "notes": notes,
-        "doubts": doubts,
-        "inputs": inputs,
-    }
-
-
-def _trace_file(
-    title: str,
-    runs: Mapping[str, Trace],
-    coupling: Mapping[str, Array],
-    text: str,
-    mapping: Path,
-    told: Mapping[str, object],
-) -> TraceFile:
-    """Runs as a trace file: its plant is the coupling, its configuration the text of the mapping."""
     digest = hashlib.sha256(text.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
@@ -201,20 +172,35 @@ def _trace_file(
         "mapping": {"origin": str(mapping), "sha256": digest},
         "environment": environment(),
     }
-    about = {"S": "coupling matrix, q = S q_motor", "S_inv": "inverse coupling matrix"}
-    plant = {name: PlantValue(value, "1", _PRINTED, about[name]) for name, value in coupling.items()}
-    return TraceFile(
+    file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
-        title=title,
+        title=loaded.title,
         runs=runs,
-        plant=PlantRecord(plant, {}),
+        plant=_coupling_record(S, S_inv),
         config_yaml=text,
         config_sha256=digest,
-        manifest_json=to_json({**manifest, **told}),
+        manifest_json=to_json(manifest | told),
         created=created,
         tendonrepro_version=__version__,
     )
+    if not dry_run:
+        write_traces(out, file)
+        if confirm:
+            write_atomically(mapping, text)
+    timing = _timing(file)
+    described = {name: _described(trace, timing.get(name)) for name, trace in runs.items()}
+    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
+    return cast("Ingested", head | {"runs": described} | told)
+
+
+def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
+    """All that is known of a measured plant: the printed coupling."""
+    coupling = {
+        "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
+        "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
+    }
+    return PlantRecord(coupling, {})
 
 
 def _timing(file: TraceFile) -> dict[str, Timing]:

@@ -8,6 +8,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, On, Place, Ranges, Seed, Source, Spread
 from tendonrepro.studies.study import Study
 
+__all__ = ["predict", "recover"]
+
 
 @study(EXPLORE, "tendonrepro predict --readings printed,Delta_unit=deg")
 def predict(

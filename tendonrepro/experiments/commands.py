@@ -22,6 +22,8 @@ from tendonrepro.studies.parameters import (
 )
 from tendonrepro.studies.study import Answer, Study, written
 
+__all__ = ["animate", "compare", "decouple", "diff", "export", "figures", "statics", "sweep", "tables"]
+
 Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
 

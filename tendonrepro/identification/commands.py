@@ -6,6 +6,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source
 from tendonrepro.studies.study import Study
 
+__all__ = ["identify"]
+
 
 @study(EXPLORE, "tendonrepro identify --readings printed,weights=extrapolating")
 def identify(

@@ -7,6 +7,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread, Word
 from tendonrepro.studies.study import Study
 
+__all__ = ["ensemble"]
+
 
 @study(EXPLORE, "tendonrepro ensemble --draws 1024 --jobs 4")
 def ensemble(

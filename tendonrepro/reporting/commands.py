@@ -7,6 +7,8 @@ from tendonrepro.studies.command import EXPLORE, command
 from tendonrepro.studies.parameters import ARGUMENT, Changes, Source
 from tendonrepro.studies.study import Answer
 
+__all__ = ["live", "report"]
+
 
 @command(EXPLORE, "tendonrepro report --out review.html")
 def report(

@@ -10,6 +10,8 @@ from tendonrepro.studies.study import Answer
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result
 
+__all__ = ["reproduce"]
+
 
 @command(REPRODUCE, "tendonrepro reproduce --out reports")
 def reproduce(

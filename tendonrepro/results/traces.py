@@ -26,6 +26,7 @@ from tendonrepro.results.records import (
 )
 
 if TYPE_CHECKING:
+    import h5netcdf
     import xarray as xr
     from pandas import DataFrame
 
@@ -59,7 +60,7 @@ def write_traces(path: Path, file: TraceFile) -> None:
     write_atomically(path, content)
 
 
-def _write_run(group: Any, trace: Trace) -> None:
+def _write_run(group: h5netcdf.Group, trace: Trace) -> None:
     group.attrs.update(_flat(trace.attributes))
     group.dimensions = {"time": len(trace.time), "joint": len(trace.joint)}
     _write_variable(group, "time", ("time",), trace.time, "s", "time", **_packed(trace.time))
@@ -77,7 +78,7 @@ def _packed(values: Array) -> dict[str, Any]:
     return {**_COMPRESSION, "chunks": chunks} if values.size else {}
 
 
-def _write_plant(group: Any, plant: PlantRecord) -> None:
+def _write_plant(group: h5netcdf.Group, plant: PlantRecord) -> None:
     """Its values, with dimensions named by their sizes."""
     group.attrs.update(plant.attributes)
     for name, item in plant.values.items():
@@ -92,7 +93,7 @@ def _write_plant(group: Any, plant: PlantRecord) -> None:
 
 
 def _write_variable(
-    group: Any,
+    group: h5netcdf.Group,
     name: str,
     dimensions: tuple[str, ...],
     values: NDArray[Any],
@@ -152,7 +153,7 @@ def read_traces(source: Path) -> TraceFile:
         raise DataMissingError(message, where=str(path), hint=hint) from error
 
 
-def _file_of(root: Any) -> TraceFile:
+def _file_of(root: h5netcdf.File) -> TraceFile:
     version = int(root.attrs["schema_version"])
     if version != SCHEMA_VERSION:
         message = f"its layout has version {version}, this tendonrepro reads version {SCHEMA_VERSION}"
@@ -162,13 +163,13 @@ def _file_of(root: Any) -> TraceFile:
     return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]))
 
 
-def _trace_of(name: str, group: Any) -> Trace:
+def _trace_of(name: str, group: h5netcdf.Group) -> Trace:
     variables = {key: item[...] for key, item in group.variables.items()}
     time, joint = variables.pop("time"), tuple(variables.pop("joint").tolist())
     return Trace(name, time, joint, variables, _attributes_of(group))
 
 
-def _attributes_of(group: Any) -> dict[str, Any]:
+def _attributes_of(group: h5netcdf.Group) -> dict[str, Any]:
     # NumPy's scalars and arrays become the plain numbers and lists they were written from.
     plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in group.attrs.items()}
     nested = {
@@ -180,7 +181,7 @@ def _attributes_of(group: Any) -> dict[str, Any]:
     return plain | nested
 
 
-def _plant_of(group: Any) -> PlantRecord:
+def _plant_of(group: h5netcdf.Group) -> PlantRecord:
     values = {
         name: PlantValue(
             np.asarray(item[...]), *(item.attrs[key] for key in ("units", "source", "long_name"))

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
@@ -32,6 +32,9 @@ from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
 from tendonrepro.studies.parameters import Place
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Answer, Site, Study
+
+Item = TypeVar("Item")
+Done = TypeVar("Done")
 
 AGAINST = 3
 """Exit code of a check that fails."""
@@ -123,7 +126,7 @@ def _replaced(name: str, study: Study, talk: Talk) -> AbstractContextManager[New
 def _loading_meanwhile(start: Start) -> Start:
     """Let this process load what draws while others work."""
 
-    def begin(function: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
+    def begin(function: Callable[[Item], Done], items: Sequence[Item]) -> Iterable[Done]:
         begun = start(function, items)
         # Interrupted, loading matplotlib makes Python crash.
         with interrupts_blocked():
@@ -166,7 +169,7 @@ def _target(name: str, study: Study) -> Path:
 
 def _digest(name: str, study: Study) -> str:
     """Digest of what decides a study's results, the command's name where no configuration does."""
-    return study.loaded.sha256 if study.loaded else name
+    return study.basis.sha256 if study.basis else name
 
 
 def _formats(study: Study) -> tuple[str, ...]:
@@ -175,7 +178,7 @@ def _formats(study: Study) -> tuple[str, ...]:
 
 def manifest_of(name: str, study: Study, outcome: Outcome, seconds: float) -> dict[str, object]:
     """How a result came about; what only its study knows comes last."""
-    loaded = study.loaded
+    loaded = study.basis
     known = made_here(name, _digest(name, study)) if loaded is None else make_manifest(loaded, seconds, name)
     return known | dict(outcome.manifest)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.formats import FORMATS, formats_of
-from tendonrepro.results.records import Trace
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
 from tendonrepro.results.traces import dataset_of
 from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
@@ -42,8 +42,13 @@ class Result:
     _folder: Path | None = None
 
     @property
+    def traces(self) -> TraceFile | None:
+        """Runs of an experiment with what they were made with; None of other commands."""
+        return self._outcome.traces
+
+    @property
     def _runs(self) -> Mapping[str, Trace]:
-        return self._outcome.traces.runs if self._outcome.traces else {}
+        return self.traces.runs if self.traces else {}
 
     @cached_property
     def data(self) -> dict[str, Any]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
+from tendonrepro.files import digest_of
 from tendonrepro.studies.parameters import FOLDER, Folder, Place
 
 if TYPE_CHECKING:
@@ -37,10 +38,12 @@ class Study:
     Attributes
     ----------
     loaded : LoadedConfig, optional
-        What the manifest tells of; its digest is that of all that decides the results. None where no
-        configuration does.
+        What the manifest tells of. None where no configuration decides the results.
     run : callable
         Finds the outcome, at a `Site`.
+    decided_by : mapping
+        What decides the results beside the configuration: every argument that changes a number. Results of
+        other values count as those of another configuration.
     keep : str
         Folder inside that one for finished parts, with which an interrupted study goes on.
     stays : bool
@@ -62,6 +65,7 @@ class Study:
     loaded: LoadedConfig | None
     run: Callable[[Site], Outcome]
     folder: Place = field(default_factory=Place)
+    decided_by: Mapping[str, object] = field(default_factory=dict)
     keep: str = ""
     stays: bool = False
     stored: bool = False
@@ -70,6 +74,14 @@ class Study:
     place: Path | None = None
     numbers: str | None = ""
     plan: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def basis(self) -> LoadedConfig | None:
+        """The configuration, its digest that of all that decides the results."""
+        if self.loaded is None or not self.decided_by:
+            return self.loaded
+        digest = digest_of({"config": self.loaded.sha256, **self.decided_by})
+        return replace(self.loaded, sha256=digest)
 
     @property
     def options(self) -> Folder:

@@ -6,6 +6,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread
 from tendonrepro.studies.study import Study
 
+__all__ = ["tune"]
+
 
 @study(EXPLORE, "tendonrepro tune --plants 24")
 def tune(

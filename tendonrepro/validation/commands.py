@@ -11,6 +11,8 @@ from tendonrepro.studies.study import Site, Study
 if TYPE_CHECKING:
     from tendonrepro.studies.outcome import Outcome
 
+__all__ = ["validate"]
+
 
 @study(DATA, "tendonrepro validate data/measured.h5")
 def validate(
@@ -32,7 +34,7 @@ def validate(
         Trace file written by ingest.
     """
     from tendonrepro.configuration.load import ExperimentName, load_config
-    from tendonrepro.files import digest_of, sha256_of
+    from tendonrepro.files import sha256_of
     from tendonrepro.validation.report import validation_outcome
     from tendonrepro.verdicts.measured import read_measured
 
@@ -40,10 +42,9 @@ def validate(
     file = read_measured(path)
     experiment: ExperimentName = "compare" if file.part("compare").runs else "decouple"
     base = load_config(config, experiment, overrides=set, seed=seed)
-    digest = digest_of({"config": base.sha256, "measured": sha256_of(path)})
-    base = replace(base, sha256=digest, inputs=(*base.inputs, path))
+    base = replace(base, inputs=(*base.inputs, path))
 
     def run(site: Site) -> "Outcome":
         return validation_outcome(file, path, base, site.files, site.talk)
 
-    return Study(base, run, folder, stored=True)
+    return Study(base, run, folder, decided_by={"measured": sha256_of(path)}, stored=True)

@@ -61,7 +61,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
     closest = closest_window(tables)
-    claims = [*_judged_claims(judged, paper)]
+    claims = _judged_claims(judged, paper)
     numbers = {name: number for name, number in judged.items() if name not in JUDGED}
     windows, motion = tables.as_dict(), reference.as_dict() if reference else None
     controllers = controllers_of(measured.compare, talk)
@@ -118,18 +118,19 @@ class JudgedClaim(TypedDict):
     evidence: Evidence
 
 
-def _judged_claims(judged: Mapping[str, Judged], paper: Published) -> Iterator[JudgedClaim]:
-    """Entries of the claims among all that was judged."""
-    for name, claim in judged.items():
-        if name in JUDGED:
-            yield {
-                "id": name,
-                "where": paper.entries[name].where,
-                "rule": paper.judgements[name].rule,
-                "kind": "measured",
-                "verdict": claim.decision.verdict,
-                "evidence": claim.evidence,
-            }
+def _judged_claims(judged: Mapping[str, Judged], paper: Published) -> list[JudgedClaim]:
+    return [
+        {
+            "id": name,
+            "where": paper.entries[name].where,
+            "rule": paper.judgements[name].rule,
+            "kind": "measured",
+            "verdict": claim.decision.verdict,
+            "evidence": claim.evidence,
+        }
+        for name, claim in judged.items()
+        if name in JUDGED
+    ]
 
 
 class Compared(NamedTuple):

@@ -7,6 +7,8 @@ from tendonrepro.studies.command import EXPLORE, study
 from tendonrepro.studies.parameters import Folder, Formats, Word
 from tendonrepro.studies.study import Study
 
+__all__ = ["claims"]
+
 
 @study(EXPLORE, "tendonrepro claims C2", has_dry_run=False)
 def claims(

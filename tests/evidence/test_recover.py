@@ -44,7 +44,7 @@ def run(*readings: str, controller: int = 1, more: tuple[tuple[str, Any], ...] =
     """One short run under readings ``axis=value``, and with more keys set."""
     pairs = (one.split("=") for one in readings)
     changed = dict(more) | {f"control.readings.{axis}": value for axis, value in pairs}
-    file = tr.compare("plain", set=SHORT | changed, controllers=[controller])._outcome.traces
+    file = tr.compare("plain", set=SHORT | changed, controllers=[controller]).traces
     assert file is not None
     return replace(file, runs={f"controller_{controller}": file.runs[f"controller_{controller}"]})
 
@@ -131,7 +131,7 @@ def test_an_acceleration_that_is_absent_is_found_where_the_reference_has_one(kin
     """Of a ramp, which has none, the simplest answer is named."""
     small = {"reference.kind": kind, "reference.amplitude": 4}
     absent = {"control.readings.reference_acceleration": "absent"}
-    file = tr.compare("plain", set=SHORT | small | absent, controllers=[1])._outcome.traces
+    file = tr.compare("plain", set=SHORT | small | absent, controllers=[1]).traces
     assert file is not None
     one = joint_3(replace(file, runs={"controller_1": file.runs["controller_1"]}))
     assert (one.answer, one.weights) == (RECOVERED, "interpolating")
@@ -265,9 +265,7 @@ def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     arm["posture"]["value"] = [45, 0]
     path = tmp_path_factory.mktemp("arm") / "two.yaml"
     path.write_text(dump(tree | arm | {"joints": [1, 2]}))
-    file = tr.compare(
-        path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1]
-    )._outcome.traces
+    file = tr.compare(path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1]).traces
     assert file is not None
     return replace(file, runs={"controller_1": file.runs["controller_1"]})
 

@@ -21,7 +21,7 @@ ANGLE_ERROR, ERROR_ERROR = 0.05, 0.01
 
 @pytest.fixture(scope="module")
 def ours():
-    file = tr.compare("plain", set=MOTION, controllers=[1])._outcome.traces
+    file = tr.compare("plain", set=MOTION, controllers=[1]).traces
     return file.runs["controller_1"]
 
 

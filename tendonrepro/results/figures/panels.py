@@ -90,15 +90,17 @@ class Canvas:
         *,
         label: str = "",
         diverged: bool = False,
-        held: bool = False,
+        as_steps: bool = False,
     ) -> None:
-        """Draw a curve (T,) under the key `name`; `held` samples as steps.
+        """Draw a curve (T,) under the key `name`; where `as_steps`, samples are held.
 
         The legend lists equal labels once, an empty one not at all. A diverged run ends in a mark and does
         not set the range of the y axis.
         """
         x, y = thin(time, values)
-        (line,) = self.axes[letter].plot(x, y, **stroke.line, drawstyle="steps-post" if held else "default")
+        (line,) = self.axes[letter].plot(
+            x, y, **stroke.line, drawstyle="steps-post" if as_steps else "default"
+        )
         self.lines[letter, name] = line
         if label:
             line.set_label(label)

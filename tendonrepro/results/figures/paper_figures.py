@@ -364,7 +364,7 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[DrawnRun], variable: st
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
-        look: dict[str, Any] = {"label": run.label, "diverged": diverged, "held": True}
+        look: dict[str, Any] = {"label": run.label, "diverged": diverged, "as_steps": True}
         canvas.curve(letter, run.name, time[inside], values, run.stroke, **look)
 
 
