@@ -370,6 +370,9 @@ def the_closest(found: Mapping[str, Any]) -> str:
         judged = "A changed equation comes no closer by more than the scatter of the searches,"
     else:
         judged = "A changed equation comes closer by more than the scatter of the searches,"
+    searched = len({held["name"] for held in found["readings"]} & SHOWN.keys())
+    if searched < len(SHOWN):
+        effort += f" So far {searched} of {len(SHOWN)} interpretations have been searched."
     return f"{table(heads, cells)}\n\n{judged} {off(scatter)}. {effort}"
 
 
