@@ -140,6 +140,7 @@ with workers() as start:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals there")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT"])
 def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number: str) -> None:

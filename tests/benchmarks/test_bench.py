@@ -52,6 +52,7 @@ def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:
     assert found["bars"]["packages"] == {"value": len(found["packages"]), "bar": 0, "met": False}
 
 
+@pytest.mark.slow
 def test_batch_cases_have_the_contracts_keys(batch: ModuleType) -> None:
     found = json.loads(json.dumps(batch.batch_cases(0.02, 5, 1)))
     alone = {"plain_solve_ivp", "plain_numba", "batch_alone"}

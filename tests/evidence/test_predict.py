@@ -198,6 +198,7 @@ def test_interpretations_of_the_default_look_different() -> None:
         assert len(looks) == len(names)
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
     found = tr.predict(20, readings="printed", out=tmp_path / "out").data

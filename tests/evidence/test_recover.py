@@ -211,7 +211,14 @@ def test_another_controller_is_none_of_these() -> None:
     assert joint_3(replace(run(), runs={"other": other})).answer == NONE
 
 
-@pytest.mark.parametrize(("K_d", "K_p", "answer"), [(3, 16, NONE), (10, 16, RECOVERED), (10, 0, NONE)])
+@pytest.mark.parametrize(
+    ("K_d", "K_p", "answer"),
+    [
+        pytest.param(3, 16, NONE, marks=pytest.mark.slow),
+        (10, 16, RECOVERED),
+        pytest.param(10, 0, NONE, marks=pytest.mark.slow),
+    ],
+)
 def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: float, answer: str) -> None:
     """Centred differences and M_bar = K_d L, the published one for 10; without an integral K_p is 0."""
     trace = run().runs["controller_1"]

@@ -68,6 +68,7 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "whole"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_what_it_writes(tmp_path: Path) -> None:
     found = run(tmp_path / "tune", laws={"surface": surface})
