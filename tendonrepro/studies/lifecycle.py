@@ -143,7 +143,7 @@ def _answer(name: str, study: Study, outcome: Outcome, manifest: dict[str, objec
     data = {**outcome.data, **place}
     if outcome.traces is None:
         manifest = read_manifest(target)
-        value = Result(name, Outcome(data, [outcome.text()]), manifest, _folder=target)
+        value = Result(name, Outcome(data, [outcome.text()], outcome.figures), manifest, _folder=target)
     else:
         value = Result(name, outcome, manifest)
     told = {**data, **outcome.beside, "text": text}

@@ -78,7 +78,11 @@ class Result:
             # From 3.1 on that is the default, and to ask for it a warning.
             older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
             exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}
-            return {path.stem: pd.read_csv(path, **exact) for path in paths}
+            # A table without a row has no columns either.
+            return {
+                path.stem: pd.read_csv(path, **exact) if path.read_text("utf-8").strip() else pd.DataFrame()
+                for path in paths
+            }
         return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
 
     @property

@@ -144,7 +144,7 @@ def kept(value: Any) -> Any:
 def is_kept(value: Any) -> bool:
     if isinstance(value, str):
         return len(value.split()) < SENTENCE
-    is_reading = isinstance(value, dict) and "share_c1_best" in value
+    is_reading = isinstance(value, dict) and {"name", "share_c1_best"} <= value.keys()
     return not is_reading or value["name"] in KEPT_READINGS
 
 
