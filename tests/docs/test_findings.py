@@ -14,6 +14,7 @@ from matplotlib.text import Text
 from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, tables_of, text_of
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, SHOWN
@@ -126,6 +127,10 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any], 
             f"Without the first two seconds it is the worst on {slots['late_apart_ramp']}.",
         ),
         ("README.md", f"is the worst on {slots['last_friction']} and the best on {slots['first_friction']}."),
+        (
+            "README.md",
+            f"still behind Controller 2 on {slots['behind_apart_ramp']} and {slots['behind_friction']}.",
+        ),
         ("README.md", f"the order holds on {slots['order_both']} of the stable arms"),
         ("README.md", f"it holds on {slots['order_steps']}."),
         ("README.md", f"misses the sixteen published errors by {100 * min(misfits.values()):.1f} %"),
@@ -301,6 +306,48 @@ def test_the_starts_make_the_order_of_the_closest_arm() -> None:
         assert cells_of("docs/findings.md", row) == [f"{mae[0]:.3f} / {mae[1]:.3f}" for mae in ours]
         of_joint_2 = [mae[0] for mae in ours]
         assert of_joint_2 == sorted(of_joint_2, reverse=bool(overrides))
+
+
+def test_numbers_of_the_closest_arm() -> None:
+    """Its starts, what of it lies near a bound, and the shape of its errors."""
+    config = load_config("closest", "compare").config
+    assert isinstance(config, CompareConfig)
+    starts = {
+        name: np.degrees(config.runs[name].start_offset.si if config.runs[name].start_offset else 0.0)
+        for name in CONTROLLERS
+    }
+    assert np.all(starts["controller_1"] == 0.0)
+    behind = -min(map(np.min, starts.values()))
+    errors = {(row["run"], row["joint"]): row for row in stored("closest")}
+    first, last = (
+        errors[run, 2]["rmse_deg"] / errors[run, 2]["mae_deg"] for run in (CONTROLLERS[0], CONTROLLERS[2])
+    )
+    shares = [
+        errors[run, 3][size] / errors[run, 2][size] for run in CONTROLLERS for size in ("mae_deg", "rmse_deg")
+    ]
+    amplitude = float(np.degrees(np.max(config.reference.amplitude.si)))
+    pairs = [
+        ("README.md", f"start up to {behind:.1f}° behind"),
+        ("docs/findings.md", f"start up to {behind:.1f}° behind"),
+        ("docs/findings.md", f"the amplitude, {amplitude:.1f}°"),
+        ("docs/findings.md", f"winch damping, {np.max(config.manipulator.winches.viscous.si):.2f} N m s/rad"),
+        ("docs/findings.md", f"RMSE over MAE rises by {100 * (last / first - 1):.0f} % on joint 2"),
+        ("docs/findings.md", f"errors are at least {min(shares):.2f} of those of joint 2"),
+    ]
+    for page, phrase in pairs:
+        assert phrase in text_of(page), phrase
+
+
+def test_numbers_of_the_predictions_on_starts() -> None:
+    found = stored("predict_starts")
+    words = {14: "fourteen", 17: "seventeen"}
+    text = text_of("docs/predictions.md")
+    assert f"of {words[len(found['experiments'])]} experiments under {words[len(found['readings'])]}" in text
+    assert f"They are of {found['draws']} plants" in text
+    (slow,) = (held for held in found["experiments"] if held["name"] == "half_speed")
+    medians = {row["reading"]: row["median"] for row in slow["ratios"] if row["joint"] == 2}
+    absent, printed = medians["reference_acceleration=absent"], medians["printed"]
+    assert f"fall to {absent:.2f} of it, those that get their acceleration to {printed:.2f}." in text
 
 
 def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
