@@ -10,11 +10,12 @@ from pathlib import Path
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
+from tendonrepro.evidence.figure_predictions import in_words as reading_in_words
 from tendonrepro.reporting.answer import EnsembleAnswer, Orders, ReadingAnswer
 from tendonrepro.verdicts.entries import Entry
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
-from tendonrepro.verdicts.rules import ByChoice, changing
+from tendonrepro.verdicts.rules import VERDICTS, ByChoice, changing
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -182,6 +183,15 @@ def unless(entry: Entry) -> str:
     choices = [ByChoice(**one) for one in entry.get("by_choice", ())]
     found = changing(entry["verdict"], choices)
     return ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in found)
+
+
+def unless_in_words(entry: Entry) -> str:
+    """The same for a reader who knows no name of the program."""
+    choices = [ByChoice(**choice) for choice in entry.get("by_choice", ())]
+    return "; ".join(
+        f"{VERDICTS[choice.verdict]} where {reading_in_words(choice.reading)}"
+        for choice in changing(entry["verdict"], choices)
+    )
 
 
 def in_words(statement: str) -> str:

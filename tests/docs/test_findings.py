@@ -177,6 +177,9 @@ def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> N
     assert extrapolating["first_best"]["share"] > 0.95
     assert printed["first_best"]["share"] < 0.01
     assert readings[BOTH]["in_order"]["share"] > 0.8
+    for name in ("starts=apart", "reference_acceleration=absent+starts=apart", "run_friction=drawn"):
+        assert readings[name]["first_worst"]["share"] < 0.5
+        assert readings[name]["behind_by_mae"]["whole"]["joint_2"]["share"] > 0.5
     assert readings["Delta_unit=deg"]["in_reverse"]["share"] < 0.01
     assert extrapolating["smoother"]["share"] < 0.01
     assert readings["delay_time=two_periods"]["smoother"]["share"] < 0.25
