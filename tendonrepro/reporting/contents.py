@@ -189,7 +189,7 @@ def unless_in_words(entry: Entry) -> str:
     """The same for a reader who knows no name of the program."""
     choices = [ByChoice(**choice) for choice in entry.get("by_choice", ())]
     return "; ".join(
-        f"{VERDICTS[choice.verdict]} where {reading_in_words(choice.reading)}"
+        f"{VERDICTS[choice.verdict]} ({reading_in_words(choice.reading)})"
         for choice in changing(entry["verdict"], choices)
     )
 
