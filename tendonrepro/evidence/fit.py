@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import leastsq, minimize_scalar
 
 from tendonrepro.arrays import Array
 from tendonrepro.evidence.hypotheses import (
@@ -300,18 +300,20 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     def slopes(x: Array) -> Array:
         return -matrix @ coefficient_slopes(x, hypothesis)
 
-    best = None
+    best, least = published, np.inf
     for start in (point for point in starts if np.isfinite(point).all()):
         scale = np.maximum(np.abs(start), 1e-3)
-        solution = least_squares(
-            misses, start, slopes, method="lm", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
+        # MINPACK without the layers of `least_squares`, which take three times as long as the work.
+        solution, _, details, _, _ = leastsq(
+            misses, start, Dfun=slopes, full_output=True, diag=1.0 / scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
         )
-        best = solution if best is None or solution.cost < best.cost else best
+        left = float(np.linalg.norm(details["fvec"]))
+        if left < least:
+            best, least = np.asarray(solution), left
         # No parameters fit better than free coefficients do.
-        if solution.cost <= CLOSE_TO_FREE * 0.5 * _residual(factor, free) ** 2:
+        if least <= np.sqrt(CLOSE_TO_FREE) * _residual(factor, free):
             break
-    assert best is not None
-    return np.asarray(best.x)
+    return best
 
 
 def _published(hypothesis: Hypothesis) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -253,8 +254,9 @@ def _torques(log: Log, readings: Mapping[str, str], i: int) -> tuple[Array, Arra
     return commanded, commanded if readings["stored_torque"] == "commanded" else applied[:, i]
 
 
+@lru_cache(maxsize=len(LAGS) * 2)
 def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
-    """Samples near which a torque that enters stands at a motor's limit."""
+    """Samples near which a torque that enters stands at a motor's limit; the same for every hypothesis."""
     torque = np.abs((log.command if log.applied is None else log.applied) @ log.S)
     at_limit = torque >= (1.0 - 1e-9) * np.fmax.reduce(torque, axis=0)
     # A single largest value is a peak; a limit is met again and again.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
+from tendonrepro.parallel import counted, workers
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
 from tendonrepro.results.tables import Table
@@ -329,14 +331,16 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     if not tasks:
         joints = " and ".join(map(str, expected.joints))
         raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
-    answers = []
-    with talk.bar("fitting controllers", len(tasks)) as progress:
-        for run, joint, log, i, angle in tasks:
-            torque = float(torque_rounding(log)[i])
-            fits, place = ranked(log, i, (torque, angle)), expected.joints.index(joint)
-            answers.append(Recovered(run, joint, fits, log, torque, angle, expected, place))
-            progress(1)
-    return answers
+    with talk.bar("fitting controllers", len(tasks)) as progress, workers() as start:
+        return list(counted(start(partial(_recovered, expected), tasks), progress))
+
+
+def _recovered(expected: CompareConfig, task: tuple[str, int, Log, int, float]) -> Recovered:
+    """Read the controller off one joint of one run."""
+    run, joint, log, i, angle = task
+    torque = float(torque_rounding(log)[i])
+    fits = ranked(log, i, (torque, angle))
+    return Recovered(run, joint, fits, log, torque, angle, expected, expected.joints.index(joint))
 
 
 def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
