@@ -15,7 +15,7 @@ import numpy as np
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.evidence.fit import equally_good
 from tendonrepro.evidence.hypotheses import Log
 from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, recovered
@@ -153,7 +153,7 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, boo
     file, published = file_of(log, record), load_config(None, "compare")
     weights = "extrapolating" if "extrapolating" in name else "interpolating"
     true = estimator_weights(published.config.control.gains.alpha.si, weights)
-    for place, one in enumerate(recovered(file, published, Talk(quiet=True))):
+    for place, one in enumerate(recovered(file, published, QUIET)):
         names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
         found, holds = one.answer, None
         if one.prints_weights and name not in FOREIGN:

@@ -45,6 +45,10 @@ class Talk:
             yield lambda steps: progress.advance(task, steps)
 
 
+QUIET = Talk(quiet=True)
+"""Says nothing but errors."""
+
+
 def count_of(number: int, one: str, many: str | None = None) -> str:
     """A number and its noun, "1 reading" or "2 readings"; `many` where the plural has more than an s."""
     return f"{number} {one if number == 1 else many or one + 's'}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TypedDict, get_args
 
@@ -22,8 +23,10 @@ from tendonrepro.analysis.margins import (
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import FILTERED, Readings
+from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
+from tendonrepro.parallel import Start, telling
 from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.linear_loop import (
     Complex,
@@ -117,8 +120,8 @@ class Explanation:
     origin: str
 
 
-def explain(loaded: LoadedConfig) -> Explanation:
-    """Linearise every run of a ``compare`` configuration."""
+def explain(loaded: LoadedConfig, talk: Talk = QUIET, start: Start = map) -> Explanation:
+    """Linearise every run of a ``compare`` configuration; `start` works at several runs at once."""
     config = loaded.config
     if not isinstance(config, CompareConfig):
         raise UsageError("only the experiment 'compare' has controllers to explain", where=loaded.origin)
@@ -126,18 +129,23 @@ def explain(loaded: LoadedConfig) -> Explanation:
     postures = stroke(reference.q_d)
     views = run_views(config)
     ringing = config.status.ringing_frequency.si
+    with talk.bar("linearising", 2 * len(views)) as progress:
+        begin = telling(start, progress)
+        of_runs = begin(partial(run_margins, postures=postures, ringing=ringing), list(views.values()))
+        margins = dict(zip(views, of_runs, strict=True))
+        borders = tendon_map(views, list(postures), begin)
     return Explanation(
         joints=config.joints,
         postures=postures,
         views=views,
-        margins={run: run_margins(view, postures, ringing) for run, view in views.items()},
+        margins=margins,
         curves={run: _curve(view, postures[1]) for run, view in views.items()},
         ratios={
             pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
             for pair, a, b in view_pairs(views)
         },
         what_if=dict(_what_ifs(config, views, postures)),
-        borders=tendon_map(views, list(postures)),
+        borders=borders,
         loads=loads(first_views(views), postures[1], reference.dq_d),
         origin=f"configuration {loaded.sha256[:12]}",
     )

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.loops import View
+from tendonrepro.parallel import Start
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import (
     Complex,
@@ -216,14 +218,15 @@ class TendonMap:
     distance: Mapping[str, Array]
 
 
-def tendon_map(views: Mapping[str, View], postures: Sequence[Array]) -> TendonMap:
-    """Borders of every run, stable where it is at all postures."""
+def tendon_map(views: Mapping[str, View], postures: Sequence[Array], start: Start = map) -> TendonMap:
+    """Borders of every run, stable where it is at all postures; `start` works at several runs at once."""
     factors = np.geomspace(0.1, 10.0, MAP_POINTS)
+    distances = start(partial(_distance, postures=postures, factors=factors), list(views.values()))
+    return TendonMap(factors, dict(zip(views, distances, strict=True)))
 
-    def distance(view: View) -> Array:
-        return border_distance(lambda K_s, D_s: decays(view, postures, K_s, D_s), factors, factors)
 
-    return TendonMap(factors, {run: distance(view) for run, view in views.items()})
+def _distance(view: View, postures: Sequence[Array], factors: Array) -> Array:
+    return border_distance(lambda K_s, D_s: decays(view, postures, K_s, D_s), factors, factors)
 
 
 def with_tendons(plant: Plant, stiffness: float, damping: float) -> Plant:

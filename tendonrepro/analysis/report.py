@@ -14,6 +14,7 @@ from tendonrepro.experiments.loops import View
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
 from tendonrepro.results.tables import Table, TableColumns
 from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.study import Site
 
 SCHEMA_VERSION = 1
 
@@ -37,12 +38,12 @@ _FILES_ALONE = {"ringing_decay", "gain_margin_hz", "gain_reduction_margin", "cro
 """Columns that the terminal has no room for."""
 
 
-def explain_outcome(loaded: LoadedConfig) -> Outcome:
+def explain_outcome(loaded: LoadedConfig, site: Site) -> Outcome:
     """Explain a configuration."""
     from tendonrepro.analysis.figures import figures
 
     try:
-        explanation = explain(loaded)
+        explanation = explain(loaded, site.talk, site.start)
     except ValueError as error:
         # NumPy's and SciPy's words for matrices that numbers cannot hold.
         message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"

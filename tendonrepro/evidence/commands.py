@@ -64,4 +64,4 @@ def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> St
 
     file, paper = read_traces(Path(log)), load_config(None, "compare")
     base = replace(paper, sha256=identity_of(file, paper))
-    return Study(base, lambda site: recover_outcome(file, str(Path(log)), paper, site.talk), folder)
+    return Study(base, lambda site: recover_outcome(file, str(Path(log)), paper, site), folder)

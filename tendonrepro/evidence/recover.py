@@ -19,11 +19,12 @@ from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
-from tendonrepro.parallel import counted, workers
+from tendonrepro.parallel import Start, telling
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.study import Site
 
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
 FAITHFUL = 1e-3
@@ -302,8 +303,8 @@ def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> A
     return np.array([known.get(joint, np.nan) for joint in joints])
 
 
-def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recovered]:
-    """Read the controller off every run and joint.
+def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk, start: Start = map) -> list[Recovered]:
+    """Read the controller off every run and joint; `start` works at several at once.
 
     Raises
     ------
@@ -331,8 +332,8 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk) -> list[Recover
     if not tasks:
         joints = " and ".join(map(str, expected.joints))
         raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
-    with talk.bar("fitting controllers", len(tasks)) as progress, workers() as start:
-        return list(counted(start(partial(_recovered, expected), tasks), progress))
+    with talk.bar("fitting controllers", len(tasks)) as progress:
+        return list(telling(start, progress)(partial(_recovered, expected), tasks))
 
 
 def _recovered(expected: CompareConfig, task: tuple[str, int, Log, int, float]) -> Recovered:
@@ -343,7 +344,7 @@ def _recovered(expected: CompareConfig, task: tuple[str, int, Log, int, float]) 
     return Recovered(run, joint, fits, log, torque, angle, expected, expected.joints.index(joint))
 
 
-def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
+def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict[str, object]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     paper = load_config(None, "compare")
     assert isinstance(paper.config, CompareConfig)
@@ -351,7 +352,7 @@ def controllers_of(file: TraceFile, talk: Talk) -> list[dict[str, object]]:
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
     if not read_logs(both, paper.config)[0]:
         return []
-    return [_data(controller) for controller in recovered(both, paper, talk)]
+    return [_data(controller) for controller in recovered(both, paper, talk, start)]
 
 
 def identity_of(file: TraceFile, paper: LoadedConfig) -> str:
@@ -359,7 +360,7 @@ def identity_of(file: TraceFile, paper: LoadedConfig) -> str:
     return hashlib.sha256(f"{paper.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
 
 
-def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, talk: Talk) -> Outcome:
+def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site) -> Outcome:
     """Find which controller made each run of a log that is called `name`.
 
     Raises
@@ -367,7 +368,7 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, talk: Talk)
     UsageError
         If no run has torque, desired and measured angles.
     """
-    controllers = recovered(file, paper, talk)
+    controllers = recovered(file, paper, site.talk, site.start)
     own = controllers[0].expected is not paper.config
     data = {
         "schema_version": 1,

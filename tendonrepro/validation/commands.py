@@ -45,6 +45,6 @@ def validate(
     base = replace(base, inputs=(*base.inputs, path))
 
     def run(site: Site) -> "Outcome":
-        return validation_outcome(file, path, base, site.files, site.talk)
+        return validation_outcome(file, path, base, site)
 
     return Study(base, run, folder, decided_by={"measured": sha256_of(path)}, stored=True)

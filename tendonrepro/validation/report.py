@@ -13,7 +13,7 @@ import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import COMPARED, Published, published
-from tendonrepro.console import Talk, count_of
+from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover import controllers_of
@@ -21,6 +21,7 @@ from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.study import Site
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measured import Measured, measured_of
@@ -45,15 +46,15 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: Path, talk: Talk) -> Outcome:
-    """Compare the measurement of a file with print and model; models' motions are written into `folder`."""
+def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Site) -> Outcome:
+    """Compare the measurement of a file with print and model; models' motions are written to the site."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     paper, known = published(), json.loads(file.manifest_json)
     measured = measured_of(file, paper)
     tables, reference = measured.tables, measured.reference
     judged = judge_measured(measured, paper)
-    models, missing = reruns(measured, base, path.name, folder, talk)
+    models, missing = reruns(measured, base, path.name, site.files, site.talk)
     timing = timing_of(file, reference)
     starts = {name: timing[name].start for name in models if name in timing}
     pairs = [(file.runs[name], model, starts.get(name, -np.inf)) for name, model in models.items()]
@@ -64,7 +65,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, folder: 
     claims = _judged_claims(judged, paper)
     numbers = {name: number for name, number in judged.items() if name not in JUDGED}
     windows, motion = tables.as_dict(), reference.as_dict() if reference else None
-    controllers = controllers_of(measured.compare, talk)
+    controllers = controllers_of(measured.compare, site.talk, site.start)
     missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
     status = {name: model.status for name, model in models.items()}
     data = {

@@ -13,7 +13,7 @@ import pytest
 from support.command import answer, run
 from support.zenodo_server import CONCEPT, ONE, RECORD, SMALL, Repository, serving
 
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.fetch import SITE, record_number, run_fetch
 from tendonrepro.errors import DataMissingError, UsageError
 
@@ -33,7 +33,7 @@ def fetch(tmp_path, monkeypatch):
 
     def carry_out(repository, **options):
         words = {"record": str(RECORD), "out": tmp_path / "zenodo"}
-        words |= {"force": False, "dry_run": False, "talk": Talk(quiet=True), "base_url": repository.url}
+        words |= {"force": False, "dry_run": False, "talk": QUIET, "base_url": repository.url}
         return run_fetch(**words | options)
 
     return carry_out
@@ -162,6 +162,6 @@ def test_nobody_answers(fetch):
 @pytest.mark.network
 def test_the_paper_s_record(tmp_path):
     """For those who have a network: pytest -m network."""
-    found = run_fetch("19467931", tmp_path / "zenodo", None, False, True, Talk(quiet=True))
+    found = run_fetch("19467931", tmp_path / "zenodo", None, False, True, QUIET)
     assert found["title"]
     assert found["files"]

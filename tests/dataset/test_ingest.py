@@ -12,14 +12,13 @@ import pytest
 from support import synthetic_record
 from support.matlab_bytes import classic, objects, record, records, timeseries
 
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
 from tendonrepro.results.figures.catalogue import FIGURES, available
 from tendonrepro.results.traces import read_traces
 
-QUIET = Talk(quiet=True)
 TIME = synthetic_record.TIME[::20]
 RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
 DESIRED = np.stack([synthetic_record.desired(joint)[::20] for joint in (2, 3)], axis=1)

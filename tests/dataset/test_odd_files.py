@@ -17,13 +17,12 @@ import pytest
 from support.command import answer
 from support.matlab_bytes import classic, record, records
 
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.traces import read_traces, write_traces
 
-QUIET = Talk(quiet=True)
 T = np.round(0.01 * np.arange(400), 2)
 DESIRED = {joint: size * np.sin(np.pi * T / 4.0) ** 2 for joint, size in ((2, 30.0), (3, 20.0))}
 ERROR = {joint: size * np.sin(np.pi * T / 2.0) for joint, size in ((2, 0.3), (3, 0.1))}

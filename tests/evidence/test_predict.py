@@ -18,7 +18,7 @@ from tendonrepro.configuration.models.readings import named_readings, parse_read
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.configuration.quantity import Moving
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import predict
 from tendonrepro.evidence.figure_predictions import draw_predictions
@@ -43,7 +43,6 @@ from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
-QUIET = Talk(quiet=True)
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
 COMPARE = LOADED.compare
 LOOPS = dict(build_loops(COMPARE, LOADED.base.folder))

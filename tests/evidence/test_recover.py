@@ -15,7 +15,7 @@ import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.strict_yaml import dump
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
@@ -33,7 +33,6 @@ from tendonrepro.evidence.recover import (
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
-QUIET = Talk(quiet=True)
 SHORT = {"reference.periods": 1, "reference.rise": 0.4, "reference.hold": 0.1}
 PUBLISHED = load_config(None, "compare")
 STEP = np.deg2rad(360 / 16384)

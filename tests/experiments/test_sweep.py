@@ -13,7 +13,7 @@ from support.overrides import SMOOTH, one_stroke, quantity
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config, shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import sweep
 from tendonrepro.experiments.figures_sweep import draw_sweep
@@ -30,7 +30,6 @@ UNSTABLE = "manipulator.tendons.damping_factor=3,5"
 
 
 SLOW = (*SMOOTH, one_stroke(8))
-QUIET = Talk(quiet=True)
 
 
 @cache

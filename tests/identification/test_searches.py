@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.made_plants import QUIET, Killed, made_up, made_up_paper, paper_with
+from support.made_plants import Killed, made_up, made_up_paper, paper_with
 
 import tendonrepro as tr
 from tendonrepro.commands import COMMANDS
@@ -14,6 +14,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.console import QUIET
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import searches

@@ -13,7 +13,7 @@ from support.fake_batch import fake_batch
 
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
@@ -142,7 +142,7 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     runnable = ensemble_study(
         study, 64, simulate=fake_batch, folder={"out": tmp_path / "out", "figures": False}
     )
-    found = carry_out("ensemble", runnable, Talk(quiet=True)).value.data
+    found = carry_out("ensemble", runnable, QUIET).value.data
     stored = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
     assert not stored["of_paper"]
     assert (stored["around"]["arm"], stored["around"]["spread"]) == ("my arm", 0.2)

@@ -12,13 +12,10 @@ from support.command import answer
 from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
 
 from tendonrepro import files
-from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.results.figures.style import Drawing
-
-QUIET = Talk(quiet=True)
 
 
 def test_jobs_do_not_matter(unbroken, tmp_path):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tendonrepro import __version__
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced
 
@@ -39,9 +39,6 @@ with replaced(folder, "b", command="compare", force=True) as result:
     result.write("numbers.json", "new")
 """
 """Waits for a line before every renaming; a fixed folder cannot be renamed."""
-
-
-QUIET = Talk(quiet=True)
 HEAD = {"tendonrepro_version": __version__, "command": "compare", "config": {"sha256": "a"}}
 
 

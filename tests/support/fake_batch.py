@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.physics.metrics import STATUSES
@@ -92,7 +92,7 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, force=False, **options):
     """Run a study, the small one if none is given, in this process and with the stand-in."""
     study, arguments = study or small_study(), {"simulate": fake_batch} | options
     prepared = ensemble_study(study, draws, **arguments, folder={"out": folder, "force": force})
-    return carry_out("ensemble", prepared, Talk(quiet=True)).data
+    return carry_out("ensemble", prepared, QUIET).data
 
 
 def shards_in(folder):

@@ -8,13 +8,11 @@ from support.other_print import with_numbers
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
-from tendonrepro.console import Talk
 from tendonrepro.identification.misfit import METRICS, Simulated, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 
-QUIET = Talk(quiet=True)
 OK, RINGING, DIVERGED, UNRESOLVED = range(len(STATUSES))
 
 

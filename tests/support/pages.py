@@ -11,7 +11,7 @@ import pytest
 
 from support import ROOT
 from tendonrepro.configuration.load import load_config
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.results.paper_tables import table_data
 
@@ -47,5 +47,5 @@ def stated(pattern: str, page: str) -> list[float]:
 def tables_of(experiment: Any, *overrides: str) -> Mapping[str, Any]:
     """Tables 2 and 3, and how each run ended, of a shipped experiment that is run now."""
     loaded = load_config(experiment, None, overrides=overrides)
-    (traces,) = begin_all([prepared(loaded)], Talk(quiet=True))
+    (traces,) = begin_all([prepared(loaded)], QUIET)
     return table_data(trace_file(loaded, traces, {"created": "2026-01-01T00:00:00+00:00"}))

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import tendonrepro as tr
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.results.traces import read_traces
 
-QUIET = Talk(quiet=True)
 MOTION = {"reference.periods": 1, "reference.rise": 1.6, "reference.hold": 0.8}
 OFFSET = 0.2
 """By which the errors that are read off differ from our simulation, deg."""

@@ -10,7 +10,7 @@ from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.reference import read_samples
 from tendonrepro.configuration.published import published
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.motion import recorded, thinned
 from tendonrepro.results.records import Trace
 from tendonrepro.validation import rerun
@@ -205,7 +205,7 @@ def test_why_there_is_no_rerun_is_said(tmp_path):
 
 def missing_of(file, folder):
     measured, base = measured_of(file, published()), load_config(None, "compare")
-    return reruns(measured, base, "SYNTHETIC.h5", folder, Talk(quiet=True))[1]
+    return reruns(measured, base, "SYNTHETIC.h5", folder, QUIET)[1]
 
 
 @pytest.mark.parametrize(("drives", "variable"), [("motors", "q_motor_encoder"), ("joints", "q_encoder")])

@@ -13,7 +13,7 @@ from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import published
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
@@ -25,7 +25,6 @@ from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.report import closest_window, measured_tables, table_data
 from tendonrepro.verdicts.measured import Measured, measured_of
 
-QUIET = Talk(quiet=True)
 SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.2")
 
 FOUND = [

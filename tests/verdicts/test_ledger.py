@@ -8,7 +8,7 @@ from support.fake_batch import run_ensemble_of
 from support.made_claims import MadeEnsemble
 from support.synthetic import FEW, make_compare_file
 
-from tendonrepro.console import Talk
+from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
@@ -23,7 +23,7 @@ from tendonrepro.verdicts.rules import EDITION, FAILURES
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
     """What the command answers."""
     study = claims_study(out, ids, folder={"force": force}, **asked)
-    return carry_out("claims", study, talk or Talk(quiet=True))
+    return carry_out("claims", study, talk or QUIET)
 
 
 def test_a_baseline_tells_what_changed(tmp_path):
