@@ -1,4 +1,4 @@
-"""The files with which an arm of one's own begins: ten lines for the arm, and the comparison on it."""
+"""The files with which an arm of one's own begins: ten lines for the arm, and the two experiments on it."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ M_BAR = {1: 0.01, 2: 0.01, 3: 0.01, 4: 0.01, 5: 0.01, 6: 0.005}
 
 LARGEST_SWING = 120.0
 """Sum of all strokes, deg: with joint 1 at 45 deg no link comes near upright."""
+
+LARGEST_REACH = 80.0
+"""The same where no controller corrects what the tendons stretch, deg: six joints stay within 10 deg."""
 
 ARM = """\
 # An arm of your own with {n} joint{s}; joint 1 is at the base, link {n} ends at the tool.
@@ -62,16 +65,38 @@ control:
   gains: {{M_bar: {M_bar}, alpha: 0.1}}  # kg m2, 1; a list has a number for each moving joint
 """
 
+DECOUPLE = """\
+# Joint angles from your motors' angles: tendonrepro decouple --config {decouple} --out reports/angles
+schema_version: 1
+experiment: decouple
+base: decouple  # the shipped experiment; what is not here comes from it
+title: Joint angles of {name} from its motors
+manipulator: {file}
+joints: {joints}
+posture: {posture}  # deg; the first from hanging, the others from the link before
+runs:
+  decouple:
+    drives: joints
+    payload: 0  # kg
+    reference:  # up, hold, down, hold; each turn moves other joints
+      kind: minimum_jerk
+      amplitude: {amplitude}  # deg
+      rise: 2.3  # s
+      hold: 1.5  # s
+      periods: 1
+      turns: {turns}
+"""
+
 
 def init_arm(joints: int, out: Path) -> list[Path]:
-    """Write the file of an arm with so many joints, and ``compare.yaml`` beside it; the files written.
+    """Write the file of an arm with so many joints, and its experiments beside it; the files written.
 
     Parameters
     ----------
     joints : int
         From 1 to 6.
     out : Path
-        The arm's file, or a folder for both.
+        The arm's file, or a folder for all.
 
     Raises
     ------
@@ -86,6 +111,7 @@ def init_arm(joints: int, out: Path) -> list[Path]:
     texts = {
         arm: arm_text(joints, arm),
         folder / "compare.yaml": compare_text(joints, arm),
+        folder / "decouple.yaml": decouple_text(joints, arm),
         folder / "schema.json": read_text(shipped_file(BASE).with_name("schema.json")),
     }
     for path in texts:
@@ -130,11 +156,29 @@ def compare_text(joints: int, arm: Path) -> str:
         compare="compare.yaml",
         name=title_of(arm),
         file=arm.name,
-        joints=list(range(1, joints + 1)),
+        joints=_all(joints),
         posture=[45] + [0] * (joints - 1),
         M_bar=M_BAR[joints],
         amplitude=min(33, int(LARGEST_SWING / joints)),
     )
+
+
+def decouple_text(joints: int, arm: Path) -> str:
+    """The decoupling experiment on the arm in a file: each joint in turn, then all together."""
+    each = [[joint] for joint in _all(joints)]
+    return DECOUPLE.format(
+        decouple="decouple.yaml",
+        name=title_of(arm),
+        file=arm.name,
+        joints=_all(joints),
+        posture=[45] + [0] * (joints - 1),
+        amplitude=min(28, int(LARGEST_REACH / joints)),
+        turns=each if joints == 1 else [*each, _all(joints)],
+    )
+
+
+def _all(joints: int) -> list[int]:
+    return list(range(1, joints + 1))
 
 
 def title_of(path: Path) -> str:

@@ -49,7 +49,7 @@ def config_init(
     name
         A shipped configuration; what it names is copied too.
     joints
-        Write an arm with so many joints, and compare.yaml.
+        Write an arm with so many joints, compare.yaml and decouple.yaml.
     out
         Folder, or the file of the arm.
     """
@@ -59,7 +59,7 @@ def config_init(
     if (name is None) == (joints is None):
         message = "either the name of a shipped configuration, or --joints"
         raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
-    paths = init_arm(joints, out) if name is None and joints else init_config(name or "", out)
+    paths = init_arm(joints, out) if joints is not None else init_config(str(name), out)
     return written(paths, paths, talk)
 
 

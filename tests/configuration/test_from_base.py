@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tendonrepro as tr
 from tendonrepro.configuration.any_kind import checked, shown
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -155,7 +156,7 @@ def test_joints_that_do_not_exist(folder: Path) -> None:
 @pytest.mark.parametrize("joints", [1, 2, 3, 4, 6])
 def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path, joints: int) -> None:
     written = init_arm(joints, tmp_path / "my_arm.yaml")
-    assert [path.name for path in written] == ["my_arm.yaml", "compare.yaml", "schema.json"]
+    assert [path.name for path in written] == ["my_arm.yaml", "compare.yaml", "decouple.yaml", "schema.json"]
     config: Any = load_config(tmp_path / "compare.yaml", "compare").config
     assert len(config.joints) == joints
     far = config.reference.amplitude.si
@@ -163,6 +164,14 @@ def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path
         for q in (0.0 * far, far):
             matrix = loop_matrix(q, view.plant, view.law, view.delay)
             assert abs(np.linalg.eigvals(matrix)).max() < 0.9999
+
+
+@pytest.mark.slow
+def test_the_angles_of_a_new_arm_follow_from_its_motors(tmp_path: Path) -> None:
+    init_arm(2, tmp_path)
+    result = tr.decouple(tmp_path / "decouple.yaml")
+    assert result["decouple"].joint.values.tolist() == [1, 2]
+    assert result["decouple"].attrs["status"] == "ok"
 
 
 def test_a_new_arm_overwrites_nothing(tmp_path: Path) -> None:
