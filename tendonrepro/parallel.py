@@ -122,15 +122,6 @@ def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Itera
         yield result
 
 
-def telling(start: Start, progress: Callable[[int], None]) -> Start:
-    """Begin work as `start` does, and call `progress` with 1 after each result."""
-
-    def begin(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterable[Result]:
-        return counted(start(function, items), progress)
-
-    return begin
-
-
 def as_ready(
     function: Callable[[Item], Result], items: Sequence[Item], jobs: int
 ) -> Generator[Result, None, None]:

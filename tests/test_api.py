@@ -212,3 +212,19 @@ def test_reproduce_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
     script.write_text("import tendonrepro as tr\nprint(*tr.reproduce('out'))\n", encoding="utf-8")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, check=True, capture_output=True, text=True)
     assert done.stdout.split() == ["decouple", "compare", "closest"]
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "named"),
+    [
+        ("compare", {"set": "no_such_key=1"}, "no_such_key"),
+        ("compare", {"laws": "no_such_file.py:law"}, "no_such_file.py:law"),
+        ("compare", {"controllers": 9}, "9"),
+        ("sweep", {"over": "no_such_key=1,2"}, "no_such_key"),
+    ],
+)
+def test_one_of_several_needs_no_list(command: str, arguments: dict[str, Any], named: str) -> None:
+    """A text is not taken for a sequence of letters."""
+    with pytest.raises(TendonreproError) as raised:
+        getattr(tr, command)(**arguments)
+    assert named in str(raised.value)

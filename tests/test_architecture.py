@@ -53,7 +53,7 @@ OWNERS = {
     "nptdms": ["dataset/instruments.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
-    "filelock": ["results/place.py", "dataset/fetch.py"],
+    "filelock": ["results/place.py"],
     "joblib": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/ensemble.py"],
     "SALib": ["verdicts/sensitivity.py"],

@@ -14,11 +14,12 @@ from tendonrepro.analysis.margins import (
     ChannelMargins,
     TendonMap,
     angle_grid,
+    border_of_run,
     channel,
     channel_margins,
     disk_margin,
     response,
-    tendon_map,
+    tendon_factors,
 )
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
@@ -26,7 +27,7 @@ from tendonrepro.configuration.models.control import FILTERED, Readings
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
-from tendonrepro.parallel import Start, telling
+from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.linear_loop import (
     Complex,
@@ -129,26 +130,29 @@ def explain(loaded: LoadedConfig, talk: Talk = QUIET, start: Start = map) -> Exp
     postures = stroke(reference.q_d)
     views = run_views(config)
     ringing = config.status.ringing_frequency.si
-    with talk.bar("linearising", 2 * len(views)) as progress:
-        begin = telling(start, progress)
-        of_runs = begin(partial(run_margins, postures=postures, ringing=ringing), list(views.values()))
-        margins = dict(zip(views, of_runs, strict=True))
-        borders = tendon_map(views, list(postures), begin)
+    begun = start(partial(_run_found, postures=postures, ringing=ringing), list(views.values()))
+    with talk.bar("linearising", len(views)) as progress:
+        margins, distances = zip(*counted(begun, progress), strict=True)
     return Explanation(
         joints=config.joints,
         postures=postures,
         views=views,
-        margins=margins,
+        margins=dict(zip(views, margins, strict=True)),
         curves={run: _curve(view, postures[1]) for run, view in views.items()},
         ratios={
             pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
             for pair, a, b in view_pairs(views)
         },
         what_if=dict(_what_ifs(config, views, postures)),
-        borders=borders,
+        borders=TendonMap(tendon_factors(), dict(zip(views, distances, strict=True))),
         loads=loads(first_views(views), postures[1], reference.dq_d),
         origin=f"configuration {loaded.sha256[:12]}",
     )
+
+
+def _run_found(view: View, postures: Array, ringing: float) -> tuple[RunMargins, Array]:
+    """Margins of one run, and how far it is from the border of stability on the map of tendons."""
+    return run_margins(view, postures, ringing), border_of_run(view, postures, tendon_factors())
 
 
 def first_views(views: Mapping[str, View]) -> dict[str, View]:
@@ -272,7 +276,9 @@ def _least_damped(A: Array) -> float:
 
 def _bandwidth(dq_d: Array, L: float) -> float:
     power = (np.abs(np.fft.rfft(dq_d, axis=0)) ** 2).sum(axis=1)
-    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    if not power.any():
+        return 0.0
+    share = np.cumsum(power) / power.sum()
     return float(np.fft.rfftfreq(len(dq_d), L)[np.searchsorted(share, _MOTION_SHARE)])
 
 

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.loops import View
-from tendonrepro.parallel import Start
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import (
     Complex,
@@ -218,14 +216,13 @@ class TendonMap:
     distance: Mapping[str, Array]
 
 
-def tendon_map(views: Mapping[str, View], postures: Sequence[Array], start: Start = map) -> TendonMap:
-    """Borders of every run, stable where it is at all postures; `start` works at several runs at once."""
-    factors = np.geomspace(0.1, 10.0, MAP_POINTS)
-    distances = start(partial(_distance, postures=postures, factors=factors), list(views.values()))
-    return TendonMap(factors, dict(zip(views, distances, strict=True)))
+def tendon_factors() -> Array:
+    """Factors (F,) on stiffness and on damping at which the map of tendons is drawn."""
+    return np.geomspace(0.1, 10.0, MAP_POINTS)
 
 
-def _distance(view: View, postures: Sequence[Array], factors: Array) -> Array:
+def border_of_run(view: View, postures: Array | Sequence[Array], factors: Array) -> Array:
+    """Distance (F, F) of a run from its border, stable where it is at all postures."""
     return border_distance(lambda K_s, D_s: decays(view, postures, K_s, D_s), factors, factors)
 
 
@@ -237,7 +234,7 @@ def with_tendons(plant: Plant, stiffness: float, damping: float) -> Plant:
     )
 
 
-def decays(view: View, postures: Sequence[Array], stiffness: Array, damping: Array) -> Array:
+def decays(view: View, postures: Array | Sequence[Array], stiffness: Array, damping: Array) -> Array:
     """Slowest decay over several postures, s⁻¹, for factors on stiffness and damping, all (N,)."""
     law = view.law
     plants = [with_tendons(view.plant, K_s, D_s) for K_s, D_s in zip(stiffness, damping, strict=True)]

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TypedDict
 from urllib.parse import quote, urlsplit
 
-from filelock import FileLock, Timeout
 from requests import RequestException, Response, Session
 from requests.adapters import HTTPAdapter
 from urllib3.util import Retry
@@ -21,6 +20,7 @@ from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of, refuse_file, require_space, to_json, write_atomically
+from tendonrepro.results.place import locked
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
@@ -154,7 +154,7 @@ def _is_same(path: Path, file: Entry) -> bool:
 def _described(site: str, number: str) -> Record:
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
-    with _asked(_session(), url) as response:
+    with _session() as session, _asked(session, url) as response:
         try:
             data = response.json()
             meta, number_now = data["metadata"], str(data["id"])
@@ -212,25 +212,21 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
 def _obtain(files: list[Entry], out: Path, lock: Record, talk: Talk) -> None:
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
-    session, size = _session(), sum(file["size"] for file in files)
-    try:
-        with FileLock(only_writer, timeout=0), talk.bar("fetching", size) as advance:
-            for file in files:
-                target = out / file["key"]
-                target.parent.mkdir(parents=True, exist_ok=True)
-                # The digest in its name tells a part of this very file from one of another version.
-                part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
-                record = f"{lock['base_url']}/api/records/{lock['record']}"
-                url = f"{record}/files/{quote(file['key'])}/content"
-                _download(session, url, file["size"], part, advance)
-                if not _is_same(part, file):
-                    part.unlink()
-                    message = f"there is no {file['key']} of the size and MD5 that the record says"
-                    raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
-                part.replace(target)
-        only_writer.unlink(missing_ok=True)
-    except Timeout as error:
-        raise UsageError("another tendonrepro is writing here", where=str(out)) from error
+    size = sum(file["size"] for file in files)
+    with locked(only_writer, out), _session() as session, talk.bar("fetching", size) as advance:
+        for file in files:
+            target = out / file["key"]
+            target.parent.mkdir(parents=True, exist_ok=True)
+            # The digest in its name tells a part of this very file from one of another version.
+            part = target.with_name(f"{target.name}.{file['md5'][:8]}.part")
+            record = f"{lock['base_url']}/api/records/{lock['record']}"
+            url = f"{record}/files/{quote(file['key'])}/content"
+            _download(session, url, file["size"], part, advance)
+            if not _is_same(part, file):
+                part.unlink()
+                message = f"there is no {file['key']} of the size and MD5 that the record says"
+                raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
+            part.replace(target)
 
 
 def _download(session: Session, url: str, size: int, part: Path, advance: Callable[[int], None]) -> None:

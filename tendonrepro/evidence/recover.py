@@ -19,7 +19,7 @@ from tendonrepro.evidence.desired import desired_motion, on_its_samples
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
 from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, without_rounding
 from tendonrepro.experiments.rig import coupling
-from tendonrepro.parallel import Start, telling
+from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
 from tendonrepro.results.tables import Table
@@ -332,8 +332,10 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk, start: Start = 
     if not tasks:
         joints = " and ".join(map(str, expected.joints))
         raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
+    # A bar has a thread, and a process with threads cannot be copied: the work begins before it.
+    begun = start(partial(_recovered, expected), tasks)
     with talk.bar("fitting controllers", len(tasks)) as progress:
-        return list(telling(start, progress)(partial(_recovered, expected), tasks))
+        return list(counted(begun, progress))
 
 
 def _recovered(expected: CompareConfig, task: tuple[str, int, Log, int, float]) -> Recovered:

@@ -98,7 +98,8 @@ def stored_under(folder: Path) -> Stored:
     own = False
     if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
         whole = _read(ensemble)
-        own = whole["of_paper"] and by_name(whole).keys() >= _SHOWN
+        # A study of a user's own may call its populations otherwise.
+        own = whole["of_paper"] and "box" in whole["populations"] and by_name(whole).keys() >= _SHOWN
         # An ensemble of an older version has no rankings without the start.
         own = own and "without_start" in by_name(whole)["printed"]
         summary = thinned(whole) if own else summary

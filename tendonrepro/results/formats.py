@@ -23,7 +23,7 @@ def formats_of(asked: str | Sequence[str] | None, *, figures: bool = True) -> tu
     named = asked.split(",") if isinstance(asked, str) else list(asked)
     for name in named:
         if name not in FORMATS:
-            message = f"must be of {', '.join(FORMATS)}, found {name!r}"
+            message = f"must be one of {', '.join(FORMATS)}, found {name!r}"
             raise UsageError(message, where="--formats", hint="name several as png,pdf")
     if not named or not figures:
         message = "names formats of no figures"

@@ -49,11 +49,13 @@ def read_result(folder: Path) -> OnDisk:
         data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
     except ValueError as error:
         raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
-    paths = sorted(folder.glob("**/*.md"))
-    own = manifest.get("outputs", {}).keys()
-    tables = {
-        path.stem: path.read_text(encoding="utf-8")
-        for path in paths
-        if path.relative_to(folder).as_posix() in own
-    }
+    tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
     return OnDisk(folder, command, manifest, data, tables)
+
+
+def table_files(folder: Path, manifest: Mapping[str, Any], ending: str) -> list[Path]:
+    """Files of the tables that a command wrote, ``.csv``, ``.md`` or ``.tex``; a user's own are none."""
+    outputs = {Path(name) for name in manifest.get("outputs", {})}
+    tables = [name for name in outputs if {name.with_suffix(".csv"), name.with_suffix(".md")} <= outputs]
+    found = (folder / name for name in tables if name.suffix == ending)
+    return sorted(path for path in found if path.is_file())

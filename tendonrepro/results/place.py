@@ -130,12 +130,12 @@ def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]
         target.parent.mkdir(parents=True, exist_ok=True)
         moves = os.access(target.parent, os.W_OK) or not target.exists()
         if moves:
-            stack.enter_context(_locked(_beside(target, "lock"), folder))
+            stack.enter_context(locked(_beside(target, "lock"), folder))
             place.settle()
             moves = _can_be_renamed(target)
         if not moves:
             place = Place(target, target / _PARTIAL, last, own)
-            stack.enter_context(_locked(target / _LOCK, folder))
+            stack.enter_context(locked(target / _LOCK, folder))
             place.settle()
         place.partial.mkdir(exist_ok=True)
         if target.exists() and moves:
@@ -191,7 +191,8 @@ def _keep_access(old: Path, new: Path) -> None:
 
 
 @contextmanager
-def _locked(path: Path, folder: Path) -> Iterator[None]:
+def locked(path: Path, folder: Path) -> Iterator[None]:
+    """Hold a lock file while the block writes into a folder, or raise a UsageError: another one does."""
     lock = FileLock(path)
     try:
         lock.acquire(timeout=0)

@@ -178,6 +178,8 @@ def _attributes_of(group: h5netcdf.Group) -> dict[str, Any]:
     }
     # A netCDF attribute of one number is that number.
     nested["gains"] = {name: np.atleast_1d(value).tolist() for name, value in nested["gains"].items()}
+    if "status_joints" in plain:
+        plain["status_joints"] = np.atleast_1d(plain["status_joints"]).tolist()
     return plain | nested
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
@@ -44,6 +44,14 @@ class Command:
         """Every parameter with its evaluated annotation, the shared ones spelled out."""
         return signature_of(self.function)
 
+    def bound(self, *args: object, **kwargs: object) -> dict[str, Any]:
+        """Arguments by name, as a function takes them; one of what it takes several of is a list of it."""
+        given = self.signature.bind(*args, **kwargs).arguments
+        return {
+            name: _as_several(self.signature.parameters[name].annotation, value)
+            for name, value in given.items()
+        }
+
     @property
     def about(self) -> str:
         """What it does: the docstring up to its parameters."""
@@ -75,7 +83,9 @@ def study(
         def call(*args: P.args, **kwargs: P.kwargs) -> Result:
             from tendonrepro.studies.lifecycle import result_of
 
-            return result_of(name, function(*args, **kwargs))
+            entry = COMMANDS[name]
+            prepared = cast("Study", entry.function(**entry.bound(*args, **kwargs)))
+            return result_of(name, prepared)
 
         return _public(call, COMMANDS[name])
 
@@ -91,7 +101,8 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> V:
-            return function(*args, **kwargs).value
+            entry = COMMANDS[called]
+            return cast("Answer[V]", entry.function(**entry.bound(*args, **kwargs))).value
 
         return _public(call, COMMANDS[called])
 
@@ -116,6 +127,14 @@ def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
     section = ["", "Parameters", "----------", *lines] if lines else []
     call.__doc__ = "\n".join([entry.about, *section])
     return call
+
+
+def _as_several(annotation: object, value: object) -> object:
+    """``[value]`` where that alone fits: Python would take a text for a sequence of letters."""
+    kinds = get_args(getattr(annotation, "__origin__", annotation))
+    items = [get_args(kind)[0] for kind in kinds if get_origin(kind) is Sequence]
+    is_one = type(value) in items and type(value) not in kinds
+    return [value] if is_one else value
 
 
 def signature_of(function: Callable[..., object]) -> inspect.Signature:

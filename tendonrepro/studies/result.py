@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.results.formats import FORMATS, formats_of
+from tendonrepro.results.on_disk import table_files
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
 from tendonrepro.results.traces import dataset_of
@@ -74,7 +75,7 @@ class Result:
         import pandas as pd
 
         if self._folder is not None:
-            paths = sorted(self._folder.rglob("*.csv"))
+            paths = table_files(self._folder, self.manifest, ".csv")
             # From 3.1 on that is the default, and to ask for it a warning.
             older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
             exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}

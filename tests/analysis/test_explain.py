@@ -164,6 +164,10 @@ class TestFiles:
         outputs = json.loads((tmp_path / "manifest.json").read_text())["outputs"]
         assert {"figures/explain_map.pdf", "explain.json", "tables/explain.csv"} <= outputs.keys()
 
+    def test_a_motion_at_rest_has_no_bandwidth(self):
+        rest = explain(loaded("reference.amplitude=0"))
+        assert rest.loads.motion_hz == 0.0
+
     def test_an_arm_that_numbers_cannot_hold_is_told_in_a_sentence(self, tmp_path):
         heavy = ["manipulator.links.mass.value.2=1e17"]
         with pytest.raises(TendonreproError, match="Singular"):

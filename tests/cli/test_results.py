@@ -71,6 +71,14 @@ def test_what_a_command_leaves_is_opened_compared_and_reported(place: Path, name
             assert {"run", "here"} & {*told["parts"].values()}
 
 
+def test_tables_of_a_result_are_those_that_the_command_wrote(place: Path) -> None:
+    (statics,) = results_of("statics", place)
+    before = tr.open(statics).tables.keys()
+    (statics / "mine.csv").write_text("a,b\n1,2\n", "utf-8")
+    assert tr.open(statics).tables.keys() == before
+    (statics / "mine.csv").unlink()
+
+
 def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> None:
     for name in ("statics", "compare"):
         results_of(name, place)

@@ -81,15 +81,22 @@ def test_what_is_kept_of_an_ensemble_is_what_is_stored():
 
 
 @pytest.mark.parametrize(
-    ("source", "of_paper", "origin"),
-    [("local", True, "run"), ("local", False, "shipped"), ("shipped", True, "shipped")],
+    ("source", "of_paper", "population", "origin"),
+    [
+        ("local", True, "box", "run"),
+        ("local", False, "box", "shipped"),
+        ("local", True, "my_ranges", "shipped"),
+        ("shipped", True, "box", "shipped"),
+    ],
 )
-def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, origin, tmp_path):
-    """Not one of another arm, nor one on which no claim was judged."""
+def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, population, origin, tmp_path):
+    """Not one of another arm or population, nor one on which no claim was judged."""
+    summary = summary_of_256() | {"of_paper": of_paper}
+    summary["populations"] = {population: summary["populations"]["box"]}
     ledger = json.loads((ROOT / "docs" / "results" / "claims.json").read_text(encoding="utf-8"))
     files = {
         "claims/claims.json": ledger | {"ensemble": {"source": source}},
-        "ensemble/summary.json": summary_of_256() | {"of_paper": of_paper},
+        "ensemble/summary.json": summary,
     }
     for name, content in files.items():
         (tmp_path / name).parent.mkdir()

@@ -72,6 +72,15 @@ class TestRoundTrip:
     def test_what_is_written_is_read(self, file: TraceFile, tmp_path: Path) -> None:
         assert_same(read_traces(write_traces_to(tmp_path, file)), file)
 
+    @pytest.mark.parametrize("joints", [[3], [2, 3]])
+    def test_the_joints_that_ring(self, tmp_path: Path, joints: list[int]) -> None:
+        rung = COMPARE.runs["controller_1"].attributes | {"status": "ringing", "status_joints": joints}
+        run = dataclasses.replace(COMPARE.runs["controller_1"], attributes=rung)
+        file = dataclasses.replace(COMPARE, runs={"controller_1": run})
+        read = read_traces(write_traces_to(tmp_path, file))
+        assert_same(read, file)
+        assert read.runs["controller_1"].told_status.endswith(", ".join(map(str, joints)))
+
     @settings(max_examples=10)
     @given(
         x=arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 4)), elements=st.floats()),
