@@ -10,9 +10,12 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+
+Json: TypeAlias = dict[str, Any]
+"""What a file of JSON holds, as it is read, or made to be written."""
 
 
 def shipped(folder: str) -> Path:
@@ -122,7 +125,7 @@ def md5_of(path: Path) -> str:
     return _digest(path, lambda: hashlib.md5(usedforsecurity=False))
 
 
-def _digest(path: Path, new: Callable[[], Any]) -> str:
+def _digest(path: Path, new: Callable[[], hashlib._Hash]) -> str:
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, new).hexdigest()

@@ -9,7 +9,8 @@ from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
+from pydantic import Field, GetCoreSchemaHandler, ValidatorFunctionWrapHandler, WithJsonSchema, WrapValidator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array, Numeric
@@ -183,12 +184,12 @@ class Physical:
         self.units = [name for name, known in UNITS.items() if known.si == unit]
 
     def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
-        schema: Any = Field(description=self.about)
+        schema: FieldInfo | WithJsonSchema = Field(description=self.about)
         if issubclass(source, Quantity):
             schema = WithJsonSchema(self._json_schema(source))
         return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
 
-    def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
+    def _validate(self, raw: object, handler: ValidatorFunctionWrapHandler) -> object:
         if not isinstance(raw, dict | Model):
             unit = f"'{self.units[0]}'" if self.units[0] == "1" else self.units[0]
             example = f"{{value: ..., unit: {unit}, source: 'assumed: ...'}}"

@@ -17,6 +17,8 @@ Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | Non
 """A value as YAML and JSON have it."""
 Tree: TypeAlias = dict[str, Node]
 """Values by their keys."""
+Section: TypeAlias = dict[str, Any]
+"""Part of a tree that is known to be sound; of many draws, with arrays as values."""
 Key: TypeAlias = tuple[str | int, ...]
 
 STDIN = "<stdin>"
