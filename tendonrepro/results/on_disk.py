@@ -6,9 +6,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import Json
 from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.results.traces import TRACES
 
@@ -23,8 +23,8 @@ class OnDisk:
 
     folder: Path
     command: str
-    manifest: Mapping[str, Any]
-    data: Mapping[str, Any]
+    manifest: Json
+    data: Json
     tables: Mapping[str, str]
 
 
