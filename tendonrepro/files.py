@@ -57,10 +57,10 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out", inputs: I
 def require_space(path: Path, size: int) -> None:
     """Raise a TendonreproError where a file of `size` bytes cannot fit; `path` need not exist yet."""
     place = next((above for above in path.absolute().parents if above.is_dir()), Path())
-    found = shutil.disk_usage(place)
+    disk = shutil.disk_usage(place)
     # A file system that does not know its size says that it has none.
-    if found.total and found.free < size:
-        message = f"needs {size / 1e6:.1f} MB, and {found.free / 1e6:.1f} MB are free on this disk"
+    if disk.total and disk.free < size:
+        message = f"needs {size / 1e6:.1f} MB, and {disk.free / 1e6:.1f} MB are free on this disk"
         raise TendonreproError(message, where=str(path), hint="free some space, or choose another --out")
 
 

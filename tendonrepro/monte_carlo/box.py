@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ _NOISE_SINES = 8
 UNEQUAL = 2.0 / 3.0
 """Amplitude of joint 2 over that of joint 3 in the motion ``unequal``."""
 
+
+if TYPE_CHECKING:
+    from cma import CMAEvolutionStrategy
 
 Draw: TypeAlias = Mapping[str, Numeric]
 """A value of every row of the box, SI, or those of many draws."""
@@ -139,10 +142,12 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
     return np.concatenate(columns, axis=1)
 
 
-def evolution(start: Array, width: float, population: int, generator: np.random.Generator) -> Any:
+def evolution(
+    start: Array, width: float, population: int, generator: np.random.Generator
+) -> CMAEvolutionStrategy:
     """CMA-ES in the unit cube, from a point (P,) with a first standard deviation.
 
-    A ``cma.CMAEvolutionStrategy`` with random numbers of its own.
+    Its random numbers are its own.
     """
     import cma
 

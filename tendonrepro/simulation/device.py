@@ -7,6 +7,7 @@ from functools import cache
 from types import ModuleType
 from typing import Any, Literal, Protocol, TypeAlias, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
@@ -36,7 +37,7 @@ class Device(Protocol):
     def compiled(self, source: str) -> Kernel:
         """The entry of a source."""
 
-    def array(self, values: NDArray[Any]) -> OnDevice:
+    def array(self, values: Array | NDArray[np.int64]) -> OnDevice:
         """A copy of an array in the device's memory; a MemoryError if there is none left."""
 
     def zeros(self, shape: Sequence[int]) -> OnDevice:
@@ -74,7 +75,7 @@ class Graphics:
             self._entries[source] = entry
         return self._entries[source]
 
-    def array(self, values: NDArray[Any]) -> OnDevice:
+    def array(self, values: Array | NDArray[np.int64]) -> OnDevice:
         """A copy of an array in the GPU's memory."""
         return self._cupy.asarray(values)
 

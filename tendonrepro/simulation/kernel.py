@@ -218,15 +218,17 @@ def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
 
 
 def runge_kutta(
-    derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Numeric
+    derivative: Callable[[float, Array], Array], t: float, state: Array, h: Numeric
 ) -> tuple[Array, Array]:
     """Classical Runge-Kutta step: state at ``t + h`` and slope at ``t``."""
-    half = 0.5 * h
+    # The physics says that a time is a float, here too, where it is a symbol.
+    step: Any = h
+    half = 0.5 * step
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
     k3 = derivative(t + half, state + half * k2)
-    k4 = derivative(t + h, state + h * k3)
-    return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
+    k4 = derivative(t + step, state + step * k3)
+    return state + step * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
 
 
 def write_sample(

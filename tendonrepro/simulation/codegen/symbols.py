@@ -94,7 +94,7 @@ class Symbol(Unknown):
         self.tape = tape
         self.name = name
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """NumPy functions, also beside a NumPy number."""
         # ``x += y`` names x as output; it becomes a new symbol.
         if method != "__call__" or kwargs.get("out", (self,))[0] is not self:
@@ -116,7 +116,7 @@ class Symbol(Unknown):
             return self.tape.binary(OPERATORS[ufunc], *inputs)
         return self.tape.function(ufunc, self)
 
-    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+    def __array_function__(self, function: object, types: object, args: Any, kwargs: object) -> Any:
         """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; one condition may choose arrays."""
         del types
         if function is np.zeros_like:
