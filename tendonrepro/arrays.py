@@ -1,27 +1,50 @@
-"""The array type of the physics, and a choice that numbers, lanes and symbols share."""
+"""The types of the physics, and a choice that numbers, arrays and symbols share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-"""Double-precision array; its shape and unit are stated where it is used."""
+"""Double-precision array; its shape and unit are stated where it is used.
+
+While code is written for machines, it is an array of symbols instead, or of symbols and numbers.
+"""
 
 
-def choose(condition: Any, then: Any, otherwise: Any) -> Any:
+class Unknown(NDArrayOperatorsMixin):
+    """A number not known yet, such as a symbol of a tape: what is done with it is written down."""
+
+    name: str
+    # Declared, never there: NumPy's annotations ask for it where its functions take an object.
+    __array__: Callable[..., NDArray[Any]]
+
+
+Numeric: TypeAlias = float | NDArray[Any] | Unknown
+"""What the equations calculate with: a number, those of experiments side by side, or one not known yet.
+
+What a comparison gives is a number, too: true, false, or a symbol that is 1 or 0.
+"""
+
+Part = TypeVar("Part", bound=Numeric)
+
+
+def choose(condition: Numeric, then: Part, otherwise: Part) -> Part:
     """``then`` where the condition holds, else ``otherwise``; numbers or arrays, both computed already."""
-    return np.where(condition, then, otherwise)[()]
+    each: Any = np.where(condition, then, otherwise)
+    chosen: Part = each[()]
+    return chosen
 
 
-def pick(values: Sequence[Any] | NDArray[Any], place: Any) -> Any:
+def pick(values: Sequence[Array] | Array, place: Numeric) -> Array:
     """Entry at a place, from 0; experiments side by side may each have a place of their own."""
     if isinstance(place, int):
         return values[place]
-    found = values[0]
+    picked: Array = values[0]
     for k in range(1, len(values)):
-        found = choose(place >= float(k), values[k], found)
-    return found
+        picked = choose(place >= float(k), values[k], picked)
+    return picked

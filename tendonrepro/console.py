@@ -49,9 +49,9 @@ QUIET = Talk(quiet=True)
 """Says nothing but errors."""
 
 
-def count_of(number: int, one: str, many: str | None = None) -> str:
-    """A number and its noun, "1 reading" or "2 readings"; `many` where the plural has more than an s."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def count_of(number: int, noun: str, plural: str | None = None) -> str:
+    """A number and its noun, "1 reading" or "2 readings"; `plural` where that has more than an s."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def columns(rows: Iterable[Sequence[str]]) -> str:

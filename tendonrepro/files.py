@@ -10,9 +10,12 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
+
+Json: TypeAlias = dict[str, Any]
+"""What a file of JSON holds, as it is read, or made to be written."""
 
 
 def shipped(folder: str) -> Path:
@@ -54,10 +57,10 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out", inputs: I
 def require_space(path: Path, size: int) -> None:
     """Raise a TendonreproError where a file of `size` bytes cannot fit; `path` need not exist yet."""
     place = next((above for above in path.absolute().parents if above.is_dir()), Path())
-    found = shutil.disk_usage(place)
+    disk = shutil.disk_usage(place)
     # A file system that does not know its size says that it has none.
-    if found.total and found.free < size:
-        message = f"needs {size / 1e6:.1f} MB, and {found.free / 1e6:.1f} MB are free on this disk"
+    if disk.total and disk.free < size:
+        message = f"needs {size / 1e6:.1f} MB, and {disk.free / 1e6:.1f} MB are free on this disk"
         raise TendonreproError(message, where=str(path), hint="free some space, or choose another --out")
 
 
@@ -122,7 +125,7 @@ def md5_of(path: Path) -> str:
     return _digest(path, lambda: hashlib.md5(usedforsecurity=False))
 
 
-def _digest(path: Path, new: Callable[[], Any]) -> str:
+def _digest(path: Path, new: Callable[[], hashlib._Hash]) -> str:
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, new).hexdigest()

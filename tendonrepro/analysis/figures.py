@@ -20,6 +20,7 @@ from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
     Drawing,
+    Look,
     Stroke,
     journal_style,
     letter_panels,
@@ -103,7 +104,7 @@ def draw_map(explanation: Explanation) -> Figure:
     for number, (run, distance) in enumerate(borders.items(), start=1):
         stroke = stroke_of(number)
         if distance.min() < 0.0 < distance.max():
-            style: dict[str, Any] = {"colors": [stroke.colour], "linestyles": [stroke.linestyle]}
+            style: Look = {"colors": [stroke.colour], "linestyles": [stroke.linestyle]}
             axes.contour(factors, factors, distance, levels=[0.0], linewidths=1.1, **style)
         # A contour is no legend entry of its own.
         _line(axes, np.array([]), np.array([]), stroke, run)
@@ -153,7 +154,7 @@ def _line(axes: Axes, x: Array, y: Array, stroke: Stroke, label: str) -> None:
 def _sample(marker: str, label: str, colour: str = "#555555") -> Line2D:
     face = "white" if marker == "o" else colour
     edge = 0.0 if marker in "*." else 0.7
-    style: dict[str, Any] = {"markerfacecolor": face, "markeredgewidth": edge, "markersize": 5.0}
+    style: Look = {"markerfacecolor": face, "markeredgewidth": edge, "markersize": 5.0}
     return Line2D([], [], linestyle="none", marker=marker, color=colour, label=label, **style)
 
 

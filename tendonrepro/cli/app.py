@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import typer
 from typer import Option
@@ -23,6 +23,9 @@ from tendonrepro.commands import COMMANDS
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.configurations import ABOUT
 from tendonrepro.studies.command import EXPLORE
+
+Formatter: TypeAlias = Any
+"""Writes help: of Click, or of the copy of Click that newer versions of Typer bring along."""
 
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
@@ -40,7 +43,7 @@ Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on
 class ByPanel(TyperGroup):
     """Lists commands by panels."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: object, formatter: Formatter) -> None:
         """Write a section for each."""
         del ctx
         widest = formatter.width - 6 - max(map(len, self.commands))

@@ -19,7 +19,8 @@ from tendonrepro.configuration.load import (
 )
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
-from tendonrepro.configuration.strict_yaml import dump, load, read_text
+from tendonrepro.configuration.strict_model import Model
+from tendonrepro.configuration.strict_yaml import Tree, dump, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
@@ -36,17 +37,17 @@ Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 def checked(source: str, overrides: Overrides) -> Held:
     """Read and validate whatever a source holds."""
     changes = overrides_of(overrides)
-    found = find_source(source, None)  # standard input can be read only once
+    text = find_source(source, None)  # standard input can be read only once
     # Those of the base are no keys of the ensemble's own file.
-    draft = Draft(found, None, [change for change in changes if not is_of_base(change)])
+    draft = Draft(text, None, [change for change in changes if not is_of_base(change)])
     if draft.kind == MANIPULATOR:
-        return Draft(found, MANIPULATOR, changes).validate(Manipulator)
+        return Draft(text, MANIPULATOR, changes).validate(Manipulator)
     if draft.kind == "ensemble":
-        return load_ensemble(found, overrides=changes)
-    return load_config(found, None, overrides=changes)
+        return load_ensemble(text, overrides=changes)
+    return load_config(text, None, overrides=changes)
 
 
-def shown(source: str, overrides: Overrides) -> tuple[Any, str]:
+def shown(source: str, overrides: Overrides) -> tuple[Tree, str]:
     """Values and YAML text of a configuration as it is used."""
     held = checked(source, overrides)
     text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
@@ -81,13 +82,13 @@ def _with_named(source: Path) -> list[Path]:
     return [source, *(path for name in named for path in _with_named(source.with_name(name)))]
 
 
-def json_schema(kind: str | None = None) -> dict[str, Any]:
+def json_schema(kind: str | None = None) -> dict[str, object]:
     """JSON schema of a kind of configuration, of any when None."""
-    models: dict[Any, Any] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
+    models: dict[str, type[Model]] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
     if kind is not None and kind not in models:
-        raise UsageError(f"no schema {kind!r}; there are {', '.join(map(str, models))}")
-    models[None] = MODELS["compare"] | MODELS["decouple"] | EnsembleConfig | Manipulator
-    schema = TypeAdapter(models[kind]).json_schema()
+        raise UsageError(f"no schema {kind!r}; there are {', '.join(models)}")
+    any_of_them: Any = MODELS["compare"] | MODELS["decouple"] | EnsembleConfig | Manipulator
+    schema = TypeAdapter(models[kind] if kind else any_of_them).json_schema()
     for name in _COMPLETED & schema["$defs"].keys():
         schema["$defs"][name].pop("required", None)
     return {

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from pydantic import ValidationError
 
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.strict_model import explain
-from tendonrepro.configuration.strict_yaml import dump, load
+from tendonrepro.configuration.strict_yaml import Node, dump, load
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 PER_JOINT: Mapping[str, str] = {
@@ -74,7 +74,7 @@ class Around:
         ]
         return "; ".join([others, *own])
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, object]:
         """Plain values for JSON."""
         ranges = {"ranges": {key: [*ends] for key, ends in self.ranges.items()}} if self.ranges else {}
         return {"arm": self.arm, "spread": self.spread, **ranges}
@@ -99,7 +99,7 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
         given = [(key, [float(end) for end in ends]) for key, ends in ranges.items()]
     else:
         given = [_read(text) for text in ranges or ()]
-    found = {}
+    checked = {}
     for key, ends in given:
         known = (*PER_JOINT, *SHARED)
         if key not in known:
@@ -111,8 +111,8 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
                 f"{key}: needs two factors from {1.0 / MOST:g} to {MOST:g}, the smaller first, found {shown}"
             )
             raise UsageError(message, where="--range", hint=f"{key}=0.5,2 is half to twice the arm's value")
-        found[key] = (ends[0], ends[1])
-    return found
+        checked[key] = (ends[0], ends[1])
+    return checked
 
 
 def _read(text: str) -> tuple[str, list[float]]:
@@ -126,7 +126,7 @@ def _read(text: str) -> tuple[str, list[float]]:
     return key.strip(), numbers * 2 if len(numbers) == 1 else numbers
 
 
-def drawn_config(tree: Mapping[str, Any], around: Around) -> CompareConfig:
+def drawn_config(tree: Mapping[str, Node], around: Around) -> CompareConfig:
     """Comparison with a drawn arm; a ConfigError where a value left what is possible."""
     try:
         return CompareConfig.model_validate(tree)

@@ -58,7 +58,9 @@ class EnsembleConfig(Model):
 
     def _mistakes(self) -> Mistakes:
         powers: dict[Key, Scalar] = {("block",): self.block}
-        powers |= {("populations", name, "share"): held.share for name, held in self.populations.items()}
+        powers |= {
+            ("populations", name, "share"): population.share for name, population in self.populations.items()
+        }
         for path, quantity in powers.items():
             if math.frexp(quantity.value)[0] != 0.5:
                 yield (*path, "value"), f"must be a power of two, found {quantity}"
@@ -124,8 +126,8 @@ def load_ensemble(
     base = load_config(draft.named_file(config.base, "base"), "compare", overrides=of_base)
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
-        found = f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}"
-        draft.refuse(("base",), found, "For another arm give --config the file of its comparison.")
+        words = f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}"
+        draft.refuse(("base",), words, "For another arm give --config the file of its comparison.")
     return LoadedEnsemble(
         config=config,
         # What draws and readings decide is no matter of the base.

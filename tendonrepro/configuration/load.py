@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
+from typing import Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
@@ -23,7 +23,17 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model, describe, explain
-from tendonrepro.configuration.strict_yaml import STDIN, Document, Key, Node, dump, holds, load, read_text
+from tendonrepro.configuration.strict_yaml import (
+    STDIN,
+    Document,
+    Key,
+    Node,
+    Tree,
+    dump,
+    load,
+    read_text,
+    section,
+)
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.files import sha256_of, shipped
 
@@ -100,22 +110,23 @@ class Draft:
         if not isinstance(tree, dict):
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
             raise ConfigError(message, where=self.where(()))
-        self.tree: dict[str, Any] = tree
-        self.kind: Any = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
+        self.tree: Tree = tree
+        kind = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
         allowed = [wanted] if wanted else KINDS
-        if self.kind not in allowed:
-            hint = did_you_mean(self.kind, allowed)
-            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(self.kind)}{hint}")
+        if kind not in allowed:
+            hint = did_you_mean(kind, allowed)
+            self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(kind)}{hint}")
+        self.kind = str(kind)
         base = None
         if self.kind in MODELS and "base" in tree:
             base = self._take_from_base(tree.pop("base"))
         naming = [change for change in overrides if change.path == (MANIPULATOR,)]
         apply_overrides(self._document, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
-            held = self._named_document(name, MANIPULATOR)
-            self._complete_arm(held, self.files[-1])
-            tree[MANIPULATOR] = held.tree
-            self._document.places |= {(MANIPULATOR, *key): place for key, place in held.places.items()}
+            arm = self._named_document(name, MANIPULATOR)
+            self._complete_arm(arm, self.files[-1])
+            tree[MANIPULATOR] = arm.tree
+            self._document.places |= {(MANIPULATOR, *key): place for key, place in arm.places.items()}
         elif self.kind == MANIPULATOR:
             self._complete_arm(self._document, path)
         elif isinstance(inside := tree.get(MANIPULATOR), dict):
@@ -133,20 +144,20 @@ class Draft:
         if not isinstance(name, str):
             message = f"base: must be the file of an arm or a shipped one, found {describe(name)}"
             raise ConfigError(message, where=where)
-        found = self._file_beside(name, path)
-        if found is None or found in (*below, path):
-            message = f"base: {'is itself' if found else f'no file {name!r}'}"
+        base_path = self._file_beside(name, path)
+        if base_path is None or base_path in (*below, path):
+            message = f"base: {'is itself' if base_path else f'no file {name!r}'}"
             raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
-        self.files.append(found)
-        self._note_stand_in(name, found)
-        base = load(read_text(found), str(found))
-        self._complete_arm(base, found, (*below, *([path] if path else [])))
+        self.files.append(base_path)
+        self._note_stand_in(name, base_path)
+        base = load(read_text(base_path), str(base_path))
+        self._complete_arm(base, base_path, (*below, *([path] if path else [])))
         try:
             Manipulator.model_validate(base.tree)
         except ValidationError:
             raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
         stem = path.stem if path else "arm"
-        complete_arm(arm, base.tree, found.stem, stem)
+        complete_arm(arm, base.tree, base_path.stem, stem)
 
     def _note_stand_in(self, name: str, path: Path) -> None:
         """Without its ending a shipped file is named on purpose."""
@@ -159,7 +170,7 @@ class Draft:
         places = [folder / name, *(shipped_folder() / held for held in (name, f"{name}.yaml"))]
         return next((place for place in places if place.is_file()), None)
 
-    def _take_from_base(self, name: Node) -> tuple[dict[str, Any], str, set[str]]:
+    def _take_from_base(self, name: Node) -> tuple[Tree, str, set[str]]:
         """Fill in the keys that the file leaves to another; its values, its name, and these keys."""
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
@@ -208,9 +219,9 @@ class Draft:
         runs = self.tree.get("runs")
         named = runs if isinstance(runs, dict) else {}
         for path in (("reference",), *(("runs", run, "reference") for run in named)):
-            node: Any = self.tree
+            node: Node = self.tree
             for part in path:
-                node = node[part] if holds(node, part) else None
+                node = node.get(part) if isinstance(node, dict) else None
             if isinstance(node, dict) and isinstance(name := node.get("file"), str):
                 here = Path.cwd() / name
                 if here.is_file() and self._is_option((*path, "file")):
@@ -243,7 +254,7 @@ class LoadedConfig:
     """
 
     config: Config
-    tree: dict[str, Node]
+    tree: Tree
     yaml_text: str
     sha256: str
     origin: str
@@ -293,13 +304,13 @@ def load_config(
         recorded.append(f"controllers={','.join(map(str, numbers))}")
     references = references_of(config)
     trajectories = [
-        draft.named_file(held.file, *path, "file", shipped=False)
-        for path, held in references.items()
-        if isinstance(held, Sampled)
+        draft.named_file(reference.file, *path, "file", shipped=False)
+        for path, reference in references.items()
+        if isinstance(reference, Sampled)
     ]
     written = config.model_dump(mode="json", exclude_defaults=True)
-    for path, held in references.items():
-        if isinstance(held, Sampled):
+    for path, reference in references.items():
+        if isinstance(reference, Sampled):
             reduce(getitem, path, written)["file"] = ""
     # Trajectories count by their content, wherever they lie.
     content = {"config": written, "trajectories": [sha256_of(path) for path in trajectories]}
@@ -339,7 +350,7 @@ def numbers_of(controllers: str | Sequence[int]) -> list[int]:
         raise UsageError(message, where="--controllers") from error
 
 
-def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> CompareConfig:
+def _only(config: Config, tree: Tree, numbers: Sequence[int]) -> CompareConfig:
     """Drop the runs of other controllers, from the tree too."""
     if not isinstance(config, CompareConfig):
         message = f"the experiment {config.experiment!r} has no controllers to choose from"
@@ -350,11 +361,12 @@ def _only(config: Config, tree: dict[str, Any], numbers: Sequence[int]) -> Compa
         message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
-    tree["runs"] = {name: tree["runs"][name] for name in kept}
+    runs = section(tree, "runs")
+    tree["runs"] = {name: runs[name] for name in kept}
     return config.model_copy(update={"runs": kept})
 
 
-def config_digest(content: Mapping[str, Any]) -> str:
+def config_digest(content: Mapping[str, object]) -> str:
     """SHA-256 of what determines results, as canonical JSON."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

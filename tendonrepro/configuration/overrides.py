@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeGuard
 
-from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, holds, load
+from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, Tree, holds, load
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 COMMAND_LINE = "assumed: set on the command line"
@@ -24,7 +24,7 @@ class Override(NamedTuple):
     text: str
 
 
-Overrides: TypeAlias = Sequence[str | Override] | Mapping[str, Any]
+Overrides: TypeAlias = Sequence[str | Override] | Mapping[str, object]
 """Texts ``dotted.key=VALUE`` as of the command line, VALUE in YAML; or values by dotted key, as of Python."""
 
 
@@ -37,13 +37,13 @@ def overrides_of(given: Overrides | None, seed: int | None = None) -> list[Overr
         For a text that is not of the form, or whose value is no YAML.
     """
     if isinstance(given, Mapping):
-        found = [override(key, value) for key, value in given.items()]
+        changes = [override(key, value) for key, value in given.items()]
     else:
-        found = [_read(text) if isinstance(text, str) else text for text in given or ()]
-    return found if seed is None else [*found, override("seed", seed)]
+        changes = [_read(text) if isinstance(text, str) else text for text in given or ()]
+    return changes if seed is None else [*changes, override("seed", seed)]
 
 
-def override(key: str, value: Any) -> Override:
+def override(key: str, value: object) -> Override:
     """A value by dotted key; arrays become lists, and paths text."""
     plain = _plain(value)
     text = f"{key}={json.dumps(plain)}"
@@ -107,9 +107,9 @@ def _apply(document: Document, path: Key, value: Node) -> None:
         current["value"] = _for_all(current["value"], value)
     else:
         node[last] = _for_all(current, value)
-    for held in nodes:
-        if _is_quantity(held) and last != "source":
-            held["source"] = COMMAND_LINE
+    for part in nodes:
+        if _is_quantity(part) and last != "source":
+            part["source"] = COMMAND_LINE
     kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
     document.places = kept | {path: Place(option)}
 
@@ -133,7 +133,7 @@ def _for_all(current: Node, value: Node) -> Node:
     return value
 
 
-def _is_quantity(node: Any) -> bool:
+def _is_quantity(node: object) -> TypeGuard[Tree]:
     return isinstance(node, dict) and "value" in node and node.keys() <= {"value", "unit", "source"}
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-from tendonrepro.configuration.from_base import MOST_JOINTS, resized
+from tendonrepro.configuration.from_base import MOST_JOINTS, extended, extended_matrix
 from tendonrepro.configuration.load import shipped_file
 from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.errors import UsageError
@@ -128,11 +127,12 @@ def arm_text(joints: int, path: Path) -> str:
     """File of an arm with the base's numbers, to edit."""
     base = load(read_text(shipped_file(BASE)), BASE).tree
 
-    def held(*keys: str) -> Any:
-        node: Any = base
-        for key in keys:
-            node = node[key]
-        return resized(node["value"], joints)
+    def numbers(group: str, key: str) -> list[float]:
+        return extended(base[group][key]["value"], joints)
+
+    def rows(group: str, key: str) -> str:
+        matrix = extended_matrix(base[group][key]["value"], joints)
+        return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)
 
     return ARM.format(
         n=joints,
@@ -140,13 +140,13 @@ def arm_text(joints: int, path: Path) -> str:
         file=path.name,
         base=BASE,
         name=title_of(path),
-        length=_shared(held("links", "length"), sum(base["links"]["length"]["value"])),
-        mass=_shared(held("links", "mass"), sum(base["links"]["mass"]["value"])),
-        winch=held("routing", "winch_diameter")[0],
-        pulley=_rows(held("routing", "pulley_diameter")),
-        sign=_rows(held("routing", "sign")),
+        length=_shared(numbers("links", "length"), sum(base["links"]["length"]["value"])),
+        mass=_shared(numbers("links", "mass"), sum(base["links"]["mass"]["value"])),
+        winch=numbers("routing", "winch_diameter")[0],
+        pulley=rows("routing", "pulley_diameter"),
+        sign=rows("routing", "sign"),
         damping=DAMPING_FACTOR[joints],
-        stiffness=f"{held('tendons', 'axial_stiffness')[0]:.2g}".replace("e+0", "e"),
+        stiffness=f"{numbers('tendons', 'axial_stiffness')[0]:.2g}".replace("e+0", "e"),
     )
 
 
@@ -189,7 +189,3 @@ def title_of(path: Path) -> str:
 def _shared(values: list[float], whole: float) -> list[float]:
     """Equal parts of the base's whole where there are more joints, so that the arm grows no longer."""
     return values if sum(values) <= whole * (1.0 + 1e-9) else [round(whole / len(values), 3)] * len(values)
-
-
-def _rows(matrix: list[list[Any]]) -> str:
-    return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)

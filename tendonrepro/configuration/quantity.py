@@ -6,13 +6,14 @@ import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-from pydantic import Field, GetCoreSchemaHandler, WithJsonSchema, WrapValidator
+from pydantic import Field, GetCoreSchemaHandler, ValidatorFunctionWrapHandler, WithJsonSchema, WrapValidator
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.strict_model import (
     SOURCE_PATTERN,
     Mistakes,
@@ -50,10 +51,15 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
 }
 
 
-def to_si(value: Any, unit: str) -> Any:
+Value = TypeVar("Value", bound=Numeric)
+
+
+def to_si(value: Value, unit: str) -> Value:
     """A number or an array in its SI unit and radians."""
     known = UNITS[unit]
-    return value * known.factor / known.divisor
+    converted: Any = value * known.factor / known.divisor
+    in_si: Value = converted
+    return in_si
 
 
 Size: TypeAlias = Literal["any", "joints", "moving"]
@@ -69,11 +75,11 @@ class Quantity(Model):
     source: Source
 
 
-def _numbers(held: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
-    if isinstance(held, float):
-        yield path, held
-    elif isinstance(held, tuple | Model):
-        for key, item in held if isinstance(held, Model) else enumerate(held):
+def _numbers(value: object, path: Key = ()) -> Iterator[tuple[Key, float]]:
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, tuple | Model):
+        for key, item in value if isinstance(value, Model) else enumerate(value):
             yield from _numbers(item, (*path, key))
 
 
@@ -149,9 +155,9 @@ def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
     if isinstance(part, Quantity) and part.size in sizes:
         lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
         if lengths != {sizes[part.size]}:
-            found = " and ".join(map(str, sorted(lengths)))
+            there_are = " and ".join(map(str, sorted(lengths)))
             many = count_of(sizes[part.size], "entry", "entries")
-            yield ("value",), f"must have {many}, {PER_ENTRY[part.size]}, found {found}"
+            yield ("value",), f"must have {many}, {PER_ENTRY[part.size]}, found {there_are}"
     elif isinstance(part, Model | dict) and not isinstance(part, Quantity):
         for name, item in part.items() if isinstance(part, dict) else part:
             for place, words in wrong_sizes(item, sizes):
@@ -178,27 +184,27 @@ class Physical:
         self.units = [name for name, known in UNITS.items() if known.si == unit]
 
     def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
-        schema: Any = Field(description=self.about)
+        schema: FieldInfo | WithJsonSchema = Field(description=self.about)
         if issubclass(source, Quantity):
             schema = WithJsonSchema(self._json_schema(source))
         return handler.generate_schema(Annotated[source, WrapValidator(self._validate), schema])
 
-    def _validate(self, raw: object, handler: Callable[[object], Any]) -> Any:
+    def _validate(self, raw: object, handler: ValidatorFunctionWrapHandler) -> object:
         if not isinstance(raw, dict | Model):
             unit = f"'{self.units[0]}'" if self.units[0] == "1" else self.units[0]
             example = f"{{value: ..., unit: {unit}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
-        held = handler(raw)
-        refuse_all(self._out_of_range(held))
-        return held
+        quantity = handler(raw)
+        refuse_all(self._out_of_range(quantity))
+        return quantity
 
-    def _out_of_range(self, held: Any) -> Mistakes:
+    def _out_of_range(self, quantity: Any) -> Mistakes:
         """Mistakes of a quantity or a row of the box."""
-        unit = held.unit
+        unit = quantity.unit
         if unit not in self.units:
             yield ("unit",), f"must be {' or '.join(self.units)}, found {describe(unit)}"
             return
-        for place, value in _numbers(held):
+        for place, value in _numbers(quantity):
             si = to_si(value, unit)
             if not all(_LIMITS[name][1](si, limit) for name, limit in self.limits.items()):
                 allowed = " and ".join(
@@ -211,8 +217,8 @@ class Physical:
             elif self.whole and not value.is_integer():
                 yield place, f"must be a whole number, found {value:g}"
 
-    def _json_schema(self, kind: type[Quantity]) -> dict[str, Any]:
-        value: dict[str, Any] = {"type": "integer" if self.whole else "number"}
+    def _json_schema(self, kind: type[Quantity]) -> dict[str, object]:
+        value: dict[str, object] = {"type": "integer" if self.whole else "number"}
         for name, limit in self.limits.items():
             # A schema knows no units, so it can only state limits that are the same number in all of them.
             if limit == 0.0 or len(self.units) == 1:

@@ -89,7 +89,7 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
     unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
     known = missing | document.places.keys() - unknown.keys() - {()}
     meant = {path: _meant(path, known) for path in unknown}
-    found = []
+    mistakes = []
     for detail, path in details:
         kind = detail["type"]
         # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
@@ -97,13 +97,13 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
             continue
         name = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
         words = _words(detail, path, meant.get(path))
-        found.append((document.place(path), f"{name}: {words}" if name else words))
-    return listed(found)
+        mistakes.append((document.place(path), f"{name}: {words}" if name else words))
+    return listed(mistakes)
 
 
-def listed(found: Iterable[tuple[Place, str]]) -> ConfigError:
+def listed(mistakes: Iterable[tuple[Place, str]]) -> ConfigError:
     """One message of all mistakes, in reading order."""
-    lines = [f"{place}: {message}" for place, message in sorted(found, key=lambda mistake: mistake[0])]
+    lines = [f"{place}: {message}" for place, message in sorted(mistakes, key=lambda mistake: mistake[0])]
     return ConfigError("\n".join([f"{count_of(len(lines), 'mistake')} in the configuration", *lines]))
 
 
@@ -128,9 +128,9 @@ def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
             return f"unknown key {path[-1]!r}{hint}"
         case "literal_error" | "union_tag_invalid":
             expected = context.get("expected") or context["expected_tags"]
-            found = context.get("tag", detail["input"])
-            hint = did_you_mean(found, re.findall("'(.*?)'", expected))
-            return f"must be {expected}, found {describe(found)}{hint}"
+            given = context.get("tag", detail["input"])
+            hint = did_you_mean(given, re.findall("'(.*?)'", expected))
+            return f"must be {expected}, found {describe(given)}{hint}"
         case "string_pattern_mismatch":
             words = _ORIGINS if context["pattern"] == SOURCE_PATTERN else _NAME
         case _:

@@ -14,6 +14,11 @@ import yaml
 from tendonrepro.errors import ConfigError
 
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | None"
+"""A value as YAML and JSON have it."""
+Tree: TypeAlias = dict[str, Node]
+"""Values by their keys."""
+Section: TypeAlias = dict[str, Any]
+"""Part of a tree that is known to be sound; of many draws, with arrays as values."""
 Key: TypeAlias = tuple[str | int, ...]
 
 STDIN = "<stdin>"
@@ -38,7 +43,10 @@ class Place(NamedTuple):
 
 @dataclass
 class Document:
-    """A YAML text as plain Python values, with the place of every key and list item."""
+    """A YAML text as plain Python values, with the place of every key and list item.
+
+    The `tree` is whatever a user wrote, most often a `Tree`.
+    """
 
     tree: Any
     places: dict[Key, Place]
@@ -91,6 +99,15 @@ def dump(tree: Node) -> str:
     return text
 
 
+def section(tree: Tree, *path: str) -> Tree:
+    """A mapping inside a tree that is known to be whole."""
+    for key in path:
+        inner = tree[key]
+        assert isinstance(inner, dict)
+        tree = inner
+    return tree
+
+
 def holds(node: object, key: str | int) -> bool:
     """Whether a mapping has a key, or a list an index."""
     is_index = isinstance(node, list) and isinstance(key, int) and 0 <= key < len(node)
@@ -141,6 +158,6 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _represent_text)
 
 
-def _refuse(message: str, name: str, mark: Any, hint: str | None = None) -> NoReturn:
+def _refuse(message: str, name: str, mark: yaml.Mark | None, hint: str | None = None) -> NoReturn:
     where = name if mark is None else f"{name}:{mark.line + 1}"
     raise ConfigError(message, where=where, hint=hint) from None

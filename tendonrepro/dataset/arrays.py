@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -10,6 +10,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+Column: TypeAlias = NDArray[Any]
+"""Values of a column, numbers or words."""
 
 Tree: TypeAlias = dict[str, Any]
 """Arrays, `Columns` and further trees by name."""
@@ -26,14 +29,14 @@ class Unreadable(Exception):
     """A file without signals, or that cannot be read."""
 
 
-class Columns(dict[str, NDArray[Any]]):
+class Columns(dict[str, Column]):
     """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially."""
 
-    def __init__(self, *columns: Any, **more: Any) -> None:
-        super().__init__(*columns, **more)
+    def __init__(self, columns: Mapping[str, Column] | Iterable[tuple[str, Column]] = ()) -> None:
+        super().__init__(columns)
         self.notes: list[str] = []
 
-    def add(self, name: str, values: NDArray[Any], unit: str = "") -> None:
+    def add(self, name: str, values: Column, unit: str = "") -> None:
         """Add a column; a second of its name is numbered."""
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
         number, free = 1, full
@@ -57,7 +60,7 @@ class Source:
 
     name: str
     columns: Columns
-    file: dict[str, Any]
+    file: dict[str, str | int]
 
     @property
     def last(self) -> str:
@@ -120,12 +123,12 @@ def _collect(tree: Tree, path: str, tables: dict[str, Columns], apart: dict[str,
         _collect(value, where, tables, apart)
 
 
-def _samples_of(values: NDArray[Any]) -> int:
+def _samples_of(values: Column) -> int:
     """Length of the longest axis: that of the samples."""
     return int(max(values.shape))
 
 
-def _no_signals(values: NDArray[Any]) -> str:
+def _no_signals(values: Column) -> str:
     """Why an array holds no signals, or an empty text."""
     samples = _samples_of(values)
     if values.dtype.kind == "c":
@@ -135,7 +138,7 @@ def _no_signals(values: NDArray[Any]) -> str:
     return f"more than {MOST_COLUMNS} columns" if values.size > MOST_COLUMNS * samples else ""
 
 
-def _rows(values: NDArray[Any]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+def _rows(values: Column) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Columns of an array of any dimensions, with their places in it, counted from 1."""
     moved = np.moveaxis(values, int(np.argmax(values.shape)), 0).astype(float)
     sizes = moved.shape[1:]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import FEWEST, Columns
+from tendonrepro.dataset.arrays import FEWEST, Column, Columns
 
 NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
 _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
@@ -127,6 +125,6 @@ def _of_durations(cells: pd.Series) -> pd.Series:
     return found
 
 
-def only_numbers(values: NDArray[Any]) -> bool:
+def only_numbers(values: Column) -> bool:
     """Whether a column holds numbers."""
     return values.dtype.kind == "f"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -73,6 +72,6 @@ def read_package(path: Path) -> Tables:
 
 def _fields(resource: dict[str, object]) -> dict[str, str]:
     schema = resource.get("schema")
-    listed: Sequence[Any] = schema.get("fields", []) if isinstance(schema, dict) else []
-    named = (one for one in listed if isinstance(one, dict) and "name" in one)
-    return {str(one["name"]): str(one.get("unit") or "") for one in named}
+    listed: Sequence[object] = schema.get("fields", []) if isinstance(schema, dict) else []
+    named = (field for field in listed if isinstance(field, dict) and "name" in field)
+    return {str(field["name"]): str(field.get("unit") or "") for field in named}

@@ -20,7 +20,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
@@ -77,7 +77,7 @@ def kind_of(variable: str) -> str | None:
     return {"rad": "angle", "rad s-1": "rate", "N m": "torque"}.get(VARIABLES[variable][0])
 
 
-def _use(text: Any) -> Use:
+def _use(text: object) -> Use:
     if isinstance(text, str) and (blank := next((word for word in PLACEHOLDERS if word in text.split()), "")):
         refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
     match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
@@ -102,13 +102,12 @@ Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=Fals
 Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 
 
-def _reading_error(given: Any) -> Any:
+def _reading_error(given: object) -> object:
     for name, degrees in given.items() if isinstance(given, dict) else [("", given)]:
         if name and (name not in VARIABLES or kind_of(name) != "angle"):
             angles = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
             refuse(f"there is no angle {name!r}, only {', '.join(angles)}")
-        is_number = isinstance(degrees, int | float) and not isinstance(degrees, bool)
-        if not is_number or not 0.0 <= degrees < math.inf:
+        if isinstance(degrees, bool) or not isinstance(degrees, int | float) or not 0.0 <= degrees < math.inf:
             refuse(f"must be a number of degrees, 0 or more, found {degrees!r}")
     return given
 
@@ -138,11 +137,11 @@ class Run(Model):
 
     @model_validator(mode="before")
     @classmethod
-    def _in_short(cls, entry: Any) -> Any:
-        held = {"sources": entry} if isinstance(entry, str | list) else entry
-        if isinstance(held, dict) and isinstance(held.get("sources"), str):
-            return held | {"sources": [held["sources"]]}
-        return held
+    def _in_short(cls, entry: object) -> object:
+        run = {"sources": entry} if isinstance(entry, str | list) else entry
+        if isinstance(run, dict) and isinstance(run.get("sources"), str):
+            return run | {"sources": [run["sources"]]}
+        return run
 
     def reading_error(self, variable: str) -> float:
         """Error of a variable read off a figure, rad; 0 where it was recorded."""

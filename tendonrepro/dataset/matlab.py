@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -13,7 +12,7 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Columns, Tree, Unreadable
+from tendonrepro.dataset.arrays import Column, Columns, Tree, Unreadable
 from tendonrepro.dataset.simulink import as_object, as_structure
 
 with warnings.catch_warnings():
@@ -84,7 +83,7 @@ def _streams(path: Path) -> Tree:
     return {name: np.frombuffer(content, np.float64) for name, content in streams.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Numbers as arrays, tables as `Columns`, all else with members as a dict."""
     if isinstance(value, pd.DataFrame | Mapping):
         return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
@@ -101,12 +100,12 @@ def _plain(value: Any) -> Any:
     return None if is_damaged else value
 
 
-def _items(items: list[Any]) -> Any:
+def _items(items: Sequence[object]) -> object:
     """Elements of a struct or cell array by number; an only one itself."""
     return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
 
 
-def _members(members: Any) -> Tree:
+def _members(members: object) -> Tree:
     """Members of a struct, object or map."""
     if not isinstance(members, Mapping):
         return {}
@@ -129,7 +128,7 @@ def _table(frame: pd.DataFrame) -> Columns:
     return columns
 
 
-def _seconds(times: NDArray[Any]) -> NDArray[np.float64]:
+def _seconds(times: Column) -> NDArray[np.float64]:
     """Durations, or dates since the first, s."""
     since = times - times[0] if times.dtype.kind == "M" else times
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)

@@ -10,7 +10,7 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
@@ -80,7 +80,7 @@ class _Reader:
     """Reads files, those that might crash a library in a process of their own."""
 
     def __init__(self) -> None:
-        self._pool: Any = None
+        self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> _Reader:
         return self
@@ -154,7 +154,7 @@ def read_file(path: Path, name: str) -> tuple[list[Source], list[str]]:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    file = {"name": name, "size": size, "md5": md5_of(path)}
+    file: dict[str, str | int] = {"name": name, "size": size, "md5": md5_of(path)}
     tables = {inner: columns for inner, columns in tables_of_file.tables.items() if columns}
     left_out = [*tables_of_file.left_out]
     for inner, columns in tables_of_file.tables.items():

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
-from tendonrepro.dataset.arrays import Source
+from tendonrepro.dataset.arrays import Column, Source
 from tendonrepro.dataset.clocks import by_clock, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, Run, Use
 from tendonrepro.errors import ConfigError, DataMissingError
@@ -200,12 +199,12 @@ def _uses(source: Source, run: Run) -> dict[str, Use]:
     return uses
 
 
-def _taken(values: NDArray[Any], rows: NDArray[np.bool_]) -> NDArray[Any]:
+def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:
     """Values of rows, without a copy of a long log where these are all."""
     return values if rows.all() else values[rows]
 
 
-def _in_si(values: NDArray[Any], use: Use) -> Array:
+def _in_si(values: Column, use: Use) -> Array:
     if values.dtype.kind != "f":
         raise ConfigError(f"the column of {use} holds words: see what inspect says of it")
     return np.array((use.factor * values + use.offset) * use.to_si, np.float64)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Columns, Series, Tree
+from tendonrepro.dataset.arrays import Column, Columns, Series, Tree
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
 _UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
 
 
-def as_object(kind: str, members: Tree) -> Any:
+def as_object(kind: str, members: Tree) -> object:
     """Time series, elements and data sets of Simulink's logs; of other objects their members.
 
     Properties of a base class lie under ``any``.
@@ -60,14 +59,14 @@ def _named_block(members: Tree) -> Tree:
     return members
 
 
-def texts(value: Any) -> list[str]:
+def texts(value: object) -> list[str]:
     """Texts of a cell array, or an only one; none of anything else."""
     cells = list(value.values()) if isinstance(value, dict) else [value]
-    found = [text(cell) for cell in cells]
-    return found if all(found) else []
+    words = [text(cell) for cell in cells]
+    return words if all(words) else []
 
 
-def text(value: Any) -> str:
+def text(value: object) -> str:
     """A text, or an empty one of anything else."""
     while isinstance(value, np.ndarray) and value.size:
         value = value.flat[0]
@@ -82,7 +81,7 @@ def _element_name(members: Tree) -> str:
     return next((name for name in own if name), "")
 
 
-def _dataset(members: Tree) -> Any:
+def _dataset(members: Tree) -> Tree | Series | None:
     """Signals of a data set by name; a storage within it holds the same."""
     for key in ("Elements", "Elements_", "Storage", "Storage_"):
         elements = members.get(key)
@@ -109,7 +108,7 @@ def _elements(elements: Tree) -> Tree:
     return named
 
 
-def _members_of(values: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _members_of(values: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
     """Signals of a bus, with names from the element down."""
     if isinstance(values, dict) and not isinstance(values, Columns):
         for name, member in values.items():
@@ -130,7 +129,7 @@ def _named(series: Series, name: str) -> Series:
     return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
 
 
-def _scope(time: NDArray[Any], signals: Tree) -> Tree:
+def _scope(time: Column, signals: Tree) -> Tree:
     """Signals of a structure with time, by label, or title and legend."""
     items = [signals] if "values" in signals else list(signals.values())
     columns: Tree = {"time (s)": time} if time.size else {}
@@ -203,5 +202,5 @@ def _timeseries(tree: Tree) -> Series | None:
     return series
 
 
-def _is_filled(value: Any) -> bool:
+def _is_filled(value: object) -> TypeGuard[Column]:
     return isinstance(value, np.ndarray) and value.size > 0 and value.dtype.kind in "biuf"

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -223,7 +222,7 @@ def _content(cell: object) -> str | None:
     return cell.strip().strip('"').strip() if isinstance(cell, str) else None
 
 
-def _without_numbers(frame: pd.DataFrame, texts: pd.DataFrame, words: Sequence[int]) -> Any:
+def _without_numbers(frame: pd.DataFrame, texts: pd.DataFrame, words: Sequence[int]) -> pd.Series | None:
     """Rows in which no cell is a number, of a table some of whose columns hold words; else None."""
     if not words:
         return None

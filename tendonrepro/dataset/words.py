@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-from tendonrepro.configuration.strict_yaml import load, read_text
+from tendonrepro.configuration.strict_yaml import Section, load, read_text
 
 FACTORS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
@@ -54,7 +53,7 @@ class Meaning:
 
 
 @cache
-def _table() -> dict[str, Any]:
+def _table() -> Section:
     path = Path(__file__).with_name("words.yaml")
     return dict(load(read_text(path), str(path)).tree)
 

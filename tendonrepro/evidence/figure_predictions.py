@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import ceil
 from textwrap import fill
-from typing import Any
 
 from matplotlib.lines import Line2D
 
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.files import Json
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
+    Look,
     journal_style,
     letter_panels,
     mark_cut,
@@ -76,7 +77,7 @@ def in_words(reading: str) -> str:
 
 @journal_style()
 def draw_predictions(
-    experiments: Sequence[Mapping[str, Any]],
+    experiments: Sequence[Json],
     readings: Sequence[str],
     joints: Sequence[int],
     told: str = "",
@@ -136,7 +137,7 @@ def _parts(about: str) -> list[str]:
     return about.replace(" over ", "\nover ").split("\n")
 
 
-def _look(place: int, size: float = 1.0) -> dict[str, Any]:
+def _look(place: int, size: float = 1.0) -> Look:
     """How the interpretation at a place is drawn."""
     turn, which = divmod(place, len(STYLES))
     colour, marker = STYLES[which]

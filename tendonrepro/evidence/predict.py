@@ -97,18 +97,18 @@ def law_of(loop: Loop) -> Law:
 
 def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     loop = loops[FIRST]
-    held, L = loop.reference, loop.L
-    time = L * np.arange(2 * held.time.size - 1, dtype=np.float64)
+    motion, L = loop.reference, loop.L
+    time = L * np.arange(2 * motion.time.size - 1, dtype=np.float64)
     half = 0.5 * time
-    if held.ddq_d.any():
-        angle = CubicSpline(held.time, held.q_d)
+    if motion.ddq_d.any():
+        angle = CubicSpline(motion.time, motion.q_d)
         rates = angle(half), 0.5 * angle(half, 1), 0.25 * angle(half, 2)
     else:
         # Straight lines keep their corners.
         before = np.arange(time.size) // 2
-        q_d = np.stack([np.interp(half, held.time, column) for column in held.q_d.T], axis=1)
-        rates = q_d, 0.5 * held.dq_d[before], np.zeros_like(q_d)
-    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * held.period))
+        q_d = np.stack([np.interp(half, motion.time, column) for column in motion.q_d.T], axis=1)
+        rates = q_d, 0.5 * motion.dq_d[before], np.zeros_like(q_d)
+    return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * motion.period))
 
 
 def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
@@ -119,8 +119,8 @@ def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
         kept[:, -1] = values[:, -1]
         return kept
 
-    held = loop.reference
-    motion = replace(held, q_d=alone(held.q_d), dq_d=alone(held.dq_d), ddq_d=alone(held.ddq_d))
+    given = loop.reference
+    motion = replace(given, q_d=alone(given.q_d), dq_d=alone(given.dq_d), ddq_d=alone(given.ddq_d))
     return replace(loop, reference=motion)
 
 
@@ -231,20 +231,20 @@ def predict_outcome(
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
     chosen, joints, experiments_run = _chosen(loaded, readings), loaded.compare.joints, experiments_on(loaded)
-    found = list(predictions(loaded, chosen, draws, talk, device))
-    names = [held.name for held in chosen]
-    gaps = gaps_between(found, names)
+    predicted = list(predictions(loaded, chosen, draws, talk, device))
+    names = [reading.name for reading in chosen]
+    gaps = gaps_between(predicted, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)
     experiments = [
         {
-            "name": one.name,
-            "about": one.about,
-            "judged_pairs": len(gaps[one.name]),
-            "told_apart": [*map(list, told[one.name])],
-            "gaps": [*told[one.name].values()],
-            "ratios": [vars(row) for row in found if row.experiment == one.name],
+            "name": experiment.name,
+            "about": experiment.about,
+            "judged_pairs": len(gaps[experiment.name]),
+            "told_apart": [*map(list, told[experiment.name])],
+            "gaps": [*told[experiment.name].values()],
+            "ratios": [vars(row) for row in predicted if row.experiment == experiment.name],
         }
-        for one in experiments_run
+        for experiment in experiments_run
     ]
     around = loaded.around
     data = {
@@ -259,7 +259,7 @@ def predict_outcome(
     where = around.told if around else ""
     on = f"{draws} plants {where}".strip()
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
-    return Outcome(data, _tables(found, gaps, never, on, experiments_run), figures)
+    return Outcome(data, _tables(predicted, gaps, never, on, experiments_run), figures)
 
 
 def _chosen(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
@@ -292,8 +292,8 @@ def experiments_on(loaded: LoadedEnsemble) -> Sequence[Experiment]:
     }
     if LOADED in config.runs:
         own["payload"] = f"Controller 1 with {config.runs[LOADED].payload.si:g} kg over without"
-    kept = [one for one in EXPERIMENTS if not left_out.get(one.name)]
-    return [replace(one, about=own.get(one.name, one.about)) for one in kept]
+    kept = [experiment for experiment in EXPERIMENTS if not left_out.get(experiment.name)]
+    return [replace(experiment, about=own.get(experiment.name, experiment.about)) for experiment in kept]
 
 
 def predictions(
@@ -310,18 +310,18 @@ def predictions(
     values = plants.sample(int(loaded.config.seed.si), 0, 0, draws)
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
-            errors: dict[str, list[Array]] = {one.error: [] for one in experiments}
+            errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
                 loops = [loop for row in rows for loop in _loops(loaded, plants, row, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(base) + len(experiments)
-                for name, held in errors.items():
-                    held.append(batch.statistics[name].reshape(-1, count, len(joints)))
+                for name, parts in errors.items():
+                    parts.append(batch.statistics[name].reshape(-1, count, len(joints)))
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
                 progress(len(rows))
-            sizes = {name: np.concatenate(held) for name, held in errors.items()}
+            sizes = {name: np.concatenate(parts) for name, parts in errors.items()}
             yield from _ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
 
 
@@ -334,7 +334,7 @@ def _loops(loaded: LoadedEnsemble, plants: Box | AroundArm, row: Array, reading:
         config, motion = under(reading, configured(loaded.base, plants, row), plants.named(row)), None
     loops = dict(build_loops(config, folder, motion))
     yield from (loops[name] for name in BASE if name in loops)
-    yield from (one.change(config, folder, loops) for one in experiments_on(loaded))
+    yield from (experiment.change(config, folder, loops) for experiment in experiments_on(loaded))
 
 
 def _ratios(
@@ -346,42 +346,42 @@ def _ratios(
     joints: Sequence[int],
 ) -> Iterator[Prediction]:
     """Ratios from errors (N, runs, n) by name, and stability (N, runs); runs are `base`, then experiments."""
-    for place, one in enumerate(experiments, start=len(base)):
-        beside = base.index(one.beside)
+    for place, experiment in enumerate(experiments, start=len(base)):
+        beside = base.index(experiment.beside)
         kept = stable[:, place] & stable[:, beside]
         for i, joint in enumerate(joints):
-            ratio = errors[one.error][kept, place, i] / errors[one.error][kept, beside, i]
+            ratio = errors[experiment.error][kept, place, i] / errors[experiment.error][kept, beside, i]
             spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if kept.sum() >= LEAST else np.full(3, np.nan)
-            yield Prediction(one.name, reading, joint, int(kept.sum()), *map(float, spread))
+            yield Prediction(experiment.name, reading, joint, int(kept.sum()), *map(float, spread))
 
 
-def gaps_between(found: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
+def gaps_between(predicted: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
     """Gap of 90 % ranges, on the joint where it is widest, by experiment and pair of readings.
 
     Pairs that overlap have a negative gap, and pairs with an unknown range none.
     """
-    held: dict[str, Gaps] = {}
-    for experiment in dict.fromkeys(row.experiment for row in found):
-        rows = {(row.reading, row.joint): row for row in found if row.experiment == experiment}
+    by_experiment: dict[str, Gaps] = {}
+    for experiment in dict.fromkeys(row.experiment for row in predicted):
+        rows = {(row.reading, row.joint): row for row in predicted if row.experiment == experiment}
         joints = dict.fromkeys(joint for _, joint in rows)
         gaps = {
             (a, b): max(_gap(rows[a, joint], rows[b, joint]) for joint in joints)
             for a, b in combinations(readings, 2)
         }
-        held[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
-    return held
+        by_experiment[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
+    return by_experiment
 
 
 def told_apart(gaps: Mapping[str, Gaps]) -> dict[str, Gaps]:
     """Pairs of readings that each experiment tells apart, with their gaps."""
-    return {name: {pair: gap for pair, gap in held.items() if gap > 0.0} for name, held in gaps.items()}
+    return {name: {pair: gap for pair, gap in by_pair.items() if gap > 0.0} for name, by_pair in gaps.items()}
 
 
 def never_told_apart(gaps: Mapping[str, Gaps], readings: Sequence[str]) -> list[list[str]]:
     """Pairs of readings that no experiment tells apart, of those with a known gap."""
     widest: dict[tuple[str, str], float] = {}
-    for held in gaps.values():
-        for pair, gap in held.items():
+    for by_pair in gaps.values():
+        for pair, gap in by_pair.items():
             widest[pair] = max(gap, widest.get(pair, gap))
     return [[*pair] for pair in combinations(readings, 2) if widest.get(pair, 1.0) <= 0.0]
 
@@ -393,35 +393,34 @@ def _gap(a: Prediction, b: Prediction) -> float:
 
 
 def _tables(
-    found: Sequence[Prediction],
+    predicted: Sequence[Prediction],
     gaps: Mapping[str, Gaps],
     never: Sequence[Sequence[str]],
     on: str,
     experiments: Sequence[Experiment],
 ) -> list[Table | str]:
     told = told_apart(gaps)
-    telling = sorted(experiments, key=lambda one: -max(told[one.name].values(), default=0.0))
+    telling = sorted(experiments, key=lambda experiment: -max(told[experiment.name].values(), default=0.0))
     rows = []
-    for one in telling:
+    for experiment in telling:
         # Where no pair could be judged, zeros would be findings.
-        apart = [*told[one.name].values()] if gaps[one.name] else None
+        apart = [*told[experiment.name].values()] if gaps[experiment.name] else None
         rows.append(
             {
-                "experiment": one.about,
+                "experiment": experiment.about,
                 "widest_gap": None if apart is None else max(apart, default=0.0),
                 "narrowest_gap": None if apart is None else min(apart, default=0.0),
                 "pairs_told_apart": None if apart is None else len(apart),
             }
         )
     caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
-    ratios = [vars(row) for one in telling for row in found if row.experiment == one.name]
+    ratios = [vars(row) for experiment in telling for row in predicted if row.experiment == experiment.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {on}."
     pairs = never if any(gaps.values()) else [(None, None)]
     untold = [{"interpretation": a, "and": b} for a, b in pairs]
-    few = sum(row.plants < LEAST for row in found)
-    remark = (
-        f"{few} of {len(found)} ranges have fewer than {LEAST} stable plants, and tell nothing: more --draws"
-    )
+    few = sum(row.plants < LEAST for row in predicted)
+    ranges = f"{few} of {len(predicted)} ranges"
+    remark = f"{ranges} have fewer than {LEAST} stable plants, and tell nothing: more --draws"
     return [
         *([remark] if few else []),
         Table("experiments", caption, rows),

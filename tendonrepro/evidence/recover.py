@@ -59,14 +59,14 @@ SHOWN = 5
 class Recovered:
     """What the log of one joint, by the paper's number, says.
 
-    ``found`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
+    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
     record's. ``expected`` has the gains that it is compared with, see `expected_of`; ``place`` is the joint's
     among its joints.
     """
 
     run: str
     joint: int
-    found: list[Fit]
+    fits: list[Fit]
     log: Log
     torque_rounding: float
     angle_rounding: float
@@ -76,7 +76,7 @@ class Recovered:
     @property
     def best(self) -> Fit:
         """Simplest of the fits that are equally good."""
-        return self.found[0]
+        return self.fits[0]
 
     @property
     def rounding(self) -> float:
@@ -105,7 +105,7 @@ class Recovered:
     @property
     def answer(self) -> str:
         """`RECOVERED`, `NONE` or `UNTOLD`."""
-        if not self.found:
+        if not self.fits:
             return UNTOLD
         # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
         balance = abs(self.best.parameters[:2].sum() - 1.0)
@@ -170,7 +170,7 @@ class Recovered:
         """What to record instead."""
         if not self.sampled_as_run:
             return f"Record every sample of the controller. This log has one in {1e3 * self.log.L:.4g} ms."
-        if not self.found:
+        if not self.fits:
             return "Too few samples inside the motors' limits. Record a longer run."
         if self.rounding > COARSE or self.best.bias > CLOSE:
             return "Record torque and angles with more digits: encoder steps if you can."
@@ -220,7 +220,7 @@ class Recovered:
         readings = self.best.hypothesis.name
         text = f"{where}: {which}, {'other gains' if others else 'gains as published'}"
         text += "" if readings == "printed" else f", with {readings}"
-        as_good = len(equally_good(self.found)) - 1
+        as_good = len(equally_good(self.fits)) - 1
         others_fit = (
             f"{count_of(as_good, 'other interpretation')} {'fits' if as_good == 1 else 'fit'} as well."
         )
@@ -390,7 +390,7 @@ def _data(controller: Recovered) -> dict[str, object]:
         "advice": controller.advice,
     }
     head["sentence"] = controller.sentence
-    if not controller.found:
+    if not controller.fits:
         return head
     return head | {
         "surface": controller.best.hypothesis.surface,
@@ -400,7 +400,7 @@ def _data(controller: Recovered) -> dict[str, object]:
             name: {"value": value, "half_90": half, "published": published}
             for name, value, half, published in (controller.parameters() if controller.prints_weights else ())
         },
-        "equally_good": [_named(fit) for fit in equally_good(controller.found)],
+        "equally_good": [_named(fit) for fit in equally_good(controller.fits)],
         "unexplained": controller.unexplained,
         "rounding": controller.rounding,
         "torque_rounding": controller.torque_rounding,
@@ -419,7 +419,7 @@ def _named(fit: Fit) -> str:
 
 
 def _tables(controllers: list[Recovered]) -> list[Table]:
-    fitted = [controller for controller in controllers if controller.found]
+    fitted = [controller for controller in controllers if controller.fits]
     answers = [
         {
             "run": controller.run,
@@ -427,9 +427,9 @@ def _tables(controllers: list[Recovered]) -> list[Table]:
             "answer": controller.answer,
             "surface": controller.best.hypothesis.surface if controller.prints_weights else None,
             "readings": controller.best.hypothesis.name if controller.prints_weights else None,
-            "as_good": len(equally_good(controller.found)) - 1 if controller.found else None,
+            "as_good": len(equally_good(controller.fits)) - 1 if controller.fits else None,
             "weights": controller.weights or None,
-            "unexplained": controller.unexplained if controller.found else None,
+            "unexplained": controller.unexplained if controller.fits else None,
             "advice": controller.advice,
         }
         for controller in controllers
@@ -450,11 +450,11 @@ def _tables(controllers: list[Recovered]) -> list[Table]:
             "joint": controller.joint,
             "hypothesis": _named(fit),
             "unexplained": fit.residual / fit.step,
-            "information": fit.information - min(other.information for other in controller.found),
+            "information": fit.information - min(other.information for other in controller.fits),
             "condition": fit.condition,
         }
         for controller in fitted
-        for fit in controller.found[:SHOWN]
+        for fit in controller.fits[:SHOWN]
     ]
     shown = ("run", "joint", "answer", "surface", "readings", "weights", "as_good")
     # Where nothing can be told there are no columns to choose from.

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, Unpack
+from typing import Annotated, Literal, TypeAlias, Unpack
 
+from tendonrepro.files import Json
 from tendonrepro.studies.command import EXPLORE, REPRODUCE, command, study
 from tendonrepro.studies.parameters import (
     ARGUMENT,
@@ -151,9 +152,7 @@ def export(
 
 
 @command(REPRODUCE, "tendonrepro diff reports/compare reports/extrapolating")
-def diff(
-    first: Annotated[Path | str, ARGUMENT], second: Annotated[Path | str, ARGUMENT]
-) -> Answer[dict[str, Any]]:
+def diff(first: Annotated[Path | str, ARGUMENT], second: Annotated[Path | str, ARGUMENT]) -> Answer[Json]:
     """What differs between two results.
 
     Ends with exit code 1 if anything does.
@@ -171,7 +170,7 @@ def diff(
     return Answer(rows, difference_text(rows), rows, exit_code=0 if rows["same"] else 1)
 
 
-Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[Any]], Word(metavar="KEY=A,B,C")]
+Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word(metavar="KEY=A,B,C")]
 
 
 @study(EXPLORE, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"')

@@ -1,9 +1,10 @@
 """The commands around configurations: list, show, copy, check, schema."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tendonrepro.errors import UsageError
+from tendonrepro.files import Json
 from tendonrepro.studies.command import EXPLORE, command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Telling, Word
 from tendonrepro.studies.study import Answer, written
@@ -26,7 +27,7 @@ def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
 
 
 @command(EXPLORE, "tendonrepro config show compare", "config show")
-def config_show(config: Named, *, set: Changes = None) -> Answer[dict[str, Any]]:
+def config_show(config: Named, *, set: Changes = None) -> Answer[Json]:
     """A configuration as it is used: complete, changes applied."""
     from tendonrepro.configuration.any_kind import shown
 
@@ -64,7 +65,7 @@ def config_init(
 
 
 @command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
-def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[dict[str, Any]]:
+def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[Json]:
     """Check a configuration, and list all its mistakes."""
     from tendonrepro.experiments.paper import check
 
@@ -73,7 +74,7 @@ def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) ->
 
 
 @command(EXPLORE, "tendonrepro config schema > schema.json", "config schema")
-def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[dict[str, Any]]:
+def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[Json]:
     """JSON schema of configuration files, for editors.
 
     Parameters

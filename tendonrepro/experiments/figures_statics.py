@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
 
 import numpy as np
+from matplotlib.contour import QuadContourSet
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -31,7 +31,7 @@ def draw_margin(survey: Survey) -> style.Drawing:
     grid = figure.subplots(len(cases), len(courses), sharex=True, sharey=True)
     titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in courses]
     panels = style.letter_panels(grid.flat, titles)
-    drawn: Any = None
+    drawn: QuadContourSet | None = None
     for panel, (case, course) in zip(panels.values(), product(cases, courses.values()), strict=True):
         maps = course.maps
         assert maps is not None
@@ -49,6 +49,7 @@ def draw_margin(survey: Survey) -> style.Drawing:
     for panel in grid[:, 0]:
         panel.set_ylabel(f"Link {last} (deg)")
     label = "Smallest tension of any tendon (N)"
+    assert drawn is not None
     figure.colorbar(drawn, ax=grid, shrink=0.6, aspect=25, pad=0.01, format="{x:g}", label=label)
     line = Line2D([], [], color=_FRICTION, linewidth=0.9, label=f"{RESERVE:g} N, with pulley friction")
     push = Patch(color=_PUSH, label="a tendon would have to push")

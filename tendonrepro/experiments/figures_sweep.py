@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +11,7 @@ from matplotlib.ticker import LogLocator
 from tendonrepro.arrays import Array
 from tendonrepro.experiments.sweep import Sweep, text_of
 from tendonrepro.results.figures import style
+from tendonrepro.results.figures.style import Look
 
 GONE = ("diverged", "unresolved")
 """Statuses of runs whose errors cannot be compared."""
@@ -84,7 +84,7 @@ def _draw_errors(panel: Axes, sweep: Sweep, order: Sequence[int], x: Array, k: i
     errors = np.where(gone, np.nan, sweep.sizes["mae_deg"][order, :, k])
     for i, run in enumerate(sweep.grid.runs):
         stroke, y, ringing = style.stroke_of(i + 1), errors[:, i], status[:, i] == "ringing"
-        look: dict[str, Any] = {"color": stroke.colour, "marker": "osD^v"[i % 5], "markersize": 3.3}
+        look: Look = {"color": stroke.colour, "marker": "osD^v"[i % 5], "markersize": 3.3}
         label = run.replace("_", " ").capitalize()
         panel.plot(x, y, linestyle=stroke.linestyle, linewidth=stroke.width, label=label, **look)
         panel.plot(x[ringing], y[ringing], linestyle="none", markerfacecolor="white", **look)

@@ -22,6 +22,7 @@ from tendonrepro.configuration.models.reference import (
     read_samples,
 )
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, own_loops
@@ -196,15 +197,18 @@ def build_law(config: CompareConfig, name: str) -> Law:
     )
 
 
-def power_floor(resolution: Any, scale: float) -> Any:
+def power_floor(resolution: Value, scale: float) -> Value:
     """``Law.power_floor`` with joint encoders of a resolution, rad, and angles in `scale` units a radian."""
     # Of a symbol, too: the page in a browser can move the resolution.
-    return np.maximum(resolution, RESOLVED_ANGLE) * scale
+    least: Any = np.maximum(resolution, RESOLVED_ANGLE)
+    floor: Value = least * scale
+    return floor
 
 
-def newest_weight(cutoff: Any, L: float) -> Any:
+def newest_weight(cutoff: Value, L: float) -> Value:
     """Weight of the newest value in a low-pass of a cutoff, Hz, or of many."""
-    return 1.0 - np.exp(-2.0 * np.pi * cutoff * L)
+    weight: Value = 1.0 - np.exp(-2.0 * np.pi * cutoff * L)
+    return weight
 
 
 def _boundary(gains: Gains, readings: Readings) -> Array:

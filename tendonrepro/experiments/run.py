@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.experiment import errors_from
+from tendonrepro.configuration.strict_model import Model
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status
@@ -163,7 +164,7 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
     return attributes
 
 
-def _vectors(section: Any) -> dict[str, list[float]]:
+def _vectors(section: Model) -> dict[str, list[float]]:
     return {name: vector.si.tolist() for name, vector in section if vector is not None}
 
 

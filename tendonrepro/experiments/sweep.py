@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ OPTION = "--over"
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
-Over: TypeAlias = Sequence[str] | Mapping[str, Sequence[Any]]
+Over: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
 """Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -48,6 +48,10 @@ def model_of(config: CompareConfig) -> SimpleNamespace:
     )
 
 
+UserFunction: TypeAlias = Callable[..., Any]
+"""What a user gives as a law: whether it is one shows when it is called."""
+
+
 @dataclass(frozen=True)
 class UserLaw:
     """A callable with the signature of :func:`tendonrepro.physics.control.command`; its name is the run's.
@@ -57,14 +61,14 @@ class UserLaw:
 
     name: str
     path: Path | None = None
-    given: Callable[..., Any] | None = None
+    given: UserFunction | None = None
 
     @property
     def spec(self) -> str:
         """``FILE:NAME``, or the name alone."""
         return f"{self.path}:{self.name}" if self.path else self.name
 
-    def load(self) -> tuple[Callable[..., Any], Callable[[SimpleNamespace], Any] | None]:
+    def load(self) -> tuple[UserFunction, Callable[[SimpleNamespace], object] | None]:
         """A fresh copy of the law, so that runs share no memory, and its `setup`, if it has one."""
         if self.path:
             with self.explained():
@@ -92,7 +96,7 @@ class UserLaw:
             raise TendonreproError(message, where=where, hint=hint) from error
 
 
-def laws_of(given: Sequence[str] | Mapping[str, Callable[..., Any]] | None) -> list[UserLaw]:
+def laws_of(given: Sequence[str] | Mapping[str, UserFunction] | None) -> list[UserLaw]:
     """Laws named as ``FILE:NAME``, or given by name."""
     laws = []
     own = given if isinstance(given, Mapping) else {}

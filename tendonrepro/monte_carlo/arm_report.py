@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import quantiles_of, share_of
+from tendonrepro.monte_carlo.summary import PairRow, PopulationSummary, Summary
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS, PAYLOAD
-from tendonrepro.results.tables import Table
+from tendonrepro.results.tables import Table, TableRows
 
 _FORMS = {"ratio": ".3g", "ratio_low": ".3g", "ratio_high": ".3g"} | dict.fromkeys(
     ("share_smaller", "share_low", "share_high", *STATUSES), ".0%"
@@ -27,7 +27,7 @@ def pairs_of(data: EnsembleData) -> list[tuple[str, str]]:
 
 
 @np.errstate(invalid="ignore")  # where a run diverged
-def pair_rows(data: EnsembleData) -> Iterator[dict[str, Any]]:
+def pair_rows(data: EnsembleData) -> Iterator[PairRow]:
     """Mean absolute error of one run over another's on the arms where both are stable, by joint.
 
     ``ratio`` is the median, ``ratio_low`` and ``ratio_high`` the ends of the central 90 % of the arms.
@@ -47,17 +47,16 @@ def pair_rows(data: EnsembleData) -> Iterator[dict[str, Any]]:
                 "over": over,
                 "joint": joint,
                 "arms": int(kept.sum()),
-                **{
-                    name: ratio[level]["value"]
-                    for name, level in (("ratio", "median"), ("ratio_low", "q05"), ("ratio_high", "q95"))
-                },
+                "ratio": ratio["median"]["value"],
+                "ratio_low": ratio["q05"]["value"],
+                "ratio_high": ratio["q95"]["value"],
                 "share_smaller": share["share"],
                 "share_low": share["low"],
                 "share_high": share["high"],
             }
 
 
-def _stability_rows(population: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _stability_rows(population: PopulationSummary) -> Iterator[dict[str, object]]:
     for reading in population["readings"]:
         for run, shares in reading["status"].items():
             yield {
@@ -67,14 +66,14 @@ def _stability_rows(population: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             }
 
 
-def _columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, str]]:
+def _columns(rows: TableRows) -> dict[str, tuple[str, str]]:
     """Headings and formats; the reading is left out where there is no other."""
-    one = {row["reading"] for row in rows} == {PRINTED}
-    names = [name for name in rows[0] if not (one and name == "reading")]
+    alone = {row["reading"] for row in rows} == {PRINTED}
+    names = [name for name in rows[0] if not (alone and name == "reading")]
     return {name: (name.replace("_", " "), _FORMS.get(name, "")) for name in names}
 
 
-def arm_tables(summary: Mapping[str, Any]) -> Iterator[Table | str]:
+def arm_tables(summary: Summary) -> Iterator[Table | str]:
     """Yield the comparison of the runs, and how often each is stable."""
     (population,) = summary["populations"].values()
     pairs, stability = population["pairs"], [*_stability_rows(population)]

@@ -8,7 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.models.readings import Reading, named_readings, under
+from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops, build_reference
 from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops
@@ -68,12 +69,11 @@ class AroundArm:
         box, joints = dict(self.loaded.config.box), self.loaded.compare.joints
         for key, row in PER_JOINT.items():
             for joint in joints:
-                held = box[f"{row}_{3 if joint == joints[-1] else 2}"]
-                yield self._factor(key, joint, held)
+                yield self._factor(key, joint, box[f"{row}_{3 if joint == joints[-1] else 2}"])
         for key, row in SHARED.items():
             yield self._factor(key, None, box[row])
 
-    def _factor(self, key: str, joint: int | None, row: Any) -> Factor:
+    def _factor(self, key: str, joint: int | None, row: object) -> Factor:
         assert isinstance(row, BoxRange)
         if key in self.around.ranges:
             return Factor(key, joint, *self.around.ranges[key], log=True)
@@ -108,8 +108,8 @@ class AroundArm:
         ConfigError
             Where a value leaves what is possible, such as a loss above all of the tension.
         """
-        tree: dict[str, Any] = deepcopy(dict(self.loaded.base.tree))
-        arm, n = tree["manipulator"], self.loaded.compare.manipulator.joints
+        tree = deepcopy(dict(self.loaded.base.tree))
+        arm, n = section(tree, "manipulator"), self.loaded.compare.manipulator.joints
         by_key: dict[str, Array] = {}
         for factor, value in zip(self.factors, values.tolist(), strict=True):
             joints = slice(None) if factor.joint is None else slice(factor.joint - 1, factor.joint)
@@ -118,11 +118,10 @@ class AroundArm:
         by_key["links.com"] *= by_key["links.length"]
         by_key["links.inertia"] *= by_key["links.mass"] * by_key["links.length"] ** 2
         for key, factors in by_key.items():
-            held = arm
-            for part in key.split("."):
-                held = held[part]
-            scaled = np.array(held["value"]) * (factors if isinstance(held["value"], list) else factors[0])
-            held |= {"value": scaled.tolist(), "source": f"assumed: draw {self.around.told}"}
+            quantity = section(arm, *key.split("."))
+            value = quantity["value"]
+            scaled = np.array(value) * (factors if isinstance(value, list) else factors[0])
+            quantity |= {"value": scaled.tolist(), "source": f"assumed: draw {self.around.told}"}
         return drawn_config(tree, self.around)
 
     @cached_property
@@ -176,19 +175,19 @@ def readings_around(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
     UsageError
         For one that draws from the ranges of the paper's arm, or that the comparison lacks something for.
     """
-    found = named_readings(names)
-    for held in found:
-        if drawing := draws_rows(held):
+    readings = named_readings(names)
+    for reading in readings:
+        if drawing := draws_rows(reading):
             message = f"{drawing[0]} draws from the ranges of the paper's arm"
             hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"
             raise UsageError(message, where="--readings", hint=hint)
         try:
-            changed = under(held, loaded.compare, {})
+            changed = under(reading, loaded.compare, {})
             CompareConfig.model_validate(changed.model_dump(mode="json", exclude_none=True))
         except ValueError as error:
-            message = f"the comparison cannot be run under {held.name}: {error}"
+            message = f"the comparison cannot be run under {reading.name}: {error}"
             raise UsageError(message, where="--readings") from error
-    return found
+    return readings
 
 
 def sobol(dimensions: int, key: Sequence[int], first: int, count: int) -> Array:

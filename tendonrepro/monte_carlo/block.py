@@ -7,26 +7,25 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
-from tendonrepro.monte_carlo.data import Arrays, Block, shard_image
+from tendonrepro.monte_carlo.data import Arrays, Block, Stored, shard_image
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
-from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.batch import Batch, Limits, simulate_batch
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.stepper import simulate
 
-Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
+Simulate: TypeAlias = Callable[[Sequence[Loop], Limits], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
 DRAWS_AT_ONCE: Mapping[DeviceName, int] = {"cpu": 32, "gpu": 256}
@@ -39,14 +38,14 @@ def make_blocks(
     study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[tuple[Block, bytes]]:
     """Compute blocks of one population as they are stored."""
-    found = compute_blocks(study, blocks, simulate)
-    return [(block, shard_image(arrays)) for block, arrays in zip(blocks, found, strict=True)]
+    computed = compute_blocks(study, blocks, simulate)
+    return [(block, shard_image(arrays)) for block, arrays in zip(blocks, computed, strict=True)]
 
 
 def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
     """Simulate every case of every draw of a block."""
-    (found,) = compute_blocks(study, [block], simulate)
-    return found
+    (arrays,) = compute_blocks(study, [block], simulate)
+    return arrays
 
 
 def compute_blocks(
@@ -66,15 +65,15 @@ def compute_blocks(
         batches.append(simulate(list(chain.from_iterable(drawn)), study.loaded.compare.status))
     edges = np.cumsum([block.count for block in blocks])[:-1]
 
-    def by_case(parts: list[Any], kind: type) -> list[Any]:
+    def by_case(parts: Sequence[Stored], kind: type) -> list[Stored]:
         """Batches go draw by draw; a reader asks block by block, and case by case."""
         # What overflows single precision is of a diverged run, and infinite for every purpose.
         with np.errstate(over="ignore"):
-            joined: NDArray[Any] = np.concatenate(parts).astype(kind)
+            joined: Stored = np.concatenate(parts).astype(kind)
         cases = joined.reshape(-1, len(study.cases), *joined.shape[1:]).swapaxes(0, 1)
         return np.split(cases, edges, axis=1)
 
-    found: dict[str, Sequence[Any]] = {
+    stored: Mapping[str, Sequence[Stored]] = {
         "draws": values,
         "status": by_case([batch.status for batch in batches], np.int8),
         "check": [
@@ -86,14 +85,14 @@ def compute_blocks(
         name: by_case([batch.statistics[name] for batch in batches], np.float32)
         for name in batches[0].statistics
     }
-    return [{name: of_block[k] for name, of_block in found.items()} for k in range(len(blocks))]
+    return [{name: of_block[k] for name, of_block in stored.items()} for k in range(len(blocks))]
 
 
 def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[tuple[Block, Array]]]:
     """Yield pieces that follow each other, of so many draws at most together."""
     together: list[tuple[Block, Array]] = []
     for block, rows in pieces:
-        if sum(len(held) for _, held in together) + len(rows) > most:
+        if sum(len(part) for _, part in together) + len(rows) > most:
             yield together
             together = []
         together.append((block, rows))
@@ -102,7 +101,7 @@ def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[t
 
 def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
     """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
-    drawn_from, found = study.populations[block.population], []
+    drawn_from, loops = study.populations[block.population], []
     draws = (
         ArmDraws(drawn_from, rows, study.cases, study.laws)
         if isinstance(drawn_from, AroundArm)
@@ -110,13 +109,13 @@ def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
     )
     for k, row in enumerate(rows):
         try:
-            found.append(draws.loops(k))
+            loops.append(draws.loops(k))
         except TendonreproError as error:
             message = f"a draw of {block} cannot be run: {error.message}"
             raise TendonreproError(
                 message, where=error.where, hint=json.dumps(drawn_from.named(row))
             ) from error
-    return found
+    return loops
 
 
 def spot_check(
@@ -153,5 +152,5 @@ def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
     if status == "diverged":
         return 0.0
     sizes = np.array([mae(variables["e"]), rmse(variables["e"])])
-    found = np.array([batch.statistics[name][0] for name in ("mae", "rmse")])
-    return float(np.abs(found / sizes - 1.0).max())
+    ours = np.array([batch.statistics[name][0] for name in ("mae", "rmse")])
+    return float(np.abs(ours / sizes - 1.0).max())

@@ -7,18 +7,19 @@ import zlib
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.ensemble import FAST_PERIOD, EnsembleConfig
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import AXES, UNDER_READINGS, as_printed
 from tendonrepro.configuration.published import COMPARED
-from tendonrepro.configuration.quantity import UNITS, to_si
+from tendonrepro.configuration.quantity import UNITS, Value, to_si
+from tendonrepro.configuration.strict_yaml import Node, Section
 from tendonrepro.physics.trajectory import trapezoid_times
 
 GRID = 0.01
@@ -32,6 +33,13 @@ _NOISE_SINES = 8
 
 UNEQUAL = 2.0 / 3.0
 """Amplitude of joint 2 over that of joint 3 in the motion ``unequal``."""
+
+
+if TYPE_CHECKING:
+    from cma import CMAEvolutionStrategy
+
+Draw: TypeAlias = Mapping[str, Numeric]
+"""A value of every row of the box, SI, or those of many draws."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +142,12 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
     return np.concatenate(columns, axis=1)
 
 
-def evolution(start: Array, width: float, population: int, generator: np.random.Generator) -> Any:
+def evolution(
+    start: Array, width: float, population: int, generator: np.random.Generator
+) -> CMAEvolutionStrategy:
     """CMA-ES in the unit cube, from a point (P,) with a first standard deviation.
 
-    A ``cma.CMAEvolutionStrategy`` with random numbers of its own.
+    Its random numbers are its own.
     """
     import cma
 
@@ -157,12 +167,12 @@ def configured(base: LoadedConfig, box: Box, values: Array) -> CompareConfig:
     return as_printed(CompareConfig.model_validate(tree))
 
 
-def _drawn_tree(base: Mapping[str, Any], draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
+def _drawn_tree(base: Mapping[str, Node], draw: Mapping[str, float], shortest_run: float) -> Section:
     """Plain values of a comparison's configuration, from a value of every row of the box, SI.
 
     Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
     """
-    tree = deepcopy(dict(base))
+    tree: Section = deepcopy(dict(base))
     put_manipulator(tree["manipulator"], draw)
     # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
     tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
@@ -180,7 +190,7 @@ def noise_seed(draw: Mapping[str, float]) -> int:
     return zlib.crc32(np.array(always).tobytes())
 
 
-def put_manipulator(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
+def put_manipulator(arm: Section, draw: Draw) -> None:
     """Fill in a manipulator from one draw, or arrays of draws."""
     put_links(arm["links"], draw)
     _put_drive(arm, draw)
@@ -188,25 +198,26 @@ def put_manipulator(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
     _put_options(arm, draw)
 
 
-def is_word(draw: Mapping[str, Any], row: str, *words: str) -> Any:
+def is_word(draw: Draw, row: str, *words: str) -> Numeric:
     """Whether a row of words has one of some words."""
-    return sum(draw[row] == WORDS[row].index(word) for word in words) > 0
+    matches: Numeric = sum(draw[row] == WORDS[row].index(word) for word in words)
+    return matches > 0
 
 
-def _drawn(value: Any, unit: str, row: str) -> dict[str, Any]:
+def _drawn(value: object, unit: str, row: str) -> Section:
     return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
 
 
-def _per_joint(two: Any, three: Any, unit: str, row: str) -> dict[str, Any]:
+def _per_joint(two: Numeric, three: Numeric, unit: str, row: str) -> Section:
     """Vector of the manipulator; joint 1 is held, so its entry does not matter."""
     return _drawn([two, two, three], unit, row)
 
 
-def _alike(value: float, unit: str, row: str) -> dict[str, Any]:
+def _alike(value: Numeric, unit: str, row: str) -> Section:
     return _per_joint(value, value, unit, row)
 
 
-def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
+def put_links(links: Section, draw: Draw) -> None:
     """Fill in a manipulator's links from one draw, or arrays of draws."""
     length = draw["link_length_2"], draw["link_length_3"]
     mass = draw["link_mass_2"], draw["link_mass_3"]
@@ -221,7 +232,7 @@ def put_links(links: dict[str, Any], draw: Mapping[str, Any]) -> None:
     links["inertia"] = _per_joint(*inertia, "kg m2", "link_inertia of m l^2")
 
 
-def _put_drive(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
+def _put_drive(arm: Section, draw: Draw) -> None:
     winches, tendons = arm["winches"], arm["tendons"]
     motor = winches["reduction"]["value"] ** 2 * (draw["rotor_inertia"] + draw["reducer_inertia"])
     winches["reflected_inertia"] = _alike(motor, "kg m2", "rotor_inertia and reducer_inertia")
@@ -241,12 +252,14 @@ def _put_drive(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
     tendons["damping_factor"] = _drawn(1.0, "1", "which has the damping itself")
 
 
-def switched(draw: Mapping[str, Any], row: str) -> Any:
+def switched(draw: Mapping[str, Value], row: str) -> Value:
     """Value of a row that may be off."""
-    return draw[f"{row}_acts"] * draw[row]
+    acts: Any = draw[f"{row}_acts"]
+    value: Value = acts * draw[row]
+    return value
 
 
-def _put_friction(friction: dict[str, Any], draw: Mapping[str, Any]) -> None:
+def _put_friction(friction: Section, draw: Draw) -> None:
     on = {side: is_word(draw, "friction_sides", side, "both") for side in ("link", "winch")}
     for side, acts in on.items():
         part = friction[side]
@@ -262,7 +275,7 @@ def _put_friction(friction: dict[str, Any], draw: Mapping[str, Any]) -> None:
     friction["reducer_efficiency"] = _drawn(efficiency, "1", "reducer_efficiency")
 
 
-def _put_options(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
+def _put_options(arm: Section, draw: Draw) -> None:
     arm["tensioner"]["force"] = _drawn(draw["tensioner_force"], "N", "tensioner_force")
     arm["tensioner"]["side"] = AXES["tensioner"].printed
     error = switched(draw, "transmission_error")
@@ -273,7 +286,7 @@ def _put_options(arm: dict[str, Any], draw: Mapping[str, Any]) -> None:
         actuator[row] = _drawn(switched(draw, row), "N m", row)
 
 
-def drawn_disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
+def drawn_disturbance(draw: Mapping[str, float]) -> Section:
     """Disturbance of one draw, as plain values."""
     kind = WORDS["disturbance"][int(draw["disturbance"])]
     torque = _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")
@@ -287,7 +300,7 @@ def drawn_disturbance(draw: Mapping[str, float]) -> dict[str, Any]:
     return {"kind": kind}
 
 
-def drawn_reference(draw: Mapping[str, float], shortest_run: float) -> dict[str, Any]:
+def drawn_reference(draw: Mapping[str, float], shortest_run: float) -> Section:
     """Motion of both joints, by equal angles except in ``unequal``, as plain values."""
     kind = WORDS["motion"][int(draw["motion"])]
     shape, cycle = _shape(kind, draw)
@@ -301,7 +314,7 @@ def drawn_reference(draw: Mapping[str, float], shortest_run: float) -> dict[str,
     return {**shape, "periods": _drawn(periods, "1", "as many as the shortest run asks for")}
 
 
-def _shape(kind: str, draw: Mapping[str, float]) -> tuple[dict[str, Any], float]:
+def _shape(kind: str, draw: Mapping[str, float]) -> tuple[Section, float]:
     """Kind and times of a motion, and its period, s."""
     if kind in ("minimum_jerk", "ramp"):
         rise, hold = _on_grid(draw["rise"]), _on_grid(draw["hold"])

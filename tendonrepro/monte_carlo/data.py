@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,10 @@ SHARDS = "shards"
 Case = tuple[str, str]
 """Run and what it was run under, such as ``("controller_1", "weights=extrapolating")``."""
 
-Arrays = Mapping[str, NDArray[Any]]
+Stored: TypeAlias = NDArray[Any]
+"""An array of a shard: numbers, codes, or a text."""
+
+Arrays = Mapping[str, Stored]
 """Everything kept of one block; B draws of P numbers, C cases, n joints.
 
 ``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
@@ -67,7 +70,7 @@ def shard_image(arrays: Arrays) -> bytes:
     return stream.getvalue()
 
 
-def read_array(path: Path, name: str) -> NDArray[Any]:
+def read_array(path: Path, name: str) -> Stored:
     """Read one array; a DataMissingError where it is missing or damaged."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
@@ -97,7 +100,7 @@ class EnsembleData:
     files: Mapping[Block, Path]
     identity: str
     planned: int
-    _kept: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
+    _kept: dict[str, Stored] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -125,7 +128,7 @@ class EnsembleData:
         """One of `simulation.streaming.STATISTICS` of a run, SI units, (N, n); else a DataMissingError."""
         return np.asarray(self._case(name, run, reading), np.float64)
 
-    def _case(self, name: str, run: str, reading: str) -> NDArray[Any]:
+    def _case(self, name: str, run: str, reading: str) -> Stored:
         if not self.has(run, reading):
             hint = f"It holds {', '.join(self.readings)}."
             raise DataMissingError(f"the ensemble holds no run {run!r} under {reading!r}", hint=hint)
@@ -156,8 +159,6 @@ def read_ensemble(folder: Path, population: str | None = None) -> EnsembleData:
         hint = f"It holds {', '.join(plan['populations'])}."
         raise DataMissingError(f"holds no population {population!r}", where=str(folder), hint=hint)
     blocks = [Block(*entry) for entry in sorted(plan["blocks"]) if entry[0] == population]
-    names = ("runs", "joints", "alpha", "names", "readings")
-    of_plan: dict[str, Any] = {name: tuple(plan[name]) for name in names}
     return EnsembleData(
         of_paper=plan["of_paper"],
         around=plan.get("around", ""),
@@ -165,5 +166,9 @@ def read_ensemble(folder: Path, population: str | None = None) -> EnsembleData:
         files={block: folder / SHARDS / block.file_name(plan["identity"]) for block in blocks},
         identity=plan["identity"],
         planned=plan["draws"],
-        **of_plan,
+        runs=tuple(plan["runs"]),
+        joints=tuple(plan["joints"]),
+        alpha=tuple(plan["alpha"]),
+        names=tuple(plan["names"]),
+        readings=tuple(plan["readings"]),
     )

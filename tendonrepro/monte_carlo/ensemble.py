@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -76,8 +76,8 @@ def load_study(
     chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
     return Study(
         loaded,
-        boxes={name: box.only(held.confidences) for name, held in config.populations.items()},
-        shares={name: held.share.si for name, held in config.populations.items()},
+        boxes={name: box.only(population.confidences) for name, population in config.populations.items()},
+        shares={name: population.share.si for name, population in config.populations.items()},
         readings=chosen,
         variations=tuple(parse_reading(name) for name in config.variations) if default else (),
         seed=int(config.seed.si),
@@ -189,7 +189,7 @@ def ensemble_study(
     return Runnable(base, run, folder, keep=SHARDS, stays=True, stored=True, numbers="summary", plan=plan)
 
 
-def _plan(study: Study, draws: int) -> dict[str, Any]:
+def _plan(study: Study, draws: int) -> dict[str, object]:
     """What ``--json`` of a dry run says."""
     blocks = study.blocks(draws)
     cost = study.cost(blocks)
@@ -210,7 +210,7 @@ def _parts(study: Study, blocks: Sequence[Block]) -> list[list[Block]]:
     """Blocks that are computed together: one, or as many of a population as fill a GPU."""
     each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
     of_population = [[block for block in blocks if block.population == name] for name in study.populations]
-    return [held[k : k + each] for held in of_population for k in range(0, len(held), each)]
+    return [alike[k : k + each] for alike in of_population for k in range(0, len(alike), each)]
 
 
 def on_cluster(
@@ -257,11 +257,11 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
-def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> Outcome:
+def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
     blocks = study.blocks(draws)
     populations = {name: population_summary(read_ensemble(folder, name)) for name in study.populations}
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
-    summary: dict[str, Any] = {
+    summary: Any = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,
@@ -285,7 +285,7 @@ def _outcome(study: Study, draws: int, folder: Path, speed: dict[str, Any]) -> O
     return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 
 
-def _manifest(study: Study, seconds: float) -> dict[str, Any]:
+def _manifest(study: Study, seconds: float) -> dict[str, object]:
     manifest = make_manifest(study.loaded.base, seconds, "ensemble")
     config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
     stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from tendonrepro.monte_carlo.shares import QUANTILES, RATIO_NAMES, RATIOS
+from tendonrepro.monte_carlo.shares import RATIO_NAMES, RATIOS
+from tendonrepro.monte_carlo.summary import PopulationSummary, RatioName, ReadingSummary, Summary
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     SERIES,
@@ -23,13 +23,13 @@ _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
 
-def ensemble_figures(summary: Mapping[str, Any]) -> dict[str, Callable[[], Drawing]]:
+def ensemble_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
     """Every population's ratios, by name of the figure."""
     populations = summary["populations"].items()
-    return {f"ratios_{name}": partial(draw_ratios, name, held) for name, held in populations}
+    return {f"ratios_{name}": partial(draw_ratios, name, population) for name, population in populations}
 
 
-def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
+def draw_ratios(population: str, summary: PopulationSummary) -> Drawing:
     """Ratios of MAE under each reading, the printed ones, and those of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
@@ -38,8 +38,8 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
             _draw_ratio(panel, summary["readings"], key, f"joint_{joint}")
             panel.set_xlabel("ratio of MAE")
         marks = {line.get_label(): line for panel in axes for line in panel.lines}
-        held = [line for label, line in marks.items() if not str(label).startswith("_")]
-        axes[0].figure.legend(handles=held, loc="outside upper center", ncols=5)
+        named = [line for label, line in marks.items() if not str(label).startswith("_")]
+        axes[0].figure.legend(handles=named, loc="outside upper center", ncols=5)
 
     caption = (
         f"Ratio of the mean absolute errors on plants of the population {population} on which all three laws "
@@ -52,13 +52,16 @@ def draw_ratios(population: str, summary: Mapping[str, Any]) -> Drawing:
     return rows_figure(f"ratios_{population}", titles, names, draw, caption, origin)
 
 
-def _draw_ratio(panel: Axes, readings: Sequence[Mapping[str, Any]], key: str, joint: str) -> None:
+def _draw_ratio(panel: Axes, readings: Sequence[ReadingSummary], key: RatioName, joint: str) -> None:
     printed = SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
     for row, ratio in enumerate(ratios):
         if not ratio["plants"]:
             continue
-        q05, q25, median, q75, q95 = (ratio[name]["value"] for name in QUANTILES)
+        q05, q25, median, q75, q95 = (
+            quantile["value"]
+            for quantile in (ratio["q05"], ratio["q25"], ratio["median"], ratio["q75"], ratio["q95"])
+        )
         ratio_bar(panel, row, median, {"central 90 %": (q05, q95), "central 50 %": (q25, q75)})
         if key == "ratio_c1_c2":
             theory = readings[row]["theory"][joint]

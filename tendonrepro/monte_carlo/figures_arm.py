@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 from matplotlib.axes import Axes
 
 from tendonrepro.monte_carlo.figures import ratio_axis, ratio_bar, rows_figure
+from tendonrepro.monte_carlo.summary import PopulationSummary, Summary
 from tendonrepro.results.figures.style import Drawing
 from tendonrepro.results.summary import CONTROLLERS
 
 
-def arm_figures(summary: Mapping[str, Any]) -> dict[str, Callable[[], Drawing]]:
+def arm_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
     """The picture of all pairs."""
     (population,) = summary["populations"].values()
     return {"pairs": partial(draw_pairs, population, summary["around"]["told"])}
 
 
-def draw_pairs(population: Mapping[str, Any], told: str) -> Drawing:
+def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
     """Ratios of errors, a panel for each pair of runs, a row for each joint and reading."""
     pairs = list(dict.fromkeys((row["run"], row["over"]) for row in population["pairs"]))
     rows = list(dict.fromkeys((row["reading"], row["joint"]) for row in population["pairs"]))
@@ -38,15 +38,15 @@ def draw_pairs(population: Mapping[str, Any], told: str) -> Drawing:
             ratio_axis(panel)
             panel.set_xlabel("ratio of MAE")
         marks = {line.get_label(): line for panel in axes for line in panel.lines}
-        held = [line for label, line in marks.items() if not str(label).startswith("_")]
-        axes[0].figure.legend(handles=held, loc="outside upper center", ncols=3)
+        named = [line for label, line in marks.items() if not str(label).startswith("_")]
+        axes[0].figure.legend(handles=named, loc="outside upper center", ncols=3)
 
     caption = (
         f"Ratio of the mean absolute errors of two runs on arms {told}, where both are stable. "
         "Cross: what errors that change slowly would give."
     )
-    one = len({reading for reading, _ in rows}) == 1
-    names = [f"joint {joint}" if one else f"joint {joint},\n{reading}" for reading, joint in rows]
+    alone = len({reading for reading, _ in rows}) == 1
+    names = [f"joint {joint}" if alone else f"joint {joint},\n{reading}" for reading, joint in rows]
     titles = [f"{_short(first)}/{_short(over)}" for first, over in pairs]
     origin = f"Simulated, {population['plants']} arms {told}"
     return rows_figure("pairs", titles, names, draw, caption, origin)

@@ -38,7 +38,7 @@ def values_of(config: CompareConfig, box: Box) -> Array:
     nominals are. Where the comparison cannot be a draw, as with a sampled motion, rows stay nominal too.
     """
     nominal = box.named(box.nominal)
-    found = {
+    values = {
         **dict(_links(config.manipulator)),
         **dict(_drive(config.manipulator, nominal)),
         **dict(_friction(config.manipulator)),
@@ -48,7 +48,7 @@ def values_of(config: CompareConfig, box: Box) -> Array:
         **dict(_control(config)),
         **dict(_runs(config)),
     }
-    return np.array([found.get(name, nominal[name]) for name in box.names], dtype=np.float64)
+    return np.array([values.get(name, nominal[name]) for name in box.names], dtype=np.float64)
 
 
 def _place(row: str, word: str) -> tuple[str, float]:
@@ -125,17 +125,17 @@ def _options(arm: Manipulator) -> _Values:
 
 
 def _disturbance(config: CompareConfig) -> _Values:
-    held = config.disturbance
-    match held:
+    disturbance = config.disturbance
+    match disturbance:
         case NoDisturbance():
             yield _place("disturbance", "none")
         case SineDisturbance():
             yield _place("disturbance", "sine")
-            yield "disturbance_torque", held.torque.si[-1]
-            yield "disturbance_frequency", held.frequency.si
+            yield "disturbance_torque", disturbance.torque.si[-1]
+            yield "disturbance_frequency", disturbance.frequency.si
         case NoiseDisturbance():
             yield _place("disturbance", "noise")
-            yield "disturbance_torque", held.torque.si[-1]
+            yield "disturbance_torque", disturbance.torque.si[-1]
 
 
 def _motion(reference: ReferenceConfig) -> _Values:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -160,7 +159,7 @@ class Study:
             raise UsageError(message, where="--draws", hint=f"{needed} would do")
         return int(draws * self.shares[population])
 
-    def plan(self, draws: int) -> dict[str, Any]:
+    def plan(self, draws: int) -> dict[str, object]:
         """Describe the ensemble as plain values that its reader needs."""
         around = self.loaded.around
         return {

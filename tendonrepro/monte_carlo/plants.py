@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypedDict, TypeVar
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.experiment import (
     NoDisturbance,
@@ -25,6 +25,7 @@ from tendonrepro.configuration.models.readings import ERROR_RATES, FRICTIONS, Re
 from tendonrepro.configuration.models.reference import MinimumJerk, RaisedCosine, Ramp, Sine, Trapezoidal
 from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_model import Model
+from tendonrepro.configuration.strict_yaml import Section, section
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.loops import (
     build_law,
@@ -51,7 +52,7 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.statics import tensioner_side, tensioner_torque
-from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.simulation.loop import DesiredMotion, Loop, Solver, TimeDelayController
 
 Columns: TypeAlias = Mapping[str, Array]
 """Values (N,) of N draws by row of the box, SI."""
@@ -62,7 +63,7 @@ Moved: TypeAlias = tuple[Arm, Drive, Friction, Array]
 _MOTION = {"motion", "sampling_period"}
 """Axes of readings that the desired motion depends on."""
 
-_KINDS: Mapping[str, type[Model]] = {
+_KINDS: Mapping[str, type[RaisedCosine | MinimumJerk | Ramp | Trapezoidal | Sine]] = {
     "raised_cosine": RaisedCosine,
     "minimum_jerk": MinimumJerk,
     "ramp": Ramp,
@@ -74,6 +75,16 @@ _DISTURBANCES: Mapping[str, type[Model]] = {
     "sine": SineDisturbance,
     "noise": NoiseDisturbance,
 }
+
+
+class _Fixed(TypedDict):
+    """What all draws of a case have in common, as of `Loop`."""
+
+    motor_encoder: Encoder
+    L: float
+    solver: Solver
+    divergence_limit: float
+    cold: bool
 
 
 @dataclass(frozen=True)
@@ -96,7 +107,7 @@ class _Case:
     estimate_filter: str
     starts_apart: bool
     late: bool
-    fixed: Mapping[str, Any]
+    fixed: _Fixed
 
 
 def _case(run: str, reading: Reading, nominal: CompareConfig, draw: Mapping[str, float]) -> _Case:
@@ -141,8 +152,7 @@ class Draws:
         named = box.named(box.nominal)
         self._cases = [_case(run, reading, self._nominal, named) for run, reading in cases]
         self._columns: Columns = dict(zip(box.names, np.ascontiguousarray(values.T), strict=True))
-        tree: Mapping[str, Any] = base.tree
-        self._arm = deepcopy(tree["manipulator"])
+        self._arm: Section = deepcopy(section(base.tree, "manipulator"))
         put_manipulator(self._arm, self._columns)
         self._n = len(self._nominal.joints)
         self._posture = np.broadcast_to(self._columns["posture"], (self._n, len(values)))
@@ -180,7 +190,7 @@ class Draws:
         return np.broadcast_to(values if values.ndim > 1 else values[:, np.newaxis], self._posture.shape)
 
     def _quantity(self, *path: str) -> Array:
-        part: Any = self._arm
+        part = self._arm
         for key in path:
             part = part[key]
         return np.asarray(to_si(np.array(part["value"], dtype=np.float64), part["unit"]))
@@ -315,8 +325,12 @@ def _law(case: _Case, draw: Mapping[str, float]) -> Law:
     if not any(filtered.values()) and rate == case.error_rate:
         return law
     newest = newest_weight(draw["filter_cutoff"], law.L)
-    weights: dict[str, Any] = {name: newest if acts else 1.0 for name, acts in filtered.items()}
-    return law._replace(**weights)
+    weights = {name: newest if acts else 1.0 for name, acts in filtered.items()}
+    return law._replace(
+        rate_filter=weights["rate_filter"],
+        ddq_filter=weights["ddq_filter"],
+        estimate_filter=weights["estimate_filter"],
+    )
 
 
 def _plant(moved: Moved, disturbance: Disturbance) -> Plant:
@@ -327,16 +341,19 @@ def _plant(moved: Moved, disturbance: Disturbance) -> Plant:
 class _Drawn(NamedTuple):
     """Stands for a quantity of a configuration, in SI, where a whole one would take most of the time."""
 
-    value: Any
+    value: Numeric | list[Numeric]
 
     @property
-    def si(self) -> Any:
+    def si(self) -> Numeric:
         return np.array(self.value) if isinstance(self.value, list) else self.value
 
 
-def _constructed(kinds: Mapping[str, type[Model]], tree: Mapping[str, Any]) -> Any:
+Kind = TypeVar("Kind", bound=Model)
+
+
+def _constructed(kinds: Mapping[str, type[Kind]], tree: Section) -> Kind:
     """Model of a kind from plain values that are known to be sound."""
-    parts: dict[str, Any] = {name: _Drawn(part["value"]) for name, part in tree.items() if name != "kind"}
+    parts: Section = {name: _Drawn(part["value"]) for name, part in tree.items() if name != "kind"}
     return kinds[tree["kind"]].model_construct(kind=tree["kind"], **parts)
 
 

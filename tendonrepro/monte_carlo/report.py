@@ -15,20 +15,28 @@ from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.arm_report import pair_rows
 from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
+from tendonrepro.monte_carlo.summary import PopulationSummary, ReadingSummary, Summary
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 
 
-def population_summary(data: EnsembleData) -> dict[str, Any]:
+def population_summary(data: EnsembleData) -> PopulationSummary:
     """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
-    found = [reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings]
+    readings: Any = [
+        reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings
+    ]
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
-        for run, shares in found[0]["status"].items()
+        for run, shares in readings[0]["status"].items()
     }
-    pairs = {"pairs": [*pair_rows(data)]} if data.around else {}
-    return {"plants": len(data), "joints": list(data.joints), "laws": laws, "readings": found, **pairs}
+    population: PopulationSummary = {
+        "plants": len(data),
+        "joints": list(data.joints),
+        "laws": laws,
+        "readings": readings,
+    }
+    return {**population, "pairs": [*pair_rows(data)]} if data.around else population
 
 
 def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
@@ -45,7 +53,7 @@ def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
     }
 
 
-def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, Any]:
+def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, object]:
     """Largest difference from the SciPy stepper among experiments ``compared`` to their end, and where."""
     stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
     checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
@@ -61,7 +69,7 @@ def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[st
     }
 
 
-def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, object]:
+def reading_row(reading: ReadingSummary, joints: Sequence[int]) -> dict[str, object]:
     """A reading's row: shares, and medians."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
@@ -87,16 +95,17 @@ def reading_row(reading: Mapping[str, Any], joints: Sequence[int]) -> dict[str, 
     }
 
 
-def ensemble_tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+def ensemble_tables(summary: Summary) -> Iterator[Table]:
     """Yield each population's table; the terminal shows the first."""
-    for place, (name, held) in enumerate(summary["populations"].items()):
+    for place, (name, population) in enumerate(summary["populations"].items()):
         caption = (
-            f"Population {name}, {held['plants']} plants. Shares of the box, low and high from the 95 % "
-            f"interval by {summary['scramblings']} scramblings. Ratios are medians of the ratio of MAE over "
-            "plants on which all three laws are ok. Their ranges, and other intervals, are in summary.json."
+            f"Population {name}, {population['plants']} plants. Shares of the box, low and high from the "
+            f"95 % interval by {summary['scramblings']} scramblings. Ratios are medians of the ratio of MAE "
+            "over plants on which all three laws are ok. Their ranges, and other intervals, are in "
+            "summary.json."
         )
-        joints = held["joints"]
-        rows = [reading_row(reading, joints) for reading in held["readings"]]
+        joints = population["joints"]
+        rows = [reading_row(reading, joints) for reading in population["readings"]]
         headings = {key: key.replace("_", " ").replace("controller ", "C") for key in rows[0]}
         forms = {key: ".3f" if key.startswith(("ratio", "distance")) else ".1%" for key in rows[0]}
         columns = {key: (heading, forms[key]) for key, heading in headings.items()}

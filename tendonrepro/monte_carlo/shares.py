@@ -15,15 +15,31 @@ from scipy.special import stdtrit
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import published
 from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.summary import (
+    Agreement,
+    OfAnyArm,
+    OfPaper,
+    Quantile,
+    QuantileName,
+    Quantiles,
+    Rankings,
+    Ratio,
+    RatioName,
+    Shapes,
+    ShareOfPlants,
+    Shares,
+    Spreads,
+    StatusShare,
+)
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
 METRICS = ("mae", "rmse")
-QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
-RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
+QUANTILES: Mapping[QuantileName, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
+RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
 
-RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
+RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 
 LEAST_PLANTS = 100
 """Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
@@ -46,6 +62,10 @@ Flags: TypeAlias = NDArray[np.bool_]
 Ends: TypeAlias = tuple[float, float]
 
 
+NOTHING: Any = None
+"""Stands for a number where there are no plants, or too few."""
+
+
 @dataclass(frozen=True)
 class Share:
     """Part of some plants on which a statement holds; NaN without plants, see `share_of`."""
@@ -54,10 +74,15 @@ class Share:
     interval: Ends | None
     plants: int
 
-    def as_row(self) -> dict[str, Any]:
+    def as_row(self) -> ShareOfPlants:
         """Plain data."""
-        low, high = self.interval or (None, None)
-        return {"share": self.share if self.plants else None, "low": low, "high": high, "plants": self.plants}
+        low, high = self.interval or (NOTHING, NOTHING)
+        return {
+            "share": self.share if self.plants else NOTHING,
+            "low": low,
+            "high": high,
+            "plants": self.plants,
+        }
 
 
 @dataclass(frozen=True)
@@ -82,15 +107,15 @@ def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = 
     counted = np.ones_like(hits) if counted is None else counted
     places = np.unique(replicate, return_inverse=True)[1]
     plants = np.bincount(places, counted)
-    found = np.bincount(places, hits & counted)
+    hit = np.bincount(places, hits & counted)
     total = int(plants.sum())
-    share = float(found.sum() / total) if total else float("nan")
+    share = float(hit.sum() / total) if total else float("nan")
     if np.count_nonzero(plants) < LEAST_SCRAMBLINGS:
         return Share(share, None, total)
     if share in {0.0, 1.0}:
         reach = 1.0 - (1.0 - _CONFIDENCE) ** (1.0 / total)
     else:
-        reach = _half_width((found - share * plants) / plants.mean())
+        reach = _half_width((hit - share * plants) / plants.mean())
     return Share(share, (max(share - reach, 0.0), min(share + reach, 1.0)), total)
 
 
@@ -100,32 +125,47 @@ def _half_width(values: Array) -> float:
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
 
 
-def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> dict[str, Any]:
+def _nothing() -> Quantile:
+    return {"value": NOTHING, "low": NOTHING, "high": NOTHING}
+
+
+def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Quantiles:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
     A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is None.
     """
-    result: dict[str, Any] = {name: {"value": None, "low": None, "high": None} for name in QUANTILES}
-    result |= {"lowest": None, "highest": None, "plants": len(values)}
+    quantiles: Quantiles = {
+        "q05": _nothing(),
+        "q25": _nothing(),
+        "median": _nothing(),
+        "q75": _nothing(),
+        "q95": _nothing(),
+        "lowest": NOTHING,
+        "highest": NOTHING,
+        "plants": len(values),
+    }
     if len(values) == 0:
-        return result
+        return quantiles
     parts = [values, *(values[replicate == number] for number in np.unique(replicate))]
     levels = list(QUANTILES.values())
     pooled, *each = [np.quantile(part, levels, method="inverted_cdf") for part in parts]
     for name, value, column in zip(QUANTILES, pooled.tolist(), np.array(each).T, strict=True):
-        result[name]["value"] = value
+        quantiles[name]["value"] = value
         if len(column) >= LEAST_SCRAMBLINGS and np.isfinite(column).all():
             reach = _half_width(column)
-            result[name] |= {"low": value - reach, "high": value + reach}
-    return result | {"lowest": float(values.min()), "highest": float(values.max())}
+            quantiles[name] |= {"low": value - reach, "high": value + reach}
+    quantiles["lowest"], quantiles["highest"] = float(values.min()), float(values.max())
+    return quantiles
 
 
 def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
     """Median and central 90 % of finite values (K,), one per plant, K > 0."""
-    found = quantiles_of(values, replicate)
-    low, high = found["q05"], found["q95"]
+    quantiles = quantiles_of(values, replicate)
+    low, high = quantiles["q05"], quantiles["q95"]
     around = [None if end["low"] is None else (end["low"], end["high"]) for end in (low, high)]
-    return Spread(found["median"]["value"], low["value"], high["value"], around[0], around[1], len(values))
+    return Spread(
+        quantiles["median"]["value"], low["value"], high["value"], around[0], around[1], len(values)
+    )
 
 
 def _all(flags: Flags, axis: int | tuple[int, ...] = 0) -> Flags:
@@ -153,7 +193,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 
 @np.errstate(invalid="ignore")  # where two laws diverged
-def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
+def reading_summary(data: EnsembleData, reading: str) -> OfAnyArm:
     """What one reading makes of the claims; of another arm nothing that stands beside the print.
 
     Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. Rankings stand
@@ -162,31 +202,42 @@ def reading_summary(data: EnsembleData, reading: str) -> dict[str, Any]:
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
     errors = _errors(data, reading, status)
-    result: dict[str, Any] = {"name": reading, "status": status_shares(data, reading)}
-    result |= _rankings(data, errors, counted)
-    result["without_start"] = _rankings(data, _errors(data, reading, status, "_settled"), counted)
-    for key, pair in RATIOS.items():
-        result[key] = {
+    ratios: dict[RatioName, Ratio] = {
+        key: {
             plants: {
                 metric: _ratio_quantiles(data, pair, metric, sizes, kept)
                 for metric, sizes in zip(METRICS, errors, strict=True)
             }
             for plants, kept in counted.items()
         }
+        for key, pair in RATIOS.items()
+    }
+    of_any_arm: OfAnyArm = {
+        "name": reading,
+        "status": status_shares(data, reading),
+        **_rankings(data, errors, counted),
+        "without_start": _rankings(data, _errors(data, reading, status, "_settled"), counted),
+        "ratio_c1_c2": ratios["ratio_c1_c2"],
+        "ratio_c2_c3": ratios["ratio_c2_c3"],
+    }
     if data.around:
-        return result
+        return of_any_arm
     ok = counted["all_ok"]
     stable, replicate = errors[:, :, ok], data.replicate[ok]
-    result["joint_3_over_2"] = {
-        run: {
-            metric: quantiles_of(sizes[:, -1] / sizes[:, 0], replicate)
-            for metric, sizes in zip(METRICS, stable[:, place], strict=True)
-        }
-        for place, run in enumerate(CONTROLLERS)
-    }
     steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
-    result |= _shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate)
-    return result | {"agreement": agreement(result, data.joints)}
+    of_paper: OfPaper = {
+        **of_any_arm,
+        "joint_3_over_2": {
+            run: {
+                metric: quantiles_of(sizes[:, -1] / sizes[:, 0], replicate)
+                for metric, sizes in zip(METRICS, stable[:, place], strict=True)
+            }
+            for place, run in enumerate(CONTROLLERS)
+        },
+        **_shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate),
+        "agreement": agreement(of_any_arm, data.joints),
+    }
+    return of_paper
 
 
 def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: str = "") -> Array:
@@ -197,19 +248,20 @@ def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: st
     return errors
 
 
-def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -> dict[str, Any]:
+def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -> Rankings:
     """Shares of each of `RANKINGS`, from errors as `_errors` gives them."""
-    found: dict[str, Any] = {}
+    rankings: Any = {}
     for key, hold in RANKINGS.items():
         hits = dict(zip(METRICS, map(hold, errors), strict=True))
         hits["mae_and_rmse"] = hits["mae"] & hits["rmse"]
-        found[key] = {
+        rankings[key] = {
             plants: {
-                metric: _shares(data.joints, held, data.replicate, kept) for metric, held in hits.items()
+                metric: _shares(data.joints, flags, data.replicate, kept) for metric, flags in hits.items()
             }
             for plants, kept in counted.items()
         }
-    return found
+    of_all: Rankings = rankings
+    return of_all
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
@@ -225,7 +277,7 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
-) -> dict[str, Any]:
+) -> Shares:
     """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
@@ -233,7 +285,7 @@ def _shares(
 
 def _ratio_quantiles(
     data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
-) -> dict[str, Any]:
+) -> Spreads:
     """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
     above, below = errors[[*pair]]
     ratio = above / below
@@ -244,17 +296,17 @@ def _ratio_quantiles(
 
 def _by_joint(
     joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
-) -> dict[str, Any]:
+) -> Spreads:
     """Quantiles of values (N, n) on each joint, beside the printed ones."""
-    found = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
-    for quantiles, number in zip(found.values(), printed, strict=False):
+    spreads = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
+    for quantiles, number in zip(spreads.values(), printed, strict=False):
         quantiles["printed"] = number
-    return found
+    return spreads
 
 
 def _shapes(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
-) -> dict[str, Any]:
+) -> Shapes:
     """RMSE over MAE of every controller, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
@@ -270,12 +322,10 @@ def _shapes(
     near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
     order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
     smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
-    together = {
-        "share_c1_smoother": smoother,
-        "share_order_and_smoother": order & smoother,
-        "share_order_and_rise": order & rises,
-        "share_order_rise_and_smoother": order & rises & smoother,
-    }
+
+    def on_both(hits: Flags) -> ShareOfPlants:
+        return share_of(_all(hits, axis=1), replicate).as_row()
+
     return {
         "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
         "rmse_over_mae": {
@@ -285,7 +335,11 @@ def _shapes(
         "rmse_over_mae_growth": _by_joint(joints, shape[-1] / shape[0], replicate),
         "share_rmse_over_mae_rises": _shares(joints, rises, replicate),
         "distance": quantiles_of(np.sqrt((apart**2).mean(axis=(0, 2))), replicate),
-    } | {name: share_of(_all(hits, axis=1), replicate).as_row() for name, hits in together.items()}
+        "share_c1_smoother": on_both(smoother),
+        "share_order_and_smoother": on_both(order & smoother),
+        "share_order_and_rise": on_both(order & rises),
+        "share_order_rise_and_smoother": on_both(order & rises & smoother),
+    }
 
 
 def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
@@ -299,11 +353,11 @@ def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) ->
     return [float(ratio) for ratio in above / below]
 
 
-def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
+def status_shares(data: EnsembleData, reading: str) -> dict[str, dict[str, StatusShare]]:
     """Share and ``count`` of plants by run and status."""
     return {
         run: {
-            name: share_of(codes == code, data.replicate).as_row() | {"count": int((codes == code).sum())}
+            name: {**share_of(codes == code, data.replicate).as_row(), "count": int((codes == code).sum())}
             for code, name in enumerate(STATUSES)
         }
         for run in data.runs
@@ -311,25 +365,25 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, Any]:
     }
 
 
-def agreement(found: dict[str, Any], joints: Sequence[int]) -> dict[str, Any]:
+def agreement(reading: OfAnyArm, joints: Sequence[int]) -> Agreement:
     """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
     ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant.
     """
     judged = {
-        f"{key} {metric} joint {joint}": held
+        f"{key} {metric} joint {joint}": ours
         for key, metric, joint in product(RATIOS, METRICS, joints)
-        for held in [found[key]["all_ok"][metric][f"joint_{joint}"]]
-        if held["plants"]
+        for ours in [reading[key]["all_ok"][metric][f"joint_{joint}"]]
+        if ours["plants"]
     }
     inside = [
-        n for n, held in judged.items() if held["q05"]["value"] <= held["printed"] <= held["q95"]["value"]
+        n for n, ours in judged.items() if ours["q05"]["value"] <= ours["printed"] <= ours["q95"]["value"]
     ]
     outside = [n for n in judged if n not in inside]
-    beyond = [n for n, held in judged.items() if not held["lowest"] <= held["printed"] <= held["highest"]]
+    beyond = [n for n, ours in judged.items() if not ours["lowest"] <= ours["printed"] <= ours["highest"]]
     if not judged:
         verdict = "no plant"
-    elif found["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"] < LEAST_PLANTS:
+    elif reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]["plants"] < LEAST_PLANTS:
         verdict = "too few"
     else:
         verdict = "cannot" if beyond else "in part" if outside else "agrees"

@@ -5,7 +5,6 @@ Nothing of the paper's results enters, and no damping is chosen for stability.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from math import floor, log10
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.quantity import to_si
-from tendonrepro.configuration.strict_yaml import dump
+from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import Simulate, compute_block
@@ -98,7 +97,7 @@ def _two_digits(value: float) -> float:
     return round(value, 1 - floor(log10(abs(value)))) if value else 0.0
 
 
-def typical_yaml(study: Study, found: Preliminary, simulate: Simulate = simulate_batch) -> str:
+def typical_yaml(study: Study, sample: Preliminary, simulate: Simulate = simulate_batch) -> str:
     """A comparison with the typical plant and motion, rounded and checked again.
 
     Raises
@@ -106,7 +105,7 @@ def typical_yaml(study: Study, found: Preliminary, simulate: Simulate = simulate
     TendonreproError
         If it is not stable any more.
     """
-    values, box = rounded(study, found.typical()), next(iter(study.boxes.values()))
+    values, box = rounded(study, sample.typical()), next(iter(study.boxes.values()))
     config = configured(study.loaded.base, box, values)
     named = dict(build_loops(config, study.loaded.base.folder))
     loops = [named[run] for run in RUNS]
@@ -116,14 +115,14 @@ def typical_yaml(study: Study, found: Preliminary, simulate: Simulate = simulate
         raise TendonreproError(message)
     errors = np.log(np.stack([batch.statistics[metric] for metric in METRICS], axis=1).reshape(-1))
     sections, published = (
-        held.model_dump(mode="json", exclude_none=True) for held in (config, study.loaded.compare)
+        part.model_dump(mode="json", exclude_none=True) for part in (config, study.loaded.compare)
     )
     arm, shipped = sections["manipulator"], published["manipulator"]
     arm["encoders"], arm["actuator"]["output_delay"] = (
         shipped["encoders"],
         shipped["actuator"]["output_delay"],
     )
-    tree: dict[str, Any] = {
+    tree: Tree = {
         "schema_version": 1,
         "experiment": "compare",
         "base": "compare.yaml",
@@ -131,27 +130,29 @@ def typical_yaml(study: Study, found: Preliminary, simulate: Simulate = simulate
         **{name: _written(sections[name], angles=name != "manipulator") for name in SECTIONS},
     }
     head = _HEAD.format(
-        draws=len(found.stable), stable=found.stable.sum(), distance=float(found.distances(errors))
+        draws=len(sample.stable), stable=sample.stable.sum(), distance=float(sample.distances(errors))
     )
     return head + dump(tree)
 
 
-def _written(part: Any, *, angles: bool) -> Any:
+def _written(part: Node, *, angles: bool) -> Node:
     """Six digits of what was drawn, angles in degrees where asked for, and where it comes from."""
     if isinstance(part, list):
         return [_written(item, angles=angles) for item in part]
-    if not isinstance(part, Mapping):
+    if not isinstance(part, dict):
         return part
-    if _DRAWN not in part.get("source", ""):
+    source = part.get("source", "")
+    if not isinstance(source, str) or _DRAWN not in source:
         return {name: _written(item, angles=angles) for name, item in part.items()}
-    value, unit = part["value"], part["unit"]
+    value: Any = part["value"]
+    unit = part["unit"]
     if angles and unit == "rad":
         value, unit = np.rad2deg(value).tolist(), "deg"
-    short = [_short(item) for item in value] if isinstance(value, list) else _short(value)
+    short: Node = [_short(item) for item in value] if isinstance(value, list) else _short(value)
     return {
         "value": short,
         "unit": unit,
-        "source": part["source"].replace(_DRAWN, "typical sample of the ranges"),
+        "source": source.replace(_DRAWN, "typical sample of the ranges"),
     }
 
 

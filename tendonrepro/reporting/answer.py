@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-
-class ShareOfPlants(TypedDict):
-    """A share of so many plants, with its 95 % interval."""
-
-    share: float
-    low: float
-    high: float
-    plants: int
+from tendonrepro.monte_carlo.summary import ShareOfPlants
 
 
 class Quantiles(TypedDict):

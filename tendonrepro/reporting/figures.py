@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +10,7 @@ from matplotlib.axes import Axes
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STARTS_APART, STEPS
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.answer import EnsembleAnswer, ReadingAnswer
 from tendonrepro.reporting.contents import by_name, labelled
@@ -18,6 +18,7 @@ from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
+    Look,
     imprint,
     journal_style,
     letter_panels,
@@ -88,7 +89,7 @@ def _mark_without_start(panel: Axes, readings: Sequence[ReadingAnswer | None]) -
         if reading and STARTS_APART in reading["name"].split("+") and reading["in_order"]["plants"]
     ]
     if edges:
-        look: dict[str, Any] = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
+        look: Look = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
         panel.plot(*zip(*edges, strict=True), "D", label="without the first 2 s", **look)
 
 
@@ -113,7 +114,7 @@ def draw_ranges(summary: EnsembleAnswer) -> Drawing:
     for panel, value, (ratio, of), places in zip(panels, printed, ratios, ticks, strict=True):
         quantiles = [[reading[ratio][of][name] for name in ("q05", "median", "q95")] for reading in readings]
         low, middle, high = np.array(quantiles, dtype=np.float64).T
-        look: dict[str, Any] = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
+        look: Look = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
         look["label"] = "stable plants: median and 90 %"
         panel.errorbar(middle, range(len(labels)), xerr=(middle - low, high - middle), **look)
         panel.axvline(value, color=_RED, linewidth=1.0, linestyle="--", label="Table 2")
@@ -158,7 +159,7 @@ _REGIONS = {
 
 
 @journal_style()
-def draw_map(summary: EnsembleAnswer, closest: Sequence[Mapping[str, Any]]) -> Drawing:
+def draw_map(summary: EnsembleAnswer, closest: Sequence[Json]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel a joint.
 
     ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
@@ -242,7 +243,7 @@ def _draw_readings(
         if reading["in_order"]["plants"]
     }
     named = {name: medians[name] for name in _NAMED if name in medians}
-    look: dict[str, Any] = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0}
+    look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0}
     panel.plot(*zip(*medians.values(), strict=True), color=_PALE, markersize=2.2, **look)
     look |= {"label": "interpretation, median", "zorder": 4.0}
     panel.plot(*zip(*named.values(), strict=True), color=_BLUE, markersize=3.8, **look)

@@ -11,13 +11,20 @@ from typing import Any
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import shipped
+from tendonrepro.files import Json, shipped
+from tendonrepro.monte_carlo.summary import (
+    RankingName,
+    Rankings,
+    ReadingSummary,
+    ShareOfPlants,
+    Spreads,
+    Summary,
+)
 from tendonrepro.reporting.answer import (
     EnsembleAnswer,
     Orders,
     Quantiles,
     ReadingAnswer,
-    ShareOfPlants,
 )
 from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
@@ -47,7 +54,7 @@ class Stored:
     """
 
     parts: Mapping[str, Path]
-    manifests: Mapping[str, Mapping[str, Any]]
+    manifests: Mapping[str, Json]
     summary: EnsembleAnswer
     ledger: Ledger
     origins: Mapping[str, str]
@@ -56,7 +63,7 @@ class Stored:
     @property
     def own_arm(self) -> str | None:
         """Name of the arm where all that was run is of another one than the paper's."""
-        trees = [held["config"]["tree"] for held in self.manifests.values()]
+        trees = [manifest["config"]["tree"] for manifest in self.manifests.values()]
         arms = [tree["manipulator"] for tree in trees if tree.get("manipulator")]
         if not arms or any(is_arm_of_paper(Manipulator.model_validate(arm)) for arm in arms):
             return None
@@ -160,7 +167,7 @@ def _read(path: Path) -> Any:
     return content
 
 
-def thinned(summary: Mapping[str, Any]) -> EnsembleAnswer:
+def thinned(summary: Summary) -> EnsembleAnswer:
     """Of an ensemble's ``summary.json`` what is shown, and what it is of."""
     return {
         "tendonrepro_version": summary["tendonrepro_version"],
@@ -176,12 +183,11 @@ def thinned(summary: Mapping[str, Any]) -> EnsembleAnswer:
     }
 
 
-def _thin_reading(reading: Mapping[str, Any]) -> ReadingAnswer:
+def _thin_reading(reading: ReadingSummary) -> ReadingAnswer:
     late = reading["without_start"]
 
-    def order(key: str, plants: str, rankings: Mapping[str, Any] = reading) -> ShareOfPlants:
-        share: ShareOfPlants = rankings[key][plants]["mae_and_rmse"]["both"]
-        return share
+    def order(key: RankingName, plants: str, rankings: Rankings = reading) -> ShareOfPlants:
+        return rankings[key][plants]["mae_and_rmse"]["both"]
 
     def orders(plants: str) -> Orders:
         return {
@@ -192,7 +198,7 @@ def _thin_reading(reading: Mapping[str, Any]) -> ReadingAnswer:
             "last_two_tie": order("share_c2_ties_c3", plants),
         }
 
-    def quantiles(numbers: Mapping[str, Any]) -> dict[str, Quantiles]:
+    def quantiles(numbers: Spreads) -> dict[str, Quantiles]:
         return {
             key: {
                 "q05": known["q05"]["value"],

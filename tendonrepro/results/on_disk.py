@@ -6,9 +6,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import Json
 from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.results.traces import TRACES
 
@@ -23,8 +23,8 @@ class OnDisk:
 
     folder: Path
     command: str
-    manifest: Mapping[str, Any]
-    data: Mapping[str, Any]
+    manifest: Json
+    data: Json
     tables: Mapping[str, str]
 
 
@@ -53,7 +53,7 @@ def read_result(folder: Path) -> OnDisk:
     return OnDisk(folder, command, manifest, data, tables)
 
 
-def table_files(folder: Path, manifest: Mapping[str, Any], ending: str) -> list[Path]:
+def table_files(folder: Path, manifest: Json, ending: str) -> list[Path]:
     """Files of the tables that a command wrote, ``.csv``, ``.md`` or ``.tex``; a user's own are none."""
     outputs = {Path(name) for name in manifest.get("outputs", {})}
     tables = [name for name in outputs if {name.with_suffix(".csv"), name.with_suffix(".md")} <= outputs]

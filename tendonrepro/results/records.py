@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import to_json
 
 SCHEMA_VERSION = 1
+
+Attributes: TypeAlias = Mapping[str, Any]
+"""Numbers, texts and lists by name, as HDF5 has them."""
 
 DECOUPLING_RUNS = ("decouple", "pull_tendon_1")
 """Runs of the decoupling experiment; all others belong to the comparison."""
@@ -72,7 +75,7 @@ class Trace:
     time: Array
     joint: tuple[int, ...]
     variables: Mapping[str, Array]
-    attributes: Mapping[str, Any]
+    attributes: Attributes
 
     def __getitem__(self, name: str) -> Array:
         """A variable (T, n); a DataMissingError where the run does not hold it."""
@@ -170,9 +173,9 @@ class TraceFile:
     tendonrepro_version: str
     schema_version: int = SCHEMA_VERSION
 
-    def made_by(self, manifest: Mapping[str, Any]) -> TraceFile:
+    def made_by(self, manifest: Mapping[str, object]) -> TraceFile:
         """The file with a manifest, which says when it was made."""
-        return replace(self, manifest_json=to_json(dict(manifest)), created=manifest["created"])
+        return replace(self, manifest_json=to_json(dict(manifest)), created=str(manifest["created"]))
 
     def part(self, experiment: str) -> TraceFile:
         """The file with the runs of ``compare`` or ``decouple`` alone; there may be none."""

@@ -14,13 +14,13 @@ from datetime import UTC, datetime
 from importlib import metadata
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import refuse_file, sha256_of, to_json
+from tendonrepro.files import Json, refuse_file, sha256_of, to_json
 from tendonrepro.results.place import files_in, only_writer
 
 MANIFEST = "manifest.json"
@@ -35,7 +35,7 @@ class NewResult:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.manifest: dict[str, Any] = {}
+        self.manifest: Json = {}
         self._started = time.perf_counter()
 
     @property
@@ -202,7 +202,7 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
             yield folder / name, "was changed since tendonrepro wrote it"
 
 
-def made_here(command: str, digest: str) -> dict[str, Any]:
+def made_here(command: str, digest: str) -> Json:
     """What every manifest says: by which command, when and where; `digest` is of what decides the result."""
     return {
         "schema_version": 1,
@@ -214,7 +214,7 @@ def made_here(command: str, digest: str) -> dict[str, Any]:
     }
 
 
-def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> dict[str, Any]:
+def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> Json:
     """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
     config = loaded.config
     return made_here(command or config.experiment, loaded.sha256) | {
@@ -234,11 +234,11 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
     }
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> Json:
     """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
     path = folder / MANIFEST
     try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        manifest: Json = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(manifest, dict):
             raise ValueError("it is no mapping")
     except (OSError, ValueError) as error:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from tendonrepro.files import write_atomically
 
@@ -126,7 +126,7 @@ def _is_numeric(rows: TableRows, name: str) -> bool:
     return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
 
 
-def rounded(value: Any, form: str = _ROUNDED) -> str:
+def rounded(value: object, form: str = _ROUNDED) -> str:
     """Text of a value, a float in a format."""
     if isinstance(value, float):
         return format(value, form) if math.isfinite(value) else NOTHING
@@ -142,7 +142,7 @@ def _tex(cell: str, number: bool) -> str:
     return cell.replace("-", "$-$") if number and cell != NOTHING else cell.translate(_TEX)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Value as csv shows it."""
     if isinstance(value, list | tuple):
         return "; ".join(map(str, value))

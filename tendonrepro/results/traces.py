@@ -7,7 +7,7 @@ from dataclasses import fields
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from tendonrepro.results.records import (
     RESERVED,
     SCHEMA_VERSION,
     VARIABLES,
+    Attributes,
     PlantRecord,
     PlantValue,
     Trace,
@@ -72,7 +73,7 @@ def _write_run(group: h5netcdf.Group, trace: Trace) -> None:
             _write_variable(group, name, ("time", "joint"), values, units, meaning, **options)
 
 
-def _packed(values: Array) -> dict[str, Any]:
+def _packed(values: Array) -> dict[str, object]:
     """How samples are compressed, each column for itself; nothing where there is none."""
     chunks = (min(len(values), _CHUNK), *[1] * (values.ndim - 1))
     return {**_COMPRESSION, "chunks": chunks} if values.size else {}
@@ -96,11 +97,11 @@ def _write_variable(
     group: h5netcdf.Group,
     name: str,
     dimensions: tuple[str, ...],
-    values: NDArray[Any],
+    values: Array | NDArray[np.int32],
     units: str,
     long_name: str,
-    **options: Any,
-) -> Any:
+    **options: object,
+) -> h5netcdf.Variable:
     variable = group.create_variable(name, dimensions, values.dtype, data=values, **options)
     variable.attrs.update({"units": units, "long_name": long_name})
     return variable
@@ -122,7 +123,7 @@ def dataset_of(trace: Trace) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, _flat(trace.attributes))
 
 
-def _flat(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(attributes: Attributes) -> dict[str, object]:
     plain = {name: value for name, value in attributes.items() if name not in _NESTED}
     for name, prefix in _NESTED.items():
         plain |= {prefix + key: value for key, value in attributes.get(name, {}).items()}
@@ -169,7 +170,7 @@ def _trace_of(name: str, group: h5netcdf.Group) -> Trace:
     return Trace(name, time, joint, variables, _attributes_of(group))
 
 
-def _attributes_of(group: h5netcdf.Group) -> dict[str, Any]:
+def _attributes_of(group: h5netcdf.Group) -> Attributes:
     # NumPy's scalars and arrays become the plain numbers and lists they were written from.
     plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in group.attrs.items()}
     nested = {

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from tendonrepro.simulation.crowd import run_crowd
 from tendonrepro.simulation.device import DeviceName, graphics
 from tendonrepro.simulation.loop import Loop, TimeDelayController, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
-from tendonrepro.simulation.parts import Part, Rest, experiment_part, plant_needs, thread_part
+from tendonrepro.simulation.parts import ForEach, Part, Rest, experiment_part, plant_needs, thread_part
 from tendonrepro.simulation.resolution import TOLERANCE
 
 PACK = 1536
@@ -42,6 +42,26 @@ AnyPart = TypeVar("AnyPart", bound=Part)
 
 LINES_PER_RINGING = 32
 """Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
+
+
+class Quantity(Protocol):
+    """A number with a unit."""
+
+    @property
+    def si(self) -> float:
+        """Its value in SI units."""
+
+
+class Limits(Protocol):
+    """When a run rings: the section ``status`` of a configuration."""
+
+    @property
+    def ringing_frequency(self) -> Quantity:
+        """Hz, above which error is ringing."""
+
+    @property
+    def ringing_share(self) -> Quantity:
+        """Share of the error's power above it from which a run rings."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +91,7 @@ class Batch:
 
 def simulate_batch(
     loops: Sequence[Loop],
-    limits: Any,
+    limits: Limits,
     *,
     progress: Callable[[int], None] | None = None,
     threads: int = 1,
@@ -86,7 +106,7 @@ def simulate_batch(
     loops
         With the same number of joints.
     limits
-        ``ringing_frequency.si``, Hz, above which error is ringing, and ``ringing_share.si`` of its power.
+        When a run rings.
     progress
         Called with the number of runs done since its last call.
     record
@@ -124,7 +144,7 @@ def simulate_batch(
 
 
 def _on_graphics(
-    loops: Sequence[Loop], limits: Any, report: Callable[[int], None], tolerance: float
+    loops: Sequence[Loop], limits: Limits, report: Callable[[int], None], tolerance: float
 ) -> Batch:
     gpu, block = graphics(), partial(_block, frequency=limits.ringing_frequency.si)
     with ThreadPoolExecutor(processors()) as pool:
@@ -157,7 +177,7 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
 def _parts(
     loops: Sequence[Loop],
     tolerance: float,
-    for_each: Callable[..., Iterator[Any]],
+    for_each: ForEach,
     block: Callable[[float], int],
     make: Callable[..., AnyPart],
 ) -> tuple[dict[int, AnyPart], NDArray[np.int64]]:
@@ -176,10 +196,10 @@ def _parts(
 
 def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[dict[int, Loop]]:
     """Loops of one key, by place."""
-    found: dict[Hashable, dict[int, Loop]] = {}
+    alike: dict[Hashable, dict[int, Loop]] = {}
     for place, loop in enumerate(loops):
-        found.setdefault(key(loop), {})[place] = loop
-    return found.values()
+        alike.setdefault(key(loop), {})[place] = loop
+    return alike.values()
 
 
 def _shape(loop: Loop) -> Hashable:
@@ -199,11 +219,11 @@ def _packs(
     loops: Sequence[Loop], parts: Mapping[int, Part], steps: NDArray[np.int64], size: int
 ) -> Iterator[list[int]]:
     """Places of each pack, of one code and sampling period, sorted by motion and steps."""
-    found: dict[tuple[int, float], list[int]] = {}
+    groups: dict[tuple[int, float], list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
-        found.setdefault((id(parts[place]), loops[place].L), []).append(place)
-    for places in found.values():
+        groups.setdefault((id(parts[place]), loops[place].L), []).append(place)
+    for places in groups.values():
         places.sort(key=lambda place: (motions[id(loops[place].reference)], *steps[place][::-1]))
         for start in range(0, len(places), size):
             yield places[start : start + size]
@@ -220,7 +240,7 @@ def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool
     )
 
 
-def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Any) -> None:
+def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Limits) -> None:
     places, L, frequency = list(loops), next(iter(loops.values())).L, limits.ringing_frequency.si
     fast = _fast_shares(ended, _block(L, frequency), L, frequency)
     for name, values in streaming.finished(ended.sums, ended.count, fast).items():

@@ -64,8 +64,8 @@ def _run(loops: Mapping[int, Loop], part: ThreadPart, block: int, device: Device
         limits = np.int64(at), np.int64(at + span), np.float64(first.L), np.int64(count)
         given = motions, of_each[0], noises, of_each[1]
         device.launch(entry, count, (*limits, rows, *given, np.int64(block), kept))
-        found = np.moveaxis(device.fetched(kept), 2, 0)
-        blocks[:, at // block : at // block + found.shape[1]] = found
+        summed = np.moveaxis(device.fetched(kept), 2, 0)
+        blocks[:, at // block : at // block + summed.shape[1]] = summed
         if not (device.fetched(rows[named["live"]]) > 0.0).any():
             break
     return _ended(device.fetched(rows), named, n, blocks)

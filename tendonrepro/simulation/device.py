@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, Literal, Protocol, TypeAlias
+from types import ModuleType
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError, UsageError
@@ -15,6 +19,14 @@ DeviceName: TypeAlias = Literal["cpu", "gpu"]
 
 DEVICES: tuple[DeviceName, ...] = ("cpu", "gpu")
 
+Kernel: TypeAlias = Any
+"""A compiled function of a device, in CuPy's type."""
+
+OnDevice: TypeAlias = Any
+"""An array in a device's memory, or a number, in CuPy's type."""
+
+Result = TypeVar("Result")
+
 THREADS = 128
 """Threads of a block on the GPU."""
 
@@ -22,38 +34,38 @@ THREADS = 128
 class Device(Protocol):
     """What runs threads of :mod:`.codegen.threads`."""
 
-    def compiled(self, source: str) -> Any:
+    def compiled(self, source: str) -> Kernel:
         """The entry of a source."""
 
-    def array(self, values: Any) -> Any:
+    def array(self, values: Array | NDArray[np.int64]) -> OnDevice:
         """A copy of an array in the device's memory; a MemoryError if there is none left."""
 
-    def zeros(self, shape: Sequence[int]) -> Any:
+    def zeros(self, shape: Sequence[int]) -> OnDevice:
         """Zeros in the device's memory."""
 
-    def fetched(self, values: Any) -> Array:
+    def fetched(self, values: OnDevice) -> Array:
         """A copy of the device's array in this program's memory."""
 
-    def launch(self, entry: Any, lanes: int, arguments: Sequence[Any]) -> None:
+    def launch(self, entry: Kernel, lanes: int, arguments: Sequence[OnDevice]) -> None:
         """Run so many threads to their end."""
 
 
 class Graphics:
     """A GPU of NVIDIA's."""
 
-    def __init__(self, cupy: Any) -> None:
+    def __init__(self, cupy: ModuleType) -> None:
         self._cupy = cupy
-        self._entries: dict[str, Any] = {}
+        self._entries: dict[str, Kernel] = {}
         runtime = cupy.cuda.runtime
         self._errors = runtime.CUDARuntimeError, cupy.cuda.driver.CUDADriverError
         try:
-            found = runtime.getDeviceCount()
+            count = runtime.getDeviceCount()
         except self._errors as error:
             raise _no_device(str(error)) from error
-        if not found:
+        if not count:
             raise _no_device("none is seen")
 
-    def compiled(self, source: str) -> Any:
+    def compiled(self, source: str) -> Kernel:
         """Compile a source for this GPU, once in a process."""
         if source not in self._entries:
             # CuPy raises the others where NVIDIA's compiler is missing.
@@ -63,29 +75,29 @@ class Graphics:
             self._entries[source] = entry
         return self._entries[source]
 
-    def array(self, values: Any) -> Any:
+    def array(self, values: Array | NDArray[np.int64]) -> OnDevice:
         """A copy of an array in the GPU's memory."""
         return self._cupy.asarray(values)
 
-    def zeros(self, shape: Sequence[int]) -> Any:
+    def zeros(self, shape: Sequence[int]) -> OnDevice:
         """Zeros in the GPU's memory."""
         return self._cupy.zeros(tuple(shape))
 
-    def fetched(self, values: Any) -> Array:
+    def fetched(self, values: OnDevice) -> Array:
         """A copy of the GPU's array."""
-        found: Array = _sound(lambda: self._cupy.asnumpy(values), self._errors)
-        return found
+        copy: Array = _sound(lambda: self._cupy.asnumpy(values), self._errors)
+        return copy
 
-    def launch(self, entry: Any, lanes: int, arguments: Sequence[Any]) -> None:
+    def launch(self, entry: Kernel, lanes: int, arguments: Sequence[OnDevice]) -> None:
         """Start a thread for each lane, and wait for all."""
         _sound(lambda: self._started(entry, lanes, arguments), self._errors)
 
-    def _started(self, entry: Any, lanes: int, arguments: Sequence[Any]) -> None:
+    def _started(self, entry: Kernel, lanes: int, arguments: Sequence[OnDevice]) -> None:
         entry((-(-lanes // THREADS),), (THREADS,), tuple(arguments))
         self._cupy.cuda.runtime.deviceSynchronize()
 
 
-def _sound(work: Callable[[], Any], failures: tuple[type[BaseException], ...]) -> Any:
+def _sound(work: Callable[[], Result], failures: tuple[type[BaseException], ...]) -> Result:
     """What a piece of work on the GPU gives; its failure is one sentence."""
     try:
         return work()

@@ -5,14 +5,14 @@ Law and plant meet in rows of the names `state`, `torque`, `ddq` and `live` alon
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics import control
-from tendonrepro.physics.control import Law, Servo
+from tendonrepro.physics.control import Law, Memory, Servo
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
@@ -21,7 +21,16 @@ from tendonrepro.simulation.codegen.callback import on_array_code
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, Written, lane_code, remembered
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
 from tendonrepro.simulation.resolution import PACES, demand
-from tendonrepro.simulation.sampled import CommandFunction, Hardware, Sampled, Three, longest, sample, start
+from tendonrepro.simulation.sampled import (
+    CommandFunction,
+    Hardware,
+    Remembered,
+    Sampled,
+    Three,
+    longest,
+    sample,
+    start,
+)
 from tendonrepro.simulation.streaming import AT_LIMIT
 
 
@@ -40,7 +49,7 @@ class Writer:
 
     def __init__(self, rows: LaneRows) -> None:
         self.tape, self.rows = LaneTape(), rows
-        self.written: dict[int, Any] = {}
+        self.written: dict[int, Numeric] = {}
 
     def read(self, name: str, size: int) -> Array:
         """Rows of a name, as they are now."""
@@ -50,11 +59,12 @@ class Writer:
         values[:] = now
         return values
 
-    def one(self, name: str) -> Any:
+    def number(self, name: str) -> Numeric:
         """The only row of a name."""
-        return self.read(name, 1)[0]
+        value: Numeric = self.read(name, 1)[0]
+        return value
 
-    def write(self, name: str, values: Any) -> None:
+    def write(self, name: str, values: Array | Sequence[Numeric]) -> None:
         """New values of the rows of a name."""
         self.written.update(zip(self.rows.known(name, len(values)), values, strict=True))
 
@@ -143,7 +153,7 @@ def experiment_tape(
     code = Writer(experiment_rows(n))
     write_sample(code, law, command, statistics=False, record=True)
     x, torque = code.rows.parameters(code.tape, plant), code.read("torque", n)
-    t, h = code.tape.write("time"), code.one("period") * (1.0 / steps)
+    t, h = code.tape.write("time"), code.number("period") * (1.0 / steps)
     for k in range(steps):
         ahead, _ = runge_kutta(
             lambda t, state: state_derivative(t, state, torque, x), t + k * h, code.read("state", 4 * n), h
@@ -174,11 +184,11 @@ def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
     """
     n, begin, step = plant.preload.shape[0], Writer(rows), Writer(rows)
 
-    def of_level(code: Writer, name: str, level: Any) -> Any:
-        cells = code.read(name, len(PACES))
+    def of_level(code: Writer, name: str, level: Numeric) -> Numeric:
+        cells: Sequence[Numeric] = [*code.read(name, len(PACES))]
         return choose(level >= 2.0, cells[2], choose(level >= 1.0, cells[1], cells[0]))
 
-    live, most = begin.one("live"), begin.one("demand")
+    live, most = begin.number("live"), begin.number("demand")
     begin.write("begin", begin.read("state", 4 * n))
     begin.write("left", [choose(live > 0.0, of_level(begin, "steps", most), 0.0)])
     begin.write("done", [0.0])
@@ -186,7 +196,7 @@ def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
     begin.write("demand", [choose(live > 0.0, 0.0, most)])
 
     x, torque, state = rows.parameters(step.tape, plant), step.read("torque", n), step.read("state", 4 * n)
-    left, done, h, most = (step.one(name) for name in ("left", "done", "h", "demand"))
+    left, done, h, most = (step.number(name) for name in ("left", "done", "h", "demand"))
     time: Any = step.tape.write("time")
     after, slope = runge_kutta(
         lambda t, state: state_derivative(t, state, torque, x), time + done * h, state, h
@@ -208,48 +218,52 @@ def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
 
 
 def runge_kutta(
-    derivative: Callable[[Any, Array], Array], t: Any, state: Array, h: Any
+    derivative: Callable[[float, Array], Array], t: float, state: Array, h: Numeric
 ) -> tuple[Array, Array]:
     """Classical Runge-Kutta step: state at ``t + h`` and slope at ``t``."""
-    half = 0.5 * h
+    # The physics says that a time is a float, here too, where it is a symbol.
+    step: Any = h
+    half = 0.5 * step
     k1 = derivative(t, state)
     k2 = derivative(t + half, state + half * k1)
     k3 = derivative(t + half, state + half * k2)
-    k4 = derivative(t + h, state + h * k3)
-    return state + h * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
+    k4 = derivative(t + step, state + step * k3)
+    return state + step * (1.0 / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), k1
 
 
 def write_sample(
     code: Writer, numbers: LawNumbers, command: CommandFunction, *, statistics: bool, record: bool
 ) -> None:
     """Write encoders, law and motors at a sample."""
-    n, read, one, write = numbers.hardware.S.shape[0], code.read, code.one, code.write
-    x, k, live = code.rows.parameters(code.tape, numbers), code.tape.write("sample"), one("live")
+    n, read, number, write = numbers.hardware.S.shape[0], code.read, code.number, code.write
+    x, k, live = code.rows.parameters(code.tape, numbers), code.tape.write("sample"), number("live")
     example = start((np.zeros(n), np.zeros(n)), np.zeros(n), np.zeros(n), numbers.law)
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
     pending = list(read("pending", longest(numbers.hardware.actuator.delay) * n).reshape(-1, n))
     q_d, dq_d, ddq_d = np.split(read("desired", 3 * n), 3)
     state, motion = read("state", 4 * n), (q_d, dq_d, ddq_d)
-    found = sample(state, memory, pending, motion, read("noise", 3 * n), x.law, x.hardware, command)
+    sampled = sample(state, memory, pending, motion, read("noise", 3 * n), x.law, x.hardware, command)
     if statistics:
         before = read("tau_before", n), read("H_before", n), read("ddq", n)
-        stepped = _statistics(found, motion, before, x)
+        stepped = _statistics(sampled, motion, before, x)
         sums = dict(zip(streaming.SUMS, read("sums", len(streaming.SUMS) * n).reshape(-1, n), strict=True))
         write("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
-        write("tau_before", found.tau_m)
-        write("H_before", found.signals[0])
+        write("tau_before", sampled.tau_m)
+        write("H_before", sampled.signals[0])
         write("block", _in_blocks(read("block", n), stepped.e, live, k, x.block))
     if record:
-        write("trace", np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals]))
-    write("torque", found.torque)
-    write("count", [one("count") + live])
-    write("diverged", [one("diverged") + live * (1.0 - found.bounded)])
-    write("live", [live * found.bounded * (k + 1.0 < x.samples)])
-    write("memory", np.concatenate([np.ravel(part) for part in found.memory]))
-    write("pending", np.ravel(found.pending))
+        write(
+            "trace", np.concatenate([state, *sampled.measured, sampled.tau, sampled.tau_m, *sampled.signals])
+        )
+    write("torque", sampled.torque)
+    write("count", [number("count") + live])
+    write("diverged", [number("diverged") + live * (1.0 - sampled.bounded)])
+    write("live", [live * sampled.bounded * (k + 1.0 < x.samples)])
+    write("memory", np.concatenate([np.ravel(part) for part in sampled.memory]))
+    write("pending", np.ravel(sampled.pending))
 
 
-def _in_blocks(sums: Array, e: Array, live: Any, k: Symbol, block: Any) -> list[Any]:
+def _in_blocks(sums: Array, e: Array, live: Numeric, k: Symbol, block: Numeric) -> list[Numeric]:
     """Sums of the errors since the block's first sample; a run that has ended adds nothing."""
     first = np.floor((k + 0.5) * (1.0 / block)) * block
     return [
@@ -258,27 +272,29 @@ def _in_blocks(sums: Array, e: Array, live: Any, k: Symbol, block: Any) -> list[
     ]
 
 
-def _statistics(found: Sampled, motion: Three, before: Three, x: Any) -> streaming.Sample:
+def _statistics(sampled: Sampled, motion: Three, before: Three, x: LawNumbers) -> streaming.Sample[Array]:
     """What a sample contributes, from last torque and estimate, and acceleration since."""
-    n, actuator = len(found.tau), x.hardware.actuator
-    winch = times(x.hardware.S.T, found.tau_m)
+    n, law, actuator = len(sampled.tau), x.law, x.hardware.actuator
+    assert isinstance(law, Law)
+    assert sampled.rate is not None
+    winch = times(x.hardware.S.T, sampled.tau_m)
     tau, H_hat, ddq = before
     return streaming.Sample(
-        e=motion[0] - found.measured[0],
-        de=found.rate,
+        e=motion[0] - sampled.measured[0],
+        de=sampled.rate,
         dq_d=motion[1],
         ddq_d=motion[2],
-        s=found.signals[1],
-        tau=found.tau_m,
+        s=sampled.signals[1],
+        tau=sampled.tau_m,
         tau_before=tau,
-        H_hat=found.signals[0],
-        epsilon=times(x.law.from_joint, tau - H_hat) / x.law.M_bar - ddq,
+        H_hat=sampled.signals[0],
+        epsilon=times(law.from_joint, tau - H_hat) / law.M_bar - ddq,
         saturated=np.array([abs(winch[i]) >= AT_LIMIT * actuator.limit[i] for i in range(n)], dtype=object),
     )
 
 
-def unpacked(values: Array, example: Any) -> Any:
+def unpacked(values: Array, example: Remembered) -> Remembered:
     """Memory from its numbers in order, shaped as an example."""
     parts = np.split(values, np.cumsum([part.size for part in example])[:-1])
     shaped = [part.reshape(like.shape) for part, like in zip(parts, example, strict=True)]
-    return type(example)(*shaped) if hasattr(example, "_fields") else tuple(shaped)
+    return Memory(*shaped) if isinstance(example, Memory) else (shaped[0], shaped[1])

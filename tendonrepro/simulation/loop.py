@@ -118,11 +118,11 @@ class Loop:
     @property
     def fed(self) -> DesiredMotion:
         """Desired motion as the law gets it."""
-        held = self.reference
+        motion = self.reference
         if self.reference_lag == 0.0:
-            return held
-        dq_d, ddq_d = (late(rates, self.L, self.reference_lag) for rates in (held.dq_d, held.ddq_d))
-        return replace(held, dq_d=dq_d, ddq_d=ddq_d)
+            return motion
+        dq_d, ddq_d = (late(rates, self.L, self.reference_lag) for rates in (motion.dq_d, motion.ddq_d))
+        return replace(motion, dq_d=dq_d, ddq_d=ddq_d)
 
 
 RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")
@@ -148,5 +148,5 @@ def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
     error = {"e": desired["q_d"] - recorded["q_encoder"]}
     derived = loop.controller.derived(variables | recorded, plant)
     time = {"time": reference.time[:done]}
-    found = time | variables | desired | error | recorded | derived
-    return {name: np.ascontiguousarray(values) for name, values in found.items()}
+    trace = time | variables | desired | error | recorded | derived
+    return {name: np.ascontiguousarray(values) for name, values in trace.items()}

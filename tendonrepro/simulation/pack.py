@@ -76,9 +76,9 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, recor
             )
         rows = columns(bundles)[:, : members.size]
         for name, of in kept.items():
-            found = np.moveaxis(records[name], 3, 1).reshape(-1, *records[name].shape[1:3])
+            recorded = np.moveaxis(records[name], 3, 1).reshape(-1, *records[name].shape[1:3])
             begin = at // of.each
-            ended[name][members, begin : begin + found.shape[1]] = found[: members.size]
+            ended[name][members, begin : begin + recorded.shape[1]] = recorded[: members.size]
         left[:, members] = rows
         going = rows[named["live"]] > 0.0
         if not going.any():
@@ -126,7 +126,7 @@ class Signals:
 
     @property
     def of_each(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Number of each experiment's motion and noise, (M,)."""
+        """Numeric of each experiment's motion and noise, (M,)."""
         return self._motion, self._noise
 
     def starts(self, first: int, span: int) -> NDArray[np.int64]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,8 +90,18 @@ class ThreadPart(Part):
     source: str
 
 
+Chunk: TypeAlias = tuple[Plant, Array]
+"""Stacked plants and the strokes of their motions."""
+
+Counts: TypeAlias = dict[float, NDArray[np.int64]]
+"""Steps per sample of a chunk, (levels, N), by sampling period."""
+
+ForEach: TypeAlias = Callable[[Callable[[Chunk], Counts], Sequence[Chunk]], Iterable[Counts]]
+"""What calls a function for each chunk, such as ``map``."""
+
+
 def plant_needs(
-    loops: Mapping[int, Loop], tolerance: float, for_each: Callable[..., Iterator[Any]]
+    loops: Mapping[int, Loop], tolerance: float, for_each: ForEach
 ) -> tuple[dict[int, NDArray[np.int64]], dict[int, Rest]]:
     """Steps per sample and rest, by place, of plants with as many joints and parts of the disturbance.
 
@@ -110,8 +120,8 @@ def plant_needs(
     )
     chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
     periods = {loop.L for loop in loops.values()}
-    found = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
-    counts = {L: np.hstack([part[L] for part in found]) for L in periods}
+    counted = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
+    counts = {L: np.hstack([part[L] for part in counted]) for L in periods}
     column = {name: k for k, name in enumerate(single)}
     places = {place: column[name] for place, name in key.items()}
     at_rest = rest_at(q, plant)
@@ -121,11 +131,8 @@ def plant_needs(
     )
 
 
-def _steps(
-    plants: tuple[Plant, Array], *, periods: Collection[float], tolerance: float
-) -> dict[float, NDArray[np.int64]]:
-    """Steps per sample of stacked plants, (levels, N), by sampling period."""
-    modes = plant_modes(*plants)
+def _steps(chunk: Chunk, *, periods: Collection[float], tolerance: float) -> Counts:
+    modes = plant_modes(*chunk)
     return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
 
 
@@ -209,7 +216,7 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int
     for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)
         phases[name] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
-    numbers: LawNumbers = stacked(
+    return stacked(
         [
             LawNumbers(
                 law=loop.controller.law,
@@ -221,7 +228,6 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int
             for loop, rest in loops
         ]
     )
-    return numbers
 
 
 def hardware_of(loop: Loop, rest: Rest) -> Hardware:
@@ -240,11 +246,11 @@ def _start(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str,
     """First values of rows, (rows, N), by the start-up rule."""
     sources = {noise_source(loop): loop for loop, _ in loops}
     noise = {source: unit_noise(loop)(1)[0] for source, loop in sources.items()}
-    found = [
+    at_start = [
         (rest.state, noise[noise_source(loop)], torque_before(loop, rest), loop.reference.q_d[0])
         for loop, rest in loops
     ]
-    state, first, tau, q_d = stacked(found)
+    state, first, tau, q_d = stacked(at_start)
     # Where an encoder is ideal there is no step to divide by.
     with np.errstate(divide="ignore", invalid="ignore"):
         memory = start(measure(state, first, numbers.law, numbers.hardware), q_d, tau, numbers.law)
@@ -274,5 +280,8 @@ def unit_noise(loop: Loop) -> Callable[[int], Array]:
     n, (seed, *noisy) = loop.plant.preload.size, noise_source(loop)
     streams = [np.random.default_rng([seed, k]) if acts else None for k, acts in enumerate(noisy)]
     return lambda samples: np.hstack(
-        [np.zeros((samples, n)) if one is None else one.standard_normal((samples, n)) for one in streams]
+        [
+            np.zeros((samples, n)) if stream is None else stream.standard_normal((samples, n))
+            for stream in streams
+        ]
     )

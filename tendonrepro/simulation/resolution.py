@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
 from tendonrepro.physics.linalg import times
+from tendonrepro.simulation.codegen.lanes import mapped
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""
@@ -38,7 +38,7 @@ HIGHEST = 2.0
 """Highest level of :func:`demand`."""
 
 
-def demand(before: Array, after: Array, plant: Plant) -> Any:
+def demand(before: Array, after: Array, plant: Plant) -> Numeric:
     """Level of resolution that a step asks for, the highest of all joints and winches.
 
     2 is standstill or a change of direction, where dry friction is steep; 1 is slow and 0 fast motion. What
@@ -46,7 +46,7 @@ def demand(before: Array, after: Array, plant: Plant) -> Any:
     """
     n, drive, link = plant.preload.shape[0], plant.drive, plant.link_friction
     winches = [to_winch_angle(state[3 * n :], drive) for state in (before, after)]
-    most: Any = 0.0
+    most: Numeric = 0.0
     for i in range(n):
         lost = drive.friction.coulomb[i] + drive.pulley_loss[i] + drive.reducer_loss[i]
         for first, last, over, dry in (
@@ -83,11 +83,9 @@ def _speeds(plant: Plant, pace: float) -> list[list[Array]]:
     return [edge] if pace == 0.0 or all(map(np.array_equal, edge, faster)) else [edge, faster]
 
 
-def _spread(record: Any) -> Any:
-    """Stacked record with an axis before that of the experiments."""
-    if isinstance(record, tuple):
-        return type(record)(*map(_spread, record))
-    return np.expand_dims(record, -2)
+def _spread(plant: Plant) -> Plant:
+    """Stacked plants with an axis before that of the experiments."""
+    return mapped(lambda leaf: np.expand_dims(leaf, -2), plant)
 
 
 def _modes_at(rest: Array, tau: Array, plant: Plant, speed: Sequence[Array]) -> NDArray[np.complex128]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose, pick
+from tendonrepro.arrays import Array, Numeric, choose, pick
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo, servo_torque, start_memory
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
@@ -18,6 +18,8 @@ LARGEST_TORQUE = 1e6
 
 Two: TypeAlias = tuple[Array, Array]
 Three: TypeAlias = tuple[Array, Array, Array]
+Remembered: TypeAlias = Memory | Two
+"""What a law remembers; a position loop its last motor angles and the torque that held the arm."""
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
 """Signature of :func:`tendonrepro.physics.control.command`."""
@@ -36,7 +38,7 @@ class Hardware(NamedTuple):
     actuator: Actuator
     S: Array
     S_inv: Array
-    limit: Any
+    limit: float
 
 
 class Sampled(NamedTuple):
@@ -52,15 +54,15 @@ class Sampled(NamedTuple):
     tau_m: Array
     torque: Array
     signals: Sequence[Array]
-    rate: Any
-    memory: Any
+    rate: Array | None
+    memory: Remembered
     pending: list[Array]
-    bounded: Any
+    bounded: Numeric
 
 
 def sample(
     state: Array,
-    memory: Any,
+    memory: Remembered,
     pending: Sequence[Array],
     desired: Three,
     noise: Array,
@@ -72,19 +74,21 @@ def sample(
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
     fed = (*desired[:2], law.feed_forward * desired[2]) if isinstance(law, Law) else desired
-    tau, signals, rate, H_hat = _decide(memory, measured, fed, law, command)
+    tau, signals, rate = _decide(memory, measured, fed, law, command)
     line = [tau, *pending]
     tau_m = applied_torque(pick(line, actuator.delay), actuator, S, S_inv)
     if isinstance(law, Servo):
         memory = measured[1], memory[1]
     else:
+        assert isinstance(memory, Memory)
+        assert rate is not None
         within = applied_torque(tau, actuator._replace(resolution=0.0), S, S_inv)
         stored = choose(law.stores_applied, tau_m, within)
         # A user's law may have neither rate nor estimate; its memory then holds zeros.
         own = command is not control.command
-        kept = (np.nan_to_num(rate), np.nan_to_num(H_hat)) if own else (rate, H_hat)
+        kept = (np.nan_to_num(rate), np.nan_to_num(signals[0])) if own else (rate, signals[0])
         memory = control.remember(memory, measured[0], desired[0], *kept, stored, law)
-    bounded: Any = 1.0
+    bounded: Numeric = 1.0
     for i in range(n):
         error = desired[0][i] - measured[0][i]
         bounded = bounded * (abs(error) <= hardware.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
@@ -111,24 +115,24 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
     return counted
 
 
-def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Any:
+def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Remembered:
     """Memory at the first sample, given the desired angles and the torque before."""
     if isinstance(law, Servo):
         return measured[1], tau
     return start_memory(measured[0], tau, longest(law.lag), q_d)
 
 
-def longest(count: Any) -> int:
+def longest(count: Numeric) -> int:
     """Largest of whole numbers in which experiments side by side differ, or the one they share."""
     return int(np.max(count))
 
 
 def _decide(
-    memory: Any, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
-) -> tuple[Array, tuple[Array, ...], Any, Any]:
-    """Torque, signals, rate and estimate; torque of position loops adds to the one that held the arm."""
+    memory: Remembered, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
+) -> tuple[Array, tuple[Array, ...], Array | None]:
+    """Torque, signals and rate; torque of position loops adds to the one that held the arm."""
     if isinstance(law, Servo):
-        before, offset = memory
-        return offset + servo_torque(measured[1], before, desired[0], desired[1], law), (), None, None
+        return memory[1] + servo_torque(measured[1], memory[0], desired[0], desired[1], law), (), None
+    assert isinstance(memory, Memory)
     tau, H_hat, s, rate = command(memory, measured[0], *desired, law)
-    return tau, (H_hat, s), rate, H_hat
+    return tau, (H_hat, s), rate

@@ -147,7 +147,7 @@ class PlainLaw:
         """Set the arm's torque at sample k; whether the run goes on."""
         reference, controller, state = self._fed, self._loop.controller, self._arm.state.copy()
         assert controller.command is not None
-        found = sampled.sample(
+        now = sampled.sample(
             state,
             self._memory,
             self._pending,
@@ -157,9 +157,9 @@ class PlainLaw:
             self._hardware,
             controller.command,
         )
-        self._memory, self._pending, self._arm.torque[:] = found.memory, found.pending, found.torque
-        self._trace[k] = np.concatenate([state, *found.measured, found.tau, found.tau_m, *found.signals])
-        return bool(found.bounded) and k + 1 < reference.time.size
+        self._memory, self._pending, self._arm.torque[:] = now.memory, now.pending, now.torque
+        self._trace[k] = np.concatenate([state, *now.measured, now.tau, now.tau_m, *now.signals])
+        return bool(now.bounded) and k + 1 < reference.time.size
 
 
 def _noise(loop: Loop) -> Array:

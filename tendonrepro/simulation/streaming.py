@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics.metrics import START
 
 MOVING = 0.05
@@ -38,27 +39,30 @@ class Thresholds(NamedTuple):
 
     speed: Array
     acceleration: Array
-    newest: Any
-    period: Any
-    start: Any
+    newest: float
+    period: float
+    start: float
 
 
-class Sample(NamedTuple):
-    """What one sample contributes, each (n,); ``epsilon`` is of the sample before."""
-
-    e: Array
-    de: Array
-    dq_d: Array
-    ddq_d: Array
-    s: Array
-    tau: Array
-    tau_before: Array
-    H_hat: Array
-    epsilon: Array
-    saturated: Array
+Values = TypeVar("Values", Array, Numeric)
 
 
-Sums: TypeAlias = dict[str, Any]
+class Sample(NamedTuple, Generic[Values]):
+    """What one sample contributes, each (n,) or of one joint; ``epsilon`` is of the sample before."""
+
+    e: Values
+    de: Values
+    dq_d: Values
+    ddq_d: Values
+    s: Values
+    tau: Values
+    tau_before: Values
+    H_hat: Values
+    epsilon: Values
+    saturated: Values
+
+
+Sums: TypeAlias = dict[str, Array]
 """Sums over the samples so far, each (n,), by name."""
 
 SIGNALS = {"torque": "tau", "H_hat": "H"}
@@ -117,21 +121,26 @@ def peak(signal: Array) -> Array:
     return np.asarray(np.abs(signal.T, order="C").max(axis=1))
 
 
-def add_sample(sums: Mapping[str, Array], sample: Sample, live: Any, k: Any, phases: Thresholds) -> Sums:
+def add_sample(
+    sums: Mapping[str, Array], sample: Sample[Array], live: Numeric, k: Numeric, phases: Thresholds
+) -> Sums:
     """Sums, by the names of `SUMS`, after sample ``k``, from 0; unless ``live`` is 1 they stay.
 
     ``max_`` and ``overshoot`` are maxima; ``direction`` is the last stroke's; ``slow_`` are low-passed.
     """
     joints = []
     for i in range(sample.e.shape[0]):
-        before, x = {name: total[i] for name, total in sums.items()}, Sample(*(part[i] for part in sample))
-        joints.append(_add_joint(before, x, live, k, phases, i))
+        before = {name: total[i] for name, total in sums.items()}
+        of_joint: Sample[Numeric] = Sample(*(part[i] for part in sample))
+        joints.append(_add_joint(before, of_joint, live, k, phases, i))
     kind = float if isinstance(joints[0]["abs_e"], float) else object
     return {name: np.array([joint[name] for joint in joints], dtype=kind) for name in sums}
 
 
-def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thresholds, i: int) -> Sums:
-    def during(phase: Any) -> Any:
+def _add_joint(
+    sums: Mapping[str, Numeric], x: Sample[Numeric], live: Numeric, k: Numeric, phases: Thresholds, i: int
+) -> dict[str, Numeric]:
+    def during(phase: Numeric) -> Numeric:
         return choose(live > 0.0, phase, 0.0)
 
     size, square = abs(x.e), x.e * x.e
@@ -142,12 +151,11 @@ def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thres
     direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums["direction"]))
     change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
 
-    def slowed(before: Any, value: Any) -> Any:
-        moved = before + phases.newest * (value - before)
-        return choose(live > 0.0, choose(k > 0.0, moved, value), before)
-
     signals = {"s": x.s, "epsilon": x.epsilon, "tau": x.tau, "H": x.H_hat}
-    slow = {name: slowed(sums[f"slow_{name}"], value) for name, value in signals.items()}
+    slow = {
+        name: choose(live > 0.0, _slowed(sums[f"slow_{name}"], value, k, phases), sums[f"slow_{name}"])
+        for name, value in signals.items()
+    }
     # What is added up, and that whose maximum is kept, each with the samples that count.
     added = {
         "abs_e": (size, live),
@@ -191,22 +199,27 @@ def _add_joint(sums: Mapping[str, Any], x: Any, live: Any, k: Any, phases: Thres
     }
 
 
+def _slowed(before: Numeric, value: Numeric, k: Numeric, phases: Thresholds) -> Numeric:
+    """A signal after the low-pass at `SLOW`, which begins with its first sample."""
+    return choose(k > 0.0, before + phases.newest * (value - before), value)
+
+
 _NOTHING = Thresholds(np.zeros(1), np.zeros(1), 0.0, 0.0, 0.0)
 SUMS = tuple(_add_joint(defaultdict(float), Sample(*np.zeros(len(Sample._fields))), 1.0, 0.0, _NOTHING, 0))
 """Names of the sums of a run."""
 
 
-def finished(sums: Mapping[str, Array], count: Any, fast_share: Array) -> dict[str, Array]:
+def finished(sums: Mapping[str, Array], count: ArrayLike, fast_share: Array) -> dict[str, Array]:
     """Statistics by name, (n, ...), from ``count`` samples; NaN where a phase has none."""
     count = np.asarray(count, dtype=np.float64)
     # The first sample has no change and no epsilon: that comes one sample late.
     pairs = np.maximum(count - 1.0, 0.0)
 
-    def mean(total: Array, number: Any) -> Array:
+    def mean(total: Array, number: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(number > 0.0, total / number, np.nan)
 
-    found = {
+    statistics = {
         "mae": mean(sums["abs_e"], count),
         "rmse": np.sqrt(mean(sums["sq_e"], count)),
         "max_error": sums["max_e"],
@@ -232,9 +245,9 @@ def finished(sums: Mapping[str, Array], count: Any, fast_share: Array) -> dict[s
         SIGNALS.items(), zip(PHASES, (count, sums["up"], sums["down"]), strict=True)
     ):
         peak = sums[f"max_{name}{phase}"]
-        found |= {
+        statistics |= {
             f"{signal}_rms{phase}": np.sqrt(mean(sums[f"sq_{name}{phase}"], number)),
             f"{signal}_peak{phase}": np.where(np.asarray(number) > 0.0, peak, np.nan),
             f"{signal}_slow{phase}": mean(sums[f"abs_slow_{name}{phase}"], number),
         }
-    return {name: found[name] for name in STATISTICS}
+    return {name: statistics[name] for name in STATISTICS}

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypedDict
+from typing import Annotated, Literal, NamedTuple, TypeAlias, TypedDict
 
 from tendonrepro.console import Talk
 
@@ -40,7 +40,7 @@ Formats: TypeAlias = Annotated[
 
 
 Laws: TypeAlias = Annotated[
-    Sequence[str] | Mapping[str, Callable[..., Any]] | None, Word(option="--law", metavar="FILE:NAME")
+    Sequence[str] | Mapping[str, Callable[..., object]] | None, Word(option="--law", metavar="FILE:NAME")
 ]
 Spread: TypeAlias = Annotated[
     float | None, Word(help="Around your own arm, 0.2 is 20 % [default: as shipped].")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
+from tendonrepro.files import Json
 from tendonrepro.results.formats import FORMATS, formats_of
 from tendonrepro.results.on_disk import table_files
 from tendonrepro.results.records import Trace, TraceFile
@@ -39,7 +40,7 @@ class Result:
 
     command: str
     _outcome: Outcome
-    manifest: dict[str, Any]
+    manifest: Json
     _folder: Path | None = None
 
     @property
@@ -52,7 +53,7 @@ class Result:
         return self.traces.runs if self.traces else {}
 
     @cached_property
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Json:
         """The numbers that ``--json`` prints."""
         return dict(self._outcome.data)
 

@@ -146,9 +146,9 @@ def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> Known:
 
 def _known(name: str, plant: Plant, along: DesiredMotion) -> tuple[Array, Array]:
     q, dq, ddq = along.q_d.T, along.dq_d.T, along.ddq_d.T
-    weight, one = load_at_rest(q, plant), np.eye(len(q))
+    weight, unit = load_at_rest(q, plant), np.eye(len(q))
     if name != "full":
-        return weight.T * (name == "gravity"), one
+        return weight.T * (name == "gravity"), unit
     drive = plant.drive
     inertia = to_joint_matrix(drive.inertia, drive.S_inv)
     viscous = to_joint_matrix(drive.friction.viscous, drive.S_inv) + np.diag(plant.link_friction.viscous)
@@ -165,10 +165,10 @@ def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Lo
     controller = TimeDelayController(law, command, on_lanes=command is not None)
     given = [plants.loops[0].reference, plants.loops[-1].reference]
     if candidate.knows != "none":
-        for held, reference in enumerate(given[: 1 + (runs == ALL_RUNS)]):
-            torque, _ = plants.known[candidate.knows, bool(held)]
+        for place, reference in enumerate(given[: 1 + (runs == ALL_RUNS)]):
+            torque, _ = plants.known[candidate.knows, bool(place)]
             extra = _entering(torque, law, increments=command is None) @ law.from_joint.T / law.M_bar
-            given[held] = replace(reference, ddq_d=reference.ddq_d + extra)
+            given[place] = replace(reference, ddq_d=reference.ddq_d + extra)
     return [
         replace(loop, controller=controller, reference=given[k == ALL_RUNS - 1])
         for k, loop in enumerate(plants.loops[:runs])
@@ -192,9 +192,11 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
     if not increments:
         return np.asarray(torque - first)
     past = (np.concatenate([first[:back], torque[:-back]]) for back in (law.lag, 2 * law.lag))
-    held = sum(weight * part for weight, part in zip(law.weights, past, strict=True))
+    past_torque = sum(weight * part for weight, part in zip(law.weights, past, strict=True))
     keeps = 1.0 - law.estimate_filter
-    return np.asarray(torque - lfilter([1.0 - keeps], [1.0, -keeps], held, axis=0, zi=keeps * first[:1])[0])
+    return np.asarray(
+        torque - lfilter([1.0 - keeps], [1.0, -keeps], past_torque, axis=0, zi=keeps * first[:1])[0]
+    )
 
 
 def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any
 
 from matplotlib.axes import Axes
 
 from tendonrepro.results.figures import style
+from tendonrepro.tuning.search import Row
 
 KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
 VELOCITY = {False: "velocity as measured", True: "velocity filtered"}
@@ -18,9 +18,7 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 
 @style.journal_style()
-def draw_tuning(
-    laws: Sequence[Mapping[str, Any]], titles: Mapping[str, str], on: str = "the plants"
-) -> style.Drawing:
+def draw_tuning(laws: Sequence[Row], titles: Mapping[str, str], on: str = "the plants") -> style.Drawing:
     """Draw medians of error against torque roughness: a column for what is known, a row for the velocity.
 
     `on` says of which plants, for whoever made the picture.
@@ -49,8 +47,8 @@ def draw_tuning(
     )
 
 
-def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> None:
-    def plot(own: Sequence[Mapping[str, Any]], **look: Any) -> None:
+def _draw(panel: Axes, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
+    def plot(own: Sequence[Row], look: style.Look) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
     for number, (law, title) in enumerate(titles.items(), start=1):
@@ -59,11 +57,12 @@ def _draw(panel: Axes, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, s
             "marker": MARKERS[(number - 1) % len(MARKERS)],
             "markersize": 3.2,
         }
-        plot(front, label=title, **look)
+        plot(front, {"label": title, **look})
     published = [row for row in rows if row["cap"] == "published"]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
-    plot(stars, linestyle="", marker="*", color="black", markersize=6, label="published gains")
-    plot(curve, color="#BEBEBE", linewidth=2.2, zorder=1, label="published gains over α")
+    star = {"linestyle": "", "marker": "*", "color": "black", "markersize": 6}
+    plot(stars, {**star, "label": "published gains"})
+    plot(curve, {"color": "#BEBEBE", "linewidth": 2.2, "zorder": 1, "label": "published gains over α"})
     panel.set(xscale="log", yscale="log")
     panel.margins(0.06)
     for axis in (panel.xaxis, panel.yaxis):

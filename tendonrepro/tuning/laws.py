@@ -6,7 +6,7 @@ why. Gains in `PER_JOINT` have a value for each joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -33,7 +33,7 @@ class Range(NamedTuple):
             return np.asarray(self.low * (self.high / self.low) ** x)
         return np.asarray(self.low + (self.high - self.low) * x)
 
-    def place(self, value: Any) -> Array:
+    def place(self, value: float | Array) -> Array:
         """Where between the bounds a value is; outside below 0 or above 1."""
         if self.low > 0.0:
             return np.asarray(np.log(value / self.low) / np.log(self.high / self.low))
@@ -61,7 +61,9 @@ RANGES: Mapping[str, Range] = {
 PER_JOINT = frozenset({"M_bar", "alpha"})
 
 # By name: arrays (n,) where a gain is per joint, else (1,).
-Gains = Mapping[str, Any]
+Gains = Mapping[str, Array]
+# The same, as other laws' gains give them: one number may stand for all.
+Numbers = Mapping[str, float | Array]
 
 
 def super_twisting(
@@ -106,11 +108,13 @@ class TunedLaw:
     def values(self, unit: Array, n: int) -> Gains:
         """Gains at a point of the unit cube."""
         parts = np.split(unit, np.cumsum(self.sizes(n))[:-1])
-        return {name: held.value(part) for (name, held), part in zip(self.gains.items(), parts, strict=True)}
+        return {
+            name: bounds.value(part) for (name, bounds), part in zip(self.gains.items(), parts, strict=True)
+        }
 
-    def unit(self, gains: Gains, n: int) -> Array:
+    def unit(self, gains: Numbers, n: int) -> Array:
         """Point of the unit cube with these gains, or the nearest."""
-        places = [held.place(gains[name]) for name, held in self.gains.items()]
+        places = [bounds.place(gains[name]) for name, bounds in self.gains.items()]
         parts = [np.broadcast_to(place, size) for place, size in zip(places, self.sizes(n), strict=True)]
         return np.clip(np.concatenate(parts), 0.0, 1.0)
 
@@ -157,7 +161,7 @@ _LAWS = (
 LAWS = {law.name: law for law in _LAWS}
 
 # Other gains of these, and of the published α (n,).
-Change: TypeAlias = Callable[[Gains, Array], Gains]
+Change: TypeAlias = Callable[[Gains, Array], Numbers]
 
 
 class Step(NamedTuple):
@@ -219,7 +223,7 @@ STEPS: tuple[Step, ...] = (
 _TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
 
 
-def _is_range(bounds: Any) -> bool:
+def _is_range(bounds: Sequence[float]) -> bool:
     return np.size(bounds) == 2 and 0.0 < bounds[0] < bounds[1]
 
 

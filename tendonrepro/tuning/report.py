@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, product
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +37,7 @@ FEWEST = 8  # draws on which both laws must have gains, for a verdict
 _HEAD = "law", "over", "knows", "filtered", "cap", "draws"
 
 
-def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[dict[str, Any]]:
+def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[Row]:
     """Yield the error of one law over another's, both at their best, under every condition and cap.
 
     ``ratio`` is the median over draws with its 95 % bootstrap interval, ``scatter`` the ratio by which the
@@ -47,17 +46,17 @@ def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int
     by_key = {tuple(row[name] for name in ("law", "knows", "filtered", "cap", "draw")): row for row in rows}
     draws = sorted({row["draw"] for row in rows})
     for (law, over), (knows, filtered), cap in product(pairs, CONDITIONS, CAPS):
-        both = [[by_key[one, knows, filtered, cap, draw] for one in (law, over)] for draw in draws]
+        both = [[by_key[which, knows, filtered, cap, draw] for which in (law, over)] for draw in draws]
         kept = [(a, b) for a, b in both if a["stable"] and b["stable"]]
         head = dict(zip(_HEAD, (law, over, knows, filtered, cap, len(kept)), strict=True))
         none = dict.fromkeys(("ratio", "low", "high", "scatter", "held_out"), np.nan) | {"verdict": TOO_FEW}
         yield head | (_compared(kept, seed) if len(kept) >= FEWEST else none)
 
 
-def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> dict[str, Any]:
+def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> Row:
     logs = np.log([a["error"] / b["error"] for a, b in kept])
     errors = [(a["held_out_error"], b["held_out_error"]) for a, b in kept]
-    held = [a / b for a, b in errors if a and b]
+    held_out = [a / b for a, b in errors if a and b]
     samples = np.random.default_rng(seed).choice(logs, (2000, logs.size))
     middle, (low, high) = np.median(logs), np.quantile(np.median(samples, axis=1), [0.025, 0.975])
     scatter = max(np.median([_miss(pair[k]["errors"]) for pair in kept]) for k in (0, 1))
@@ -69,40 +68,40 @@ def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> dict[str, Any]:
         verdict = SMALLER if middle < 0.0 else LARGER
     names = ("ratio", "low", "high", "scatter")
     numbers = dict(zip(names, np.exp([middle, low, high, scatter]).tolist(), strict=True))
-    return numbers | {"held_out": float(np.median(held)) if held else np.nan, "verdict": verdict}
+    return numbers | {"held_out": float(np.median(held_out)) if held_out else np.nan, "verdict": verdict}
 
 
 def _miss(errors: Sequence[float | None]) -> float:
     """By how much the second best search misses the best, in logs."""
-    found = sorted(error for error in errors if error is not None)
-    return found[1] - found[0] if len(found) > 1 else np.inf
+    sizes = sorted(error for error in errors if error is not None)
+    return sizes[1] - sizes[0] if len(sizes) > 1 else np.inf
 
 
-def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[dict[str, Any]]:
+def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[Row]:
     """Yield errors, roughness and share of stable draws, by law, condition and cap."""
     names = ("law", "knows", "filtered", "cap", "alpha")
-    groups: dict[tuple[Any, ...], list[Row]] = {}
+    groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(map(row.get, names)), []).append(row)
     for key, own in groups.items():
         good = [row for row in own if row["stable"]]
-        found = dict(zip(names, key, strict=True)) | {"share_stable": len(good) / len(own)}
+        summary = dict(zip(names, key, strict=True)) | {"share_stable": len(good) / len(own)}
         if good:
             degrees = np.degrees([row["mae"] for row in good])
             for i, joint in enumerate(joints):
-                found[f"mae_joint_{joint}_deg"] = float(np.median(degrees[..., i]))
-                found[f"mae_joint_{joint}_deg_90"] = float(np.quantile(degrees[..., i], 0.9))
-            found["error_deg"] = float(np.degrees(np.median([row["error"] for row in good])))
-            found["roughness_Nm"] = float(np.median([row["roughness"] for row in good]))
-        yield found
+                summary[f"mae_joint_{joint}_deg"] = float(np.median(degrees[..., i]))
+                summary[f"mae_joint_{joint}_deg_90"] = float(np.quantile(degrees[..., i], 0.9))
+            summary["error_deg"] = float(np.degrees(np.median([row["error"] for row in good])))
+            summary["roughness_Nm"] = float(np.median([row["roughness"] for row in good]))
+        yield summary
 
 
-def question_rows(found: Sequence[Row], titles: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+def question_rows(rows: Sequence[Row], titles: Mapping[str, str]) -> Iterator[Row]:
     """Yield how often a pair has which verdict, and which it has in half of all cases."""
-    for (law, over), group in groupby(found, itemgetter("law", "over")):
+    for (law, over), group in groupby(rows, itemgetter("law", "over")):
         own = list(group)
-        ratios = [one["ratio"] for one in own if one["verdict"] != TOO_FEW]
-        counts = {name: sum(one["verdict"] == name for one in own) for name in VERDICTS}
+        ratios = [row["ratio"] for row in own if row["verdict"] != TOO_FEW]
+        counts = {name: sum(row["verdict"] == name for row in own) for name in VERDICTS}
         most = max(counts, key=lambda name: counts[name])
         yield {
             "law": titles[law],
@@ -121,12 +120,13 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     titles = {name: law.title for name, law in task.laws.items()}
     own = product((name for name in titles if name not in LAWS), ("ntsm", "pid"))
     rows, lost = (
-        [{"draw": one["draw"], **row} for one in drawn for row in one[part]] for part in ("rows", "lost")
+        [{"draw": plant["draw"], **row} for plant in drawn for row in plant[part]]
+        for part in ("rows", "lost")
     )
     pairs = [pair for pair in (*QUESTIONS, *own) if set(pair) <= titles.keys()]
-    found, at_best = [*comparisons(rows, pairs, task.seed)], [*law_rows(rows, joints)]
-    questions = [*question_rows(found, titles)]
-    scattered = count_scattered(found)
+    compared, at_best = [*comparisons(rows, pairs, task.seed)], [*law_rows(rows, joints)]
+    questions = [*question_rows(compared, titles)]
+    scattered = count_scattered(compared)
     around = task.loaded.around
     on = count_of(len(drawn), "plant") + (f" {around.told}" if around else "")
     data = {
@@ -140,7 +140,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
         "joints": list(joints),
         "around": around and around.as_data(),
         "questions": questions,
-        "comparisons": found,
+        "comparisons": compared,
         "laws": at_best,
         "lost_to_special_case": lost,
         "without_difference_but_scattered": scattered,
@@ -149,16 +149,16 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     about = f"Two laws at their best on {on}: the first one's error under so many conditions."
     tables = [
         Table("questions", about, questions),
-        Table("comparisons", "Error over error, paired by plant.", found, terminal=()),
+        Table("comparisons", "Error over error, paired by plant.", compared, terminal=()),
         Table("laws", "Every law at its best, and as published.", at_best, terminal=()),
     ]
     told = [*_warnings(len(lost), scattered)]
     return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on)})
 
 
-def count_scattered(found: Sequence[Row]) -> int:
+def count_scattered(rows: Sequence[Row]) -> int:
     """In how many cases without a difference two searches of one law differ by more than counts as none."""
-    return sum(one["verdict"] == NONE and np.log(one["scatter"]) > ALIKE for one in found)
+    return sum(row["verdict"] == NONE and np.log(row["scatter"]) > ALIKE for row in rows)
 
 
 def _warnings(lost: int, scattered: int) -> Iterator[str]:

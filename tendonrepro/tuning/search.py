@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
 SAME = 0.02
 
 Row: TypeAlias = dict[str, Any]
+"""A law under a condition and a cap on one draw, as it is stored."""
 
 # Candidates that a search begins with, and how wide they lie around its start, as a share of the ranges.
 FIRST, FIRST_WIDTH = 32, 0.15
@@ -83,8 +84,8 @@ def costs(seen: Sequence[Seen], cap: float) -> Array:
 
 def best(seen: Sequence[Seen], cap: float) -> Seen | None:
     """Smallest error where the cap is kept and all runs are stable."""
-    kept = [one for one in seen if one.roughness <= cap and one.stable.all()]
-    return min(kept, key=lambda one: one.error, default=None)
+    kept = [place for place in seen if place.roughness <= cap and place.stable.all()]
+    return min(kept, key=lambda place: place.error, default=None)
 
 
 @dataclass(frozen=True)
@@ -99,22 +100,22 @@ class Tuning:
     plants: Plants
     effort: Mapping[str, int]
     seed: tuple[int, int]
-    found: dict[Key, list[Seen]] = field(default_factory=dict)
+    places: dict[Key, list[Seen]] = field(default_factory=dict)
 
     def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[Key, list[Seen]]:
         """Search under conditions: what is known, and whether velocities are filtered."""
         for law, condition, k in product(self.laws, conditions, range(self.effort["searches"])):
-            self.found[Key(law, *condition, k)] = []
-        self._look([(key, unit) for key in self.found for unit in self._spread(key)])
+            self.places[Key(law, *condition, k)] = []
+        self._look([(key, unit) for key in self.places for unit in self._spread(key)])
         self._exchange()
         for half in (0, 1):
             self._generations(half, (self.effort["generations"] + 1 - half) // 2)
             self._exchange()
-        return self.found
+        return self.places
 
     def _spread(self, key: Key) -> list[Array]:
         law = self.laws[key.law]
-        start = law.unit({name: held.start for name, held in law.gains.items()}, self.plants.alpha.size)
+        start = law.unit({name: bounds.start for name, bounds in law.gains.items()}, self.plants.alpha.size)
         steps = np.random.default_rng(self._seed(key)).standard_normal((FIRST - 1, start.size))
         return [start, *np.clip(start + FIRST_WIDTH * steps, 0.0, 1.0)]
 
@@ -124,16 +125,16 @@ class Tuning:
 
     def _generations(self, half: int, count: int) -> None:
         size, strategies = self.effort["population"], {}
-        for (key, seen), (k, cap) in product(self.found.items(), enumerate(self.caps)):
+        for (key, seen), (k, cap) in product(self.places.items(), enumerate(self.caps)):
             generator = np.random.default_rng([*self._seed(key, half), k])
             start = seen[costs(seen, cap).argmin()].unit
             strategies[key, k] = evolution(start, WIDTHS[half], size, generator)
         for _ in range(count):
-            asked = {place: one.ask() for place, one in strategies.items()}
+            asked = {place: strategy.ask() for place, strategy in strategies.items()}
             self._look([(key, unit) for (key, _), units in asked.items() for unit in units])
-            for (key, k), one in strategies.items():
-                own = self.found[key][-size * len(self.caps) :][k * size :][:size]
-                one.tell(asked[key, k], costs(own, self.caps[k]).tolist())
+            for (key, k), strategy in strategies.items():
+                own = self.places[key][-size * len(self.caps) :][k * size :][:size]
+                strategy.tell(asked[key, k], costs(own, self.caps[k]).tolist())
 
     def _look(self, asked: Sequence[tuple[Key, Array]]) -> None:
         n, candidates = self.plants.alpha.size, []
@@ -141,11 +142,11 @@ class Tuning:
             law = self.laws[key.law]
             candidates.append(Candidate(law, key.knows, key.filtered, law.values(unit, n)))
         if candidates:
-            found = measure(self.plants, candidates)
-            errors = np.log(found.mae[:, :2]).mean(axis=(1, 2)).tolist()
-            parts = zip(asked, errors, found.roughness.tolist(), found.stable, strict=True)
+            measured = measure(self.plants, candidates)
+            errors = np.log(measured.mae[:, :2]).mean(axis=(1, 2)).tolist()
+            parts = zip(asked, errors, measured.roughness.tolist(), measured.stable, strict=True)
             for (key, unit), error, roughness, stable in parts:
-                self.found[key].append(Seen(unit, error, roughness, stable))
+                self.places[key].append(Seen(unit, error, roughness, stable))
 
     def _exchange(self) -> None:
         for before, after in pairwise(CLASSES):
@@ -153,31 +154,32 @@ class Tuning:
         for step in STEPS:
             self._hand_on("law", step.source, step.target, step.change)
 
-    def _hand_on(self, axis: str, source: str, target: str, change: Change | None = None) -> None:
+    def _hand_on(
+        self, axis: Literal["knows", "law"], source: str, target: str, change: Change | None = None
+    ) -> None:
         """Have searches look at the best places of others, if these are new to them."""
         alpha, asked = self.plants.alpha, []
-        for key, seen in self.found.items():
-            changed: dict[str, Any] = {axis: target}
-            to = key._replace(**changed)
-            if getattr(key, axis) != source or to not in self.found:
+        for key, seen in self.places.items():
+            to = key._replace(knows=target) if axis == "knows" else key._replace(law=target)
+            if getattr(key, axis) != source or to not in self.places:
                 continue
             units, law, other = self._best_units(seen), self.laws[key.law], self.laws[to.law]
             if change:
                 gains = [change(law.values(unit, alpha.size), alpha) for unit in units]
-                units = [other.unit(one, alpha.size) for one in gains]
-            there = np.array([one.unit for one in self.found[to]])
+                units = [other.unit(place, alpha.size) for place in gains]
+            there = np.array([place.unit for place in self.places[to]])
             asked += [(to, unit) for unit in units if (np.abs(there - unit).max(axis=1) >= _HERE).all()]
         self._look(asked)
 
     def _best_units(self, seen: Sequence[Seen]) -> list[Array]:
         """Places of least cost and least error under each cap; each once."""
-        held = [seen[int(costs(seen, cap).argmin())] for cap in self.caps]
-        held += filter(None, (best(seen, cap) for cap in self.caps))
-        return [one.unit for one in seen if any(one is other for other in held)]
+        least = [seen[int(costs(seen, cap).argmin())] for cap in self.caps]
+        least += filter(None, (best(seen, cap) for cap in self.caps))
+        return [place.unit for place in seen if any(place is other for other in least)]
 
 
 # Best of each search, by law, what is known, whether velocities are filtered, and cap.
-Found: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
+BestSeen: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
 
 
 @dataclass(frozen=True)
@@ -206,22 +208,22 @@ class Task:
         scale = measure(plants, [published(plants)["controller_2"]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
         tuning = Tuning(self.laws, [*caps.values()], plants, self.effort, (self.seed, number))
-        found: Found = {}
+        best_seen: BestSeen = {}
         for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
-            found.setdefault((*key[:3], name), []).append(best(seen, cap))
-        kept = [*self._best(found, plants.alpha.size), *_as_published(plants)]
-        return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(found)]}
+            best_seen.setdefault((*key[:3], name), []).append(best(seen, cap))
+        kept = [*self._best(best_seen, plants.alpha.size), *_as_published(plants)]
+        return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(best_seen)]}
 
-    def _best(self, found: Found, n: int) -> Iterator[Row]:
-        for (name, knows, filtered, cap), own in found.items():
-            row = _row(name, knows, filtered, cap, errors=[one.error if one else None for one in own])
-            if top := min(filter(None, own), key=lambda one: one.error, default=None):
+    def _best(self, best_seen: BestSeen, n: int) -> Iterator[Row]:
+        for (name, knows, filtered, cap), own in best_seen.items():
+            row = _row(name, knows, filtered, cap, errors=[place.error if place else None for place in own])
+            if top := min(filter(None, own), key=lambda place: place.error, default=None):
                 law = self.laws[name]
                 row["candidate"] = Candidate(law, knows, filtered, law.values(top.unit, n))
             yield row
 
 
-def _row(law: str, knows: str, filtered: bool, cap: str, **more: Any) -> Row:
+def _row(law: str, knows: str, filtered: bool, cap: str, **more: object) -> Row:
     return {"law": law, "knows": knows, "filtered": filtered, "cap": cap, **more}
 
 
@@ -238,8 +240,8 @@ def _as_published(plants: Plants) -> Iterator[Row]:
 
 def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
     """Rows with what their candidates give, angles in rad."""
-    found = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
-    results = zip(found.mae, found.roughness.tolist(), found.stable, strict=True)
+    measured = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
+    results = zip(measured.mae, measured.roughness.tolist(), measured.stable, strict=True)
     for row in rows:
         row["stable"] = False
         if "candidate" in row:
@@ -251,9 +253,9 @@ def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
     return [*rows]
 
 
-def _lost(found: Found) -> Iterator[Row]:
+def _lost(best_seen: BestSeen) -> Iterator[Row]:
     """Yield where a law does worse than its own special case: a failure of the search."""
-    errors = {key: min(one.error if one else np.inf for one in own) for key, own in found.items()}
+    errors = {key: min(place.error if place else np.inf for place in own) for key, own in best_seen.items()}
     for step, (key, special) in product(STEPS, errors.items()):
         general = (step.target, *key[1:])
         if step.exact and key[0] == step.source and errors.get(general, -np.inf) > special + SAME:

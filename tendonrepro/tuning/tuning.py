@@ -8,7 +8,6 @@ from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from tendonrepro.studies.study import Site
 from tendonrepro.tuning.bench import Candidate, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
-from tendonrepro.tuning.search import Task
+from tendonrepro.tuning.search import Row, Task
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
@@ -137,23 +136,25 @@ def _try(task: Task, law: TunedLaw) -> None:
 def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
-    found = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
-    if len(found) < wanted:
-        message = f"with the published gains stable plants are only {len(found)} of {len(numbers)} draws"
+    usable_draws = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
+    if len(usable_draws) < wanted:
+        message = (
+            f"with the published gains stable plants are only {len(usable_draws)} of {len(numbers)} draws"
+        )
         narrower = ", or a smaller --spread" if task.loaded.around else ""
         hint = f"ask for fewer, or say --any-plant{narrower}"
         raise UsageError(message, where="--plants", hint=hint)
-    return found
+    return usable_draws
 
 
-def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[dict[str, Any]]:
+def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[Row]:
     """Tune on the draws that are not on disk already."""
     states.mkdir(exist_ok=True)
     paths = {number: states / f"{number}.json" for number in numbers}
     missing = [number for number, path in paths.items() if not path.exists()]
     stream = as_ready(task.tuned, missing, jobs)
     with talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
-        for one in stream:
-            write_atomically(paths[one["draw"]], to_json(one))
+        for tuned in stream:
+            write_atomically(paths[tuned["draw"]], to_json(tuned))
             progress(1)
     return [json.loads(path.read_text("utf-8")) for path in paths.values()]

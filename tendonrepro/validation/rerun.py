@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import LoadedConfig, load_config
-from tendonrepro.configuration.strict_yaml import dump
+from tendonrepro.configuration.strict_yaml import Tree, dump, section
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError
@@ -92,15 +92,17 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
     reference, runs = measured.reference, measured.compare.runs
     if reference is None:
         raise DataMissingError(measured.unrecovered)
-    tree: dict[str, Any] = dict(base.tree)
+    tree = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the reference measured in {name}"
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
-    tree["runs"] = dict(tree["runs"])
-    for run in runs.keys() & tree["runs"].keys():
-        mass, entry = float(runs[run].attributes["payload_mass"]), tree["runs"][run]
-        if entry["payload"]["unit"] == "kg" and mass != entry["payload"]["value"]:
-            payload = {"value": mass, "unit": "kg", "source": f"identified: the mass stated for {name}"}
-            tree["runs"][run] = entry | {"payload": payload}
+    entries = dict(section(tree, "runs"))
+    tree["runs"] = entries
+    for run in runs.keys() & entries.keys():
+        mass, payload = float(runs[run].attributes["payload_mass"]), section(entries, run, "payload")
+        if payload["unit"] == "kg" and mass != payload["value"]:
+            source = f"identified: the mass stated for {name}"
+            stated: Tree = {"value": mass, "unit": "kg", "source": source}
+            entries[run] = section(entries, run) | {"payload": stated}
     zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
     return _write_config(tree, folder / "compare.yaml"), zeros
 
@@ -123,21 +125,21 @@ def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Pa
         base = load_config(None, "decouple", overrides=both)
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
-    tree: dict[str, Any] = dict(base.tree)
+    tree = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
     knots = thinned(recorded(trace, variable))
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
-    payload = tree["runs"]["decouple"]["payload"]
+    payload = section(tree, "runs", "decouple")["payload"]
     tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
     return _write_config(tree, folder / "decouple.yaml"), {trace.name: float(trace.time[0])}
 
 
-def _write_config(tree: dict[str, Any], path: Path) -> Path:
+def _write_config(tree: Tree, path: Path) -> Path:
     path.write_text(dump(tree), encoding="utf-8")
     return path
 
 
-def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> dict[str, str]:
+def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> Tree:
     """Write a trajectory file, s and degrees; return the reference to it."""
     heads = ",".join(["time_s", *(f"q{number}_deg" for number in joint)])
     # A zero without its sign.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -47,7 +46,7 @@ def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     """Judge a percentage by how it would be printed, others by the printed interval."""
     tables, formula = measured.tables, formula_of(paper, identifier)
     window: Evidence = {"window": tables.window}
-    sizes: list[Any] = []
+    sizes: list[float | Fraction] = []
     for error in formula.errors:
         if error.id not in tables.deciding.sizes:
             return missing(f"the measured errors of {error}", **window)

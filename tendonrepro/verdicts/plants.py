@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.data import EnsembleData, Stored
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
@@ -28,7 +26,7 @@ class Plants:
         self.data = data
         self.reading = reading
         self.joints = data.joints
-        self._kept: dict[tuple[str, str], NDArray[Any]] = {}
+        self._kept: dict[tuple[str, str], Stored] = {}
 
     def status(self, run: str) -> NDArray[np.int8]:
         """Status codes of a run, (N,)."""

@@ -88,7 +88,7 @@ class Judged:
     by_choice: list[ByChoice] = field(default_factory=list)
 
 
-def missing(what: str, command: str | None = None, **evidence: Any) -> Judged:
+def missing(what: str, command: str | None = None, **evidence: object) -> Judged:
     """Not testable, for what is missing; `command` supplies it."""
     return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
 

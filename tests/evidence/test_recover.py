@@ -326,7 +326,7 @@ def test_loose_gains_cannot_tell(
     parameters, halves = np.array([0.9, 0.1, M_bar, 8.0, 1.5]), np.array([0.0, 0.0, half, 0.0, 0.0])
     gains = {"position_gain": gain, "position_gain_half": gain_half}
     best = replace(one.best, parameters=parameters, half=halves, **gains)
-    assert replace(one, found=[best]).answer == answer
+    assert replace(one, fits=[best]).answer == answer
 
 
 def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -64,8 +64,8 @@ class BoxRange(_Known):
 
 
 class _OneOf(_Known):
-    choices: tuple[Any, ...]
-    nominal: Any
+    choices: tuple[float | str, ...]
+    nominal: float | str
 
     def _mistakes(self) -> Mistakes:
         if self.nominal not in self.choices:
@@ -174,5 +174,5 @@ class BoxConfig(Model):
         # Link 3 reaches posture + 2 amplitudes.
         reached = self.posture.highest + 2.0 * self.amplitude.highest
         if reached >= math.pi:
-            found = f"it would reach {math.degrees(reached):.6g} deg"
-            yield ("amplitude", "high"), f"must keep link 3 below 180 deg from hanging, {found}"
+            reach = f"it would reach {math.degrees(reached):.6g} deg"
+            yield ("amplitude", "high"), f"must keep link 3 below 180 deg from hanging, {reach}"

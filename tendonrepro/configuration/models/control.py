@@ -138,9 +138,9 @@ class Control(Model):
 
     def _mistakes(self) -> Mistakes:
         for name, law in self.laws.items():
-            held = law.surface, law.estimator
-            printed = PRINTED_LAWS.get(name, held)
-            if held != printed:
+            chosen = law.surface, law.estimator
+            printed = PRINTED_LAWS.get(name, chosen)
+            if chosen != printed:
                 paper = "surface {} and estimator {}".format(*printed)
                 yield ("laws", name), f"is the paper's, {paper}: give yours another name"
             for gain in ("K_d", "K_p"):
@@ -155,9 +155,9 @@ class Control(Model):
 
     def unread(self) -> dict[str, str]:
         """Keys that these readings leave unread, and the readings that would read them."""
-        found = {}
+        needs = {}
         if self.readings.error_rate not in FILTERED and self.readings.estimate_filter not in FILTERED:
-            found["filter_cutoff"] = "error_rate: low_pass, or estimate_filter: acceleration or estimate"
+            needs["filter_cutoff"] = "error_rate: low_pass, or estimate_filter: acceleration or estimate"
         if self.readings.reference_acceleration != "late":
-            found["reference_lag"] = "reference_acceleration: late"
-        return found
+            needs["reference_lag"] = "reference_acceleration: late"
+        return needs

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import ConfigDict, Field, StrictInt
+from pydantic.json_schema import JsonSchemaValue
 
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -84,13 +85,13 @@ class StatusLimits(Model):
     ringing_share: Annotated[Scalar, positive("1", "share of the error's power that is ringing", below=1.0)]
 
 
-def _or_file(schema: dict[str, Any]) -> None:
+def _or_file(schema: JsonSchemaValue) -> None:
     """In the JSON schema a file may name the manipulator."""
     file = {"type": "string", "description": "file beside this one, or a shipped one"}
     schema["anyOf"] = [file, {"$ref": schema.pop("$ref")}]
 
 
-def _or_base(schema: dict[str, Any]) -> None:
+def _or_base(schema: JsonSchemaValue) -> None:
     """In the JSON schema a file with a base need not have the other keys."""
     schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
     with_base = {"required": ["schema_version", "experiment", "base"]}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
+from pydantic.json_schema import JsonSchemaValue
 
 from tendonrepro.configuration.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive, wrong_sizes
 from tendonrepro.configuration.strict_model import Mistakes, Model, SchemaVersion
@@ -125,7 +126,7 @@ class ActuatorConfig(Model):
     output_delay: Annotated[Scalar, nonneg("1", "delay of the command in samples", at_most=100.0, whole=True)]
 
 
-def _or_base(schema: dict[str, Any]) -> None:
+def _or_base(schema: JsonSchemaValue) -> None:
     """In the JSON schema an arm with a base need not have the other keys, and says how many joints it has."""
     schema["properties"]["base"] = {"type": "string", "description": "arm that has what is not here"}
     count = "number of joints, 1 to 6; the base's if not given"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar, get_args
+from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.models.control import RUNS, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.reference import Ramp
@@ -72,10 +72,10 @@ class Reading(NamedTuple):
 
 def _held() -> dict[str, ReadingAxis]:
     axes = {}
-    for name, held in Readings.model_fields.items():
-        printed, *others = get_args(held.annotation)
-        (at,) = (item for item in held.metadata if isinstance(item, At))
-        axes[name] = ReadingAxis(name, printed, others, at, held.description or "")
+    for name, field in Readings.model_fields.items():
+        printed, *others = get_args(field.annotation)
+        (at,) = (item for item in field.metadata if isinstance(item, At))
+        axes[name] = ReadingAxis(name, printed, others, at, field.description or "")
     return axes
 
 
@@ -242,10 +242,10 @@ def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, obj
     amplitude = _vector([draw["amplitude"]] * len(COMPARED), "rad", "amplitude")
     rise, hold = (_scalar(round(draw[name], 2), "s", name) for name in ("rise", "hold"))
     periods = _scalar(2.0, "1")
-    held = Ramp.model_construct(
+    ramp = Ramp.model_construct(
         kind="ramp", amplitude=amplitude, rise=rise, hold=hold, periods=periods, turns=None
     )
-    return {"reference": held}
+    return {"reference": ramp}
 
 
 def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
@@ -258,7 +258,7 @@ def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str
     return {"runs": runs}
 
 
-def start_offset(posture: Array, draw: Mapping[str, Any], run: str) -> Array:
+def start_offset(posture: Array, draw: Mapping[str, Numeric], run: str) -> Array:
     """Joint angles less the reference before a run, rad, (n, ...), of a draw or arrays of draws.
 
     `posture` (n, ...) holds absolute start angles of the links, rad from hanging.

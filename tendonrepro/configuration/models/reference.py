@@ -201,7 +201,7 @@ def read_samples(path: Path, interpolation: str = "quintic") -> tuple[Array, dic
         time, *angles = table.T
         if len(angles) != len(joints):
             raise ValueError(f"{table.shape[1]} in each row")
-        found = {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}
+        by_joint = {joint: np.deg2rad(angle) for joint, angle in zip(joints, angles, strict=True)}
     except ValueError as error:
         message = f"rows must hold {len(names)} numbers with commas between: {error}"
         raise ConfigError(message, where=str(path)) from None
@@ -209,4 +209,4 @@ def read_samples(path: Path, interpolation: str = "quintic") -> tuple[Array, dic
     if wrong.any():
         message = "numbers must be finite, and time must increase from row to row"
         raise ConfigError(message, where=f"{path}:{lines[np.argmax(wrong)]}")
-    return time, found
+    return time, by_joint

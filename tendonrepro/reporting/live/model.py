@@ -10,21 +10,28 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import replaced
 from tendonrepro.configuration.quantity import Quantity, to_si
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.loops import build_law, motions
+from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.trajectory import at_rest
 from tendonrepro.simulation.codegen.lanes import mapped
-from tendonrepro.simulation.codegen.printed import JAVASCRIPT, PlacesTape, function_source, split_by_input
-from tendonrepro.simulation.codegen.symbols import Symbol, needed
+from tendonrepro.simulation.codegen.printed import (
+    JAVASCRIPT,
+    Place,
+    PlacesTape,
+    function_source,
+    split_by_input,
+)
+from tendonrepro.simulation.codegen.symbols import Operand, Symbol, needed
 from tendonrepro.simulation.kernel import runge_kutta, unpacked
 from tendonrepro.simulation.parts import rest_at
 from tendonrepro.simulation.sampled import Hardware, measure, sample, start
@@ -58,19 +65,20 @@ class _Given(Quantity):
     """A quantity whose numbers are symbols."""
 
     @property
-    def si(self) -> Any:
+    def si(self) -> Numeric:
         if isinstance(self.value, tuple):
-            return np.array([to_si(one, self.unit) for one in self.value], dtype=object)
-        return to_si(self.value, self.unit)
+            return np.array([to_si(number, self.unit) for number in self.value], dtype=object)
+        number: Numeric = to_si(self.value, self.unit)
+        return number
 
 
 def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape, off: str = "") -> CompareConfig:
     """The configuration with symbols for the inputs' numbers, and zero for those of a key that is off."""
     symbols = tape.places("pp", len(inputs.numbers))
     for (key, entry), known in zip(inputs.numbers, symbols, strict=True):
-        symbol: Any = 0.0 if key == off else known
+        symbol: Numeric = 0.0 if key == off else known
         quantity, unit = attrgetter(key)(config), inputs.units[key]
-        value: Any = symbol
+        value: Numeric | tuple[Numeric, ...] = symbol
         if entry is not None:
             factor = 1.0 if quantity.unit == unit else to_si(1.0, quantity.unit) / to_si(1.0, unit)
             value = tuple(
@@ -92,15 +100,16 @@ def plant_code(config: CompareConfig, inputs: Inputs, off: str = "") -> Code:
     tape, n = PlacesTape(), len(config.joints)
     payload, scale = tape.places("rr", 2)
     plant = rig.build_plant(given(config, inputs, tape, off), payload, scale)  # type: ignore[arg-type]
-    begin: Any = np.array([to_si(angle, "deg") for angle in tape.places("rr", n, 2)], dtype=object)
+    begin: Array = np.array([to_si(angle, "deg") for angle in tape.places("rr", n, 2)], dtype=object)
     rest = rest_at(begin, plant)
     state, torque = _array(tape, "ss", 4 * n), _array(tape, "uu", n)
-    t, h = tape.places("uu", 2, n)
+    times: Any = tape.places("uu", 2, n)
+    t, h = times
     after, _ = runge_kutta(partial(_slope, torque=torque, plant=plant), t, state, h)
     return _code(tape, ("plant", _flat(rest), ("pp", "rr"), "zz"), ("step", list(after), ("ss", "uu"), "nn"))
 
 
-def _slope(t: Any, state: Array, torque: Array, plant: Plant) -> Array:
+def _slope(t: float, state: Array, torque: Array, plant: Plant) -> Array:
     return state_derivative(t, state, torque, plant)
 
 
@@ -119,7 +128,7 @@ def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
     )
     rest, tau, zero = np.split(_array(tape, "zz", 6 * n), [4 * n, 5 * n])
     hardware = _hardware(traced, zero)
-    quiet: Any = np.zeros(3 * n)
+    quiet = np.zeros(3 * n)
     if config.control.readings.start == "cold":
         tau = 0.0 * tau
     # Every reference begins at zero, the start posture.
@@ -129,9 +138,9 @@ def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
     sizes = len(begin) - delay * n
     memory = unpacked(_array(tape, "mm", sizes), first)
     pending = list(_array(tape, "mm", delay * n, sizes).reshape(-1, n))
-    desired = tuple(_array(tape, "dd", 3 * n).reshape(3, n))
+    q_d, dq_d, ddq_d = _array(tape, "dd", 3 * n).reshape(3, n)
     state = _array(tape, "ss", 4 * n)
-    sampled = sample(state, memory, pending, desired, quiet, law, hardware)
+    sampled = sample(state, memory, pending, (q_d, dq_d, ddq_d), quiet, law, hardware)
     result = [*_flat(sampled.memory), *(symbol for line in sampled.pending for symbol in line)]
     result += [
         *sampled.torque,
@@ -159,7 +168,11 @@ def _hardware(config: CompareConfig, zero: Array) -> Hardware:
     )
 
 
-def _under(config: CompareConfig, choices: Sequence[Any], build: Callable[[CompareConfig], Any]) -> Any:
+def _under(
+    config: CompareConfig,
+    choices: Sequence[tuple[tuple[str, Sequence[str]], Symbol]],
+    build: Callable[[CompareConfig], Law],
+) -> Law:
     """Record under readings that are chosen by the numbers of their values.
 
     Such readings change numbers; one that chooses a branch is another trace.
@@ -175,9 +188,10 @@ def _under(config: CompareConfig, choices: Sequence[Any], build: Callable[[Compa
     return built
 
 
-def _either(condition: Any, then: Any, otherwise: Any) -> Any:
+def _either(condition: Numeric, then: Numeric, otherwise: Numeric) -> Numeric:
     """One leaf of two records, or the other."""
     if isinstance(then, np.ndarray):
+        assert isinstance(otherwise, np.ndarray)
         cells = np.empty(then.shape, dtype=object)
         for index in np.ndindex(then.shape):
             cells[index] = _either(condition, then[index], otherwise[index])
@@ -190,20 +204,23 @@ def _either(condition: Any, then: Any, otherwise: Any) -> Any:
     return choose(condition, then, otherwise)
 
 
-def _array(tape: PlacesTape, name: str, size: int, first: int = 0) -> Any:
+def _array(tape: PlacesTape, name: str, size: int, first: int = 0) -> Array:
     return np.array(tape.places(name, size, first), dtype=object)
 
 
-def _flat(parts: Sequence[Array]) -> list[Any]:
-    return [one for part in parts for one in np.ravel(part)]
+def _flat(parts: Sequence[Array]) -> list[Numeric]:
+    return [number for part in parts for number in np.ravel(part)]
 
 
-def _code(tape: PlacesTape, once: tuple[Any, ...], often: tuple[Any, ...]) -> Code:
-    """Two functions, each of its name, results, arrays read and array written."""
+Function: TypeAlias = tuple[str, Sequence[Numeric], tuple[str, ...], str]
+"""Name, results, arrays read and array written."""
+
+
+def _code(tape: PlacesTape, once: Function, often: Function) -> Code:
     name, results, arrays, out = once
     run_name, run_results, run_arrays, run_out = often
     kept, lines = split_by_input(tape.lines, run_results, arrays, "kk")
-    first: dict[Any, Any] = {**kept, **{(out, k): value for k, value in enumerate(results)}}
+    first: dict[Place, Operand] = {**kept, **{(out, k): value for k, value in enumerate(results)}}
     then = {(run_out, k): value for k, value in enumerate(run_results)}
     return Code(
         function_source(name, tape.lines, first, (*arrays, "kk", out), JAVASCRIPT),
@@ -214,7 +231,7 @@ def _code(tape: PlacesTape, once: tuple[Any, ...], often: tuple[Any, ...]) -> Co
     )
 
 
-def _inputs_read(tape: PlacesTape, results: Iterable[Any]) -> list[int]:
+def _inputs_read(tape: PlacesTape, results: Iterable[Operand]) -> list[int]:
     used = (tape.lines[name] for name in needed(tape.lines, results))
     return sorted(int(place[1]) for operation, place in used if operation == "input" and place[0] == "pp")
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
@@ -268,14 +269,14 @@ def _control(
 ) -> Control:
     """One number that can be moved, and where it goes."""
     path = knob.key if run is None else f"runs.{run}.{knob.key}"
-    root: Any = config if run is None else config.runs[run]
+    root = config if run is None else config.runs[run]
     *above, last = knob.key.split(".")
     section = attrgetter(".".join(above))(root) if above else root
     quantity: Any = getattr(section, last) or absent(config, entry, knob.unit)
     factor = 1.0 if quantity.unit == knob.unit else to_si(1.0, quantity.unit) / to_si(1.0, knob.unit)
     value = quantity.value if entry is None else quantity.value[entry]
-    held_field = type(section).model_fields[last]
-    rule = next(_rules((*held_field.metadata, held_field.annotation)))
+    field = type(section).model_fields[last]
+    rule = next(_rules((*field.metadata, field.annotation)))
     said = {
         "id": path + (f".{part.removeprefix('joint ')}" if part else ""),
         "key": path,
@@ -300,7 +301,7 @@ def absent(config: CompareConfig, entry: int | None, unit: str) -> Scalar | Movi
     return Moving(value=(0.0,) * len(config.joints), unit=unit, source="assumed: none")
 
 
-def _rules(parts: Iterable[Any]) -> Iterator[Physical]:
+def _rules(parts: Iterable[object]) -> Iterator[Physical]:
     """What a field asks of its quantity, also of one that may be absent."""
     for part in parts:
         if isinstance(part, Physical):
@@ -394,7 +395,7 @@ def _of_run(run: CompareRun, n: int) -> list[float]:
     return [run.payload.si, friction_scale(run), *map(float, offset)]
 
 
-def _steps(loops: Mapping[int, Loop]) -> list[Any]:
+def _steps(loops: Mapping[int, Loop]) -> list[NDArray[np.int64]]:
     return [*plant_needs(loops, TOLERANCE, map)[0].values()]
 
 
@@ -473,7 +474,7 @@ def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
         "PAGE_CODE": _compact("page.js"),
         "VERSION": __version__,
     }
-    return re.sub("|".join(parts), lambda found: parts[found[0]], _file("page.html"))
+    return re.sub("|".join(parts), lambda word: parts[word[0]], _file("page.html"))
 
 
 def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[str, object]:

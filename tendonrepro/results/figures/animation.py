@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import matplotlib as mpl
 import numpy as np
@@ -53,7 +53,7 @@ def animate(
     speed: float = 1.0,
     out: Path | None = None,
     force: bool = False,
-) -> dict[str, Any]:
+) -> Film:
     """Draw the arm of a stored run as a film, and return what ``--json`` prints.
 
     Parameters
@@ -112,6 +112,15 @@ def _places(time: Array, speed: float) -> list[int]:
         raise UsageError(message, where="--speed")
     times = time[0] + np.arange(int(count) + 1) * speed / RATE
     return [int(np.abs(time - moment).argmin()) for moment in times]
+
+
+class Film(TypedDict):
+    """What ``animate --json`` prints."""
+
+    schema_version: int
+    files: list[str]
+    run: str
+    pictures: int
 
 
 @dataclass(frozen=True, eq=False)

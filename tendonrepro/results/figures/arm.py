@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +12,7 @@ from matplotlib.patches import Circle
 from tendonrepro.arrays import Array
 from tendonrepro.physics.statics import sign_of_side, tensioner_side
 from tendonrepro.physics.tendon_path import TendonPath, joint_positions, tendon_path
+from tendonrepro.results.figures.style import Look
 from tendonrepro.results.records import PlantRecord, Trace
 
 _WINCHES = (0.07, 0.055), -0.13
@@ -61,7 +61,7 @@ def tendon_paths(plant: PlantRecord, joints: Array, angle: Array) -> list[Tendon
 
 def draw_links(axes: Axes, places: Array, colour: str = "#D8D8D8") -> Line2D:
     """Draw a chain of links through places (N + 1, 2), m, below its tendons."""
-    look: dict[str, Any] = {"linewidth": 7.0, "solid_joinstyle": "round", "zorder": 2.0}
+    look: Look = {"linewidth": 7.0, "solid_joinstyle": "round", "zorder": 2.0}
     return axes.plot(*places.T, color=colour, **look)[0]
 
 

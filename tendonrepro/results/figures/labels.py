@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +10,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from tendonrepro.arrays import Array
+from tendonrepro.results.figures.style import Look
 
 _DIRECTIONS = np.deg2rad(np.arange(0.0, 360.0, 15.0))
 _DISTANCES = (4.0, 7.0, 11.0, 16.0, 22.0, 30.0)
@@ -41,7 +41,7 @@ def name_points(
     marked, passed = at(marks), at(lines)
     written = []
     for text, point, colour in names:
-        look: dict[str, Any] = {
+        look: Look = {
             "ha": "center",
             "va": "center",
             "fontsize": 6.5,

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Polygon
 
 from tendonrepro.arrays import Array
 from tendonrepro.results.figures import style
-from tendonrepro.results.figures.style import Drawing, Stroke
+from tendonrepro.results.figures.style import Drawing, Look, Stroke
 
 # No panel is wider than 75 mm, so a column is at most half as wide as the line drawn through it.
 _ENVELOPE_COLUMNS = 600
@@ -139,12 +139,12 @@ class Canvas:
             time = min((time for time, _, _ in edges), key=lambda time: float(time[-1]))
             low = np.max([np.interp(time, own, values) for own, values, _ in edges], axis=0)
             high = np.min([np.interp(time, own, values) for own, _, values in edges], axis=0)
-            look: dict[str, Any] = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
+            look: Look = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
             self.axes[letter].fill_between(time, low, high, where=high > low, **look)
 
     def draw_path(self, letter: str, places: Array, label: str) -> None:
         """Draw a dashed line through places (K, 2) of a picture; the legend names it."""
-        look: dict[str, Any] = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3}
+        look: Look = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3}
         (line,) = self.pictures[letter].plot(*places.T, zorder=5.0, **look)
         self._legend[label] = "", line
 

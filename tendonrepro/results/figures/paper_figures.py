@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 from matplotlib.ticker import MultipleLocator
@@ -21,7 +20,7 @@ from tendonrepro.results.figures.arm import (
     tendon_paths,
 )
 from tendonrepro.results.figures.panels import Canvas
-from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Stroke, paler, stroke_of
+from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Look, Stroke, paler, stroke_of
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, run_title
@@ -364,7 +363,7 @@ def _raw_samples(canvas: Canvas, letter: str, runs: list[DrawnRun], variable: st
         time = run.trace.time
         inside = (time >= start - 1e-9) & (time <= end + 1e-9)
         values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
-        look: dict[str, Any] = {"label": run.label, "diverged": diverged, "as_steps": True}
+        look: Look = {"label": run.label, "diverged": diverged, "as_steps": True}
         canvas.curve(letter, run.name, time[inside], values, run.stroke, **look)
 
 

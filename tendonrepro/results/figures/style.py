@@ -5,7 +5,7 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,7 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
 from textwrap import wrap
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from matplotlib import style
 from matplotlib.axes import Axes
@@ -25,6 +25,9 @@ from tendonrepro import __version__
 from tendonrepro.files import write_atomically
 from tendonrepro.results.figures.thinned import thinned_fonts
 from tendonrepro.results.formats import FORMATS
+
+Look: TypeAlias = dict[str, Any]
+"""How matplotlib shall draw: keyword arguments of its functions."""
 
 COLUMN_MM = 85.0
 """Width of one journal column."""
@@ -53,7 +56,7 @@ class Stroke:
         return (0.0, self.dashes) if self.dashes else "-"
 
     @property
-    def line(self) -> dict[str, Any]:
+    def line(self) -> Look:
         """All of it as settings of a matplotlib line."""
         return {"color": self.colour, "linestyle": self.linestyle, "linewidth": self.width}
 
@@ -161,7 +164,7 @@ class Drawing:
 
     stem: str
     figure: Figure
-    axes: Any
+    axes: Sequence[Axes] | Mapping[str, Axes]
     caption: str
     origin: str = field(default="", kw_only=True)
 
@@ -178,7 +181,7 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS)
     A TendonreproError tells where a file cannot be written.
     """
     title, caption = title_of(drawn.stem), " ".join(about(drawn))
-    metadata: dict[str, dict[str, Any]] = {
+    metadata: dict[str, dict[str, str | None]] = {
         "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
         "svg": {"Title": title, "Description": caption, "Date": None},
         "png": {"Title": title, "Description": caption},
@@ -193,7 +196,7 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS)
                 # Made in memory: the writer of PDF does not survive a full disk.
                 image = BytesIO()
                 # The usual level, 6, takes twice the time for a tenth of the size.
-                options: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
+                options: Look = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
                 drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
                 write_atomically(path, image.getvalue())
     told = folder / f"{drawn.stem}.txt"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import Any
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
@@ -69,11 +68,11 @@ def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float,
         message = "this Python or NumPy keeps the numbers of an array where machine code does not look"
         raise TendonreproError(message, hint="say compare --solver compiled, and report it")
     kinds = ctypes.c_double, ctypes.py_object, ctypes.c_void_p, ctypes.c_void_p
-    run: Any = ctypes.PYFUNCTYPE(None, *kinds)(address)
-    held, target = rows.ctypes.data, out.ctypes.data
+    run = ctypes.PYFUNCTYPE(None, *kinds)(address)
+    source, target = rows.ctypes.data, out.ctypes.data
 
     def function(t: float, x: Array) -> Array:
-        run(t, x, held, target)
+        run(t, x, source, target)
         return out
 
     return function

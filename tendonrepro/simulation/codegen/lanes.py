@@ -8,18 +8,17 @@ rows. What depends on parameters alone is worked out once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import wraps
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeVar, TypeVarTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, Numeric
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Line, Symbol, Tape, as_operand, is_number
+from tendonrepro.simulation.codegen.symbols import Line, Operand, Scalar, Symbol, Tape, as_operand, is_number
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -29,6 +28,15 @@ EXPANDED = {
 }
 """Functions replaced by arithmetic."""
 
+Record: TypeAlias = "tuple[Numeric | Record, ...]"
+"""A named tuple of numbers and of other records, such as a plant; or a tuple of records.
+
+Its fields say what they are for one experiment. Stacked, a number is an array, and traced, a symbol.
+"""
+
+Kind = TypeVar("Kind", bound=Record)
+Options = TypeVarTuple("Options")
+
 
 class LaneTape(Tape):
     """Tape for code on lanes; divisions by one number share its reciprocal."""
@@ -37,7 +45,7 @@ class LaneTape(Tape):
         super().__init__()
         self.parameters: set[str] = set()
 
-    def write(self, operation: str, *operands: Any) -> Symbol:
+    def write(self, operation: str, *operands: Operand) -> Symbol:
         """As of any tape; an operation on parameters alone is a parameter."""
         symbol = super().write(operation, *operands)
         names = {operand.name for operand in operands if isinstance(operand, Symbol)}
@@ -45,7 +53,7 @@ class LaneTape(Tape):
             self.parameters.add(symbol.name)
         return symbol
 
-    def function(self, ufunc: Any, x: Symbol) -> Any:
+    def function(self, ufunc: np.ufunc, x: Symbol) -> Numeric | tuple[Symbol, ...]:
         """As of any tape, from arithmetic."""
         if ufunc in EXPANDED:
             return EXPANDED[ufunc](x)
@@ -53,10 +61,8 @@ class LaneTape(Tape):
             return self.write("mantissa", x), self.write("exponent", x)
         return super().function(ufunc, x)
 
-    def binary(self, operator: str, left: Any, right: Any) -> Any:
+    def binary(self, operator: str, left: Scalar, right: Scalar) -> Numeric:
         """As of any tape."""
-        if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
-            return NotImplemented
         if operator == "**":
             return elementary.power(left, right)
         if operator == "/" and isinstance(right, Symbol) and not is_number(left, 1.0):
@@ -95,14 +101,14 @@ class LaneRows:
             return self.take(name, size)
         return list(range(self.named[name], self.named[name] + size))
 
-    def parameters(self, tape: LaneTape, record: Any) -> Any:
+    def parameters(self, tape: LaneTape, record: Kind) -> Kind:
         """Replace numbers of a stacked record by symbols.
 
         Zero or one in every experiment stays a number. So do integers and booleans, which choose branches.
         """
 
-        def symbols(leaf: Any) -> Any:
-            if isinstance(leaf, bool | int):
+        def symbols(leaf: Numeric) -> Numeric:
+            if not isinstance(leaf, np.ndarray):
                 return leaf
             cells = np.empty(leaf.shape[:-1], dtype=object)
             for index in np.ndindex(cells.shape):
@@ -115,7 +121,7 @@ class LaneRows:
 
         return mapped(symbols, record)
 
-    def holding(self, record: Any) -> LaneRows:
+    def holding(self, record: Record) -> LaneRows:
         """The same rows for another record of one :func:`signature`."""
         return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
 
@@ -126,35 +132,39 @@ def _plain(values: Array) -> float | None:
     return first if first in (0.0, 1.0) and (values == first).all() else None
 
 
-def mapped(function: Callable[..., Any], *records: Any) -> Any:
+def mapped(function: Callable[..., Numeric], *records: Kind) -> Kind:
     """Apply a function to the leaves of nested tuples of one structure."""
-    first = records[0]
-    if not isinstance(first, tuple):
-        return function(*records)
-    parts = [mapped(function, *leaves) for leaves in zip(*records, strict=True)]
-    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+    kind: Callable[..., Kind] = type(records[0])
+    parts = [
+        mapped(function, *entries) if isinstance(entries[0], tuple) else function(*entries)
+        for entries in zip(*records, strict=True)
+    ]
+    return kind(*parts) if hasattr(kind, "_fields") else kind(parts)
 
 
-def _leaves(record: Any) -> list[Any]:
-    found: list[Any] = []
-    mapped(found.append, record)
-    return found
+def leaves(record: Record) -> Iterator[Numeric]:
+    """Leaves of a record, in order."""
+    for entry in record:
+        if isinstance(entry, tuple):
+            yield from leaves(entry)
+        else:
+            yield entry
 
 
-def _varying(record: Any) -> Iterator[Array]:
+def _varying(record: Record) -> Iterator[Array]:
     """Numbers of a stacked record that become rows, each (N,)."""
-    for leaf in _leaves(record):
-        if not isinstance(leaf, bool | int):
+    for leaf in leaves(record):
+        if isinstance(leaf, np.ndarray):
             yield from (values for values in leaf.reshape(-1, leaf.shape[-1]) if _plain(values) is None)
 
 
-def signature(record: Any) -> tuple[Any, ...]:
+def signature(record: Record) -> tuple[object, ...]:
     """What a stacked record's code depends on: shape, and what is zero or one throughout."""
     return tuple(
-        leaf
-        if isinstance(leaf, bool | int)
-        else (leaf.shape[:-1], *map(_plain, leaf.reshape(-1, leaf.shape[-1])))
-        for leaf in _leaves(record)
+        (leaf.shape[:-1], *map(_plain, leaf.reshape(-1, leaf.shape[-1])))
+        if isinstance(leaf, np.ndarray)
+        else leaf
+        for leaf in leaves(record)
     )
 
 
@@ -162,12 +172,12 @@ Written: TypeAlias = tuple[Mapping[str, str], LaneRows]
 """Sources by the names of their functions, and the rows that these work on."""
 
 
-def remembered(write: Callable[..., Written]) -> Callable[..., Written]:
+def remembered(write: Callable[[Kind, *Options], Written]) -> Callable[[Kind, *Options], Written]:
     """Write code once per :func:`signature`."""
-    known: dict[tuple[Any, ...], Written] = {}
+    known: dict[tuple[object, ...], Written] = {}
 
     @wraps(write)
-    def code(record: Any, *options: Any) -> Written:
+    def code(record: Kind, *options: *Options) -> Written:
         key = signature(record) + options
         if key not in known:
             known[key] = write(record, *options)
@@ -177,13 +187,13 @@ def remembered(write: Callable[..., Written]) -> Callable[..., Written]:
     return code
 
 
-def stacked(records: list[Any]) -> Any:
+def stacked(records: Sequence[Kind]) -> Kind:
     """One record of many, experiments as last axis.
 
     Whole numbers and truths on which all agree stay what they are, and may choose branches.
     """
 
-    def stack(*leaves: Any) -> Any:
+    def stack(*leaves: Numeric) -> Numeric:
         if isinstance(leaves[0], bool | int) and len({*leaves}) == 1:
             return leaves[0]
         return np.ascontiguousarray(np.moveaxis(np.array(leaves, dtype=np.float64), 0, -1))
@@ -191,18 +201,18 @@ def stacked(records: list[Any]) -> Any:
     return mapped(stack, *records)
 
 
-def part_of(record: Any, chosen: slice) -> Any:
+def part_of(record: Kind, chosen: slice) -> Kind:
     """Some experiments of a stacked record."""
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
-def bundled(values: NDArray[Any]) -> NDArray[Any]:
+def bundled(values: Array) -> Array:
     """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare repeat the last column."""
     filled = np.hstack([values, np.repeat(values[:, -1:], -values.shape[1] % LANES, axis=1)])
     return aligned(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
 
 
-def aligned(values: NDArray[Any]) -> NDArray[Any]:
+def aligned(values: Array) -> Array:
     """Copy to where machine code may load a row at once."""
     size = values.size * values.itemsize
     room = np.empty(size + ALIGNED, dtype=np.uint8)
@@ -212,12 +222,12 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-def columns(bundles: NDArray[Any]) -> NDArray[Any]:
+def columns(bundles: Array) -> Array:
     """Bundles (B, rows, LANES) as columns (rows, B LANES)."""
     return bundles.swapaxes(0, 1).reshape(bundles.shape[1], -1)
 
 
-def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+def lane_code(name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: LaneRows) -> str:
     """Source of ``<name>(rows, k, t)``, and of ``prepare`` for what depends on parameters alone.
 
     The latter has to run first. Results are by row.
@@ -233,7 +243,7 @@ def lane_code(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneR
 
 
 def prepared_rows(
-    name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows
+    name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: LaneRows
 ) -> tuple[dict[str, Line], dict[int, str]]:
     """Lines that read what depends on parameters alone from new rows, and its names by row."""
     kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in _fixed(tape, results.values())}
@@ -241,7 +251,7 @@ def prepared_rows(
     return tape.lines | read, {row: value for value, row in kept.items()}
 
 
-def _fixed(tape: LaneTape, results: Iterable[Any]) -> list[str]:
+def _fixed(tape: LaneTape, results: Iterable[Numeric]) -> list[str]:
     """Names that results need and that depend on parameters alone."""
     wanted = {value.name for value in results if isinstance(value, Symbol)}
     fixed: list[str] = []

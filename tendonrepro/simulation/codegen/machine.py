@@ -9,7 +9,7 @@ import ctypes
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from llvmlite import binding
 
@@ -266,7 +266,7 @@ def assembled(source: str, *names: str) -> tuple[int, ...]:
     return tuple(map(engine.get_function_address, names))
 
 
-def _target() -> Any:
+def _target() -> binding.TargetMachine:
     """Everything this processor can do; every engine owns one."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
@@ -282,5 +282,5 @@ _DECLARED = "".join(
         f"declare double @llvm.vector.reduce.fmax.v{LANES}f64({V})\n",
     )
 )
-_engines: list[Any] = []
+_engines: list[binding.ExecutionEngine] = []
 """Engines own the code they hold; it is used until the process ends."""

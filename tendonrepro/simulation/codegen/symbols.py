@@ -9,9 +9,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
+from numpy.typing import NDArray
 
-FUNCTIONS = {
+from tendonrepro.arrays import Numeric, Unknown
+
+FUNCTIONS: Mapping[np.ufunc, str] = {
     np.sin: "sin",
     np.cos: "cos",
     np.tanh: "tanh",
@@ -22,7 +24,7 @@ FUNCTIONS = {
     np.exp2: "exp2",
     np.negative: "negative",
 }
-OPERATORS = {
+OPERATORS: Mapping[np.ufunc, str] = {
     np.add: "+",
     np.subtract: "-",
     np.multiply: "*",
@@ -38,6 +40,12 @@ COMPARISONS = (">=", ">", "<=", "<")
 Line: TypeAlias = tuple[str, tuple[str | float, ...]]
 """An operation and its operands: numbers, and names of earlier lines."""
 
+Scalar: TypeAlias = float | Unknown
+"""A number or a symbol, not an array of them."""
+
+Operand: TypeAlias = Numeric | str
+"""A number, a symbol, or a symbol's name."""
+
 
 class Tape:
     """Operations in order; one asked for twice is written once."""
@@ -46,7 +54,7 @@ class Tape:
         self.lines: dict[str, Line] = {}
         self._known: dict[Line, Symbol] = {}
 
-    def write(self, operation: str, *operands: Any) -> Symbol:
+    def write(self, operation: str, *operands: Operand) -> Symbol:
         """Symbol of an operation, new or known."""
         line = operation, tuple(as_operand(operand) for operand in operands)
         if line not in self._known:
@@ -55,20 +63,18 @@ class Tape:
             self._known[line] = Symbol(self, name)
         return self._known[line]
 
-    def function(self, ufunc: Any, x: Symbol) -> Any:
-        """Elementary function of a symbol."""
+    def function(self, ufunc: np.ufunc, x: Symbol) -> Numeric | tuple[Symbol, ...]:
+        """Elementary function of a symbol; some give two numbers."""
         return self.write(FUNCTIONS[ufunc], x)
 
-    def binary(self, operator: str, left: Any, right: Any) -> Any:
+    def binary(self, operator: str, left: Scalar, right: Scalar) -> Numeric:
         """Arithmetic or comparison; a comparison is 1 or 0."""
-        if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
-            return NotImplemented
         if short := _simplified(operator, left, right):
             return short[0]
         return self.write(operator, left, right)
 
 
-def needed(lines: Mapping[str, Line], results: Iterable[Any]) -> list[str]:
+def needed(lines: Mapping[str, Line], results: Iterable[Operand]) -> list[str]:
     """Names that results depend on, their own included."""
     wanted = {as_operand(result) for result in results}
     for name in reversed(list(lines)):
@@ -81,14 +87,14 @@ class UnknownValueError(TypeError):
     """Code was to branch on a number that differs between the experiments that share it."""
 
 
-class Symbol(NDArrayOperatorsMixin):
+class Symbol(Unknown):
     """A number not known yet; what is done with it goes on its tape."""
 
     def __init__(self, tape: Tape, name: str) -> None:
         self.tape = tape
         self.name = name
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """NumPy functions, also beside a NumPy number."""
         # ``x += y`` names x as output; it becomes a new symbol.
         if method != "__call__" or kwargs.get("out", (self,))[0] is not self:
@@ -110,7 +116,7 @@ class Symbol(NDArrayOperatorsMixin):
             return self.tape.binary(OPERATORS[ufunc], *inputs)
         return self.tape.function(ufunc, self)
 
-    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+    def __array_function__(self, function: object, types: object, args: Any, kwargs: object) -> Any:
         """``np.where``, ``np.clip`` and ``np.zeros_like`` of symbols; one condition may choose arrays."""
         del types
         if function is np.zeros_like:
@@ -145,20 +151,20 @@ class Symbol(NDArrayOperatorsMixin):
         raise UnknownValueError(message)
 
 
-def as_operand(value: Any) -> str | float:
+def as_operand(value: Operand) -> str | float:
     """Name of a symbol, or a number."""
-    if isinstance(value, Symbol):
+    if isinstance(value, Unknown):
         return value.name
     return value if isinstance(value, str) else float(value)
 
 
-def _as_object(operand: Any) -> Any:
+def _as_object(operand: object) -> NDArray[np.object_]:
     cell = np.empty((), dtype=object)
     cell[()] = operand
     return cell
 
 
-def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:
+def _simplified(operator: str, left: Scalar, right: Scalar) -> tuple[Scalar] | None:
     """Result that needs no operation, as a 1-tuple."""
     if operator == "*" and (is_number(left, 0.0) or is_number(right, 0.0)):
         return (0.0,)
@@ -173,6 +179,6 @@ def _simplified(operator: str, left: Any, right: Any) -> tuple[Any] | None:
     return None
 
 
-def is_number(operand: Any, number: float) -> bool:
+def is_number(operand: Scalar, number: float) -> bool:
     """Whether an operand is known to be the number."""
     return not isinstance(operand, Symbol) and operand == number

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
+from tendonrepro.arrays import Numeric
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, prepared_rows
 from tendonrepro.simulation.codegen.printed import C_BEGINNING, C, function_source
 from tendonrepro.simulation.codegen.symbols import Line
@@ -88,7 +88,7 @@ samples, signals) begin at the first sample. ``blocks`` (entries, joints, count)
 """
 
 
-def function(name: str, tape: LaneTape, results: Mapping[int, Any], rows: LaneRows) -> str:
+def function(name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: LaneRows) -> str:
     """Source of ``<name>(rows, sample, time)`` and of ``prepare_<name>``; results are by row."""
     read, prepared = prepared_rows(name, tape, results, rows)
     body = {("rows", row): value for row, value in results.items()}
@@ -115,7 +115,7 @@ def source(functions: Sequence[str], names: Sequence[str], rows: LaneRows, sizes
     ``sizes`` are the numbers of rows named ``desired`` and ``block``.
     """
     prepare = "".join(f"prepare_{name}(rows,0.0,0.0);" for name in names)
-    places: dict[str, Any] = {
+    places: dict[str, int | str] = {
         "ROWS": rows.count,
         "LIVE": rows.named["live"],
         "LEFT": rows.named["left"],
