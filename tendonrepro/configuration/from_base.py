@@ -155,11 +155,16 @@ class _Merge:
         return deepcopy(base)
 
 
-def complete_arm(arm: Document, base: Tree, base_name: str, name: str) -> None:
+def complete_arm(arm: Document, base: Tree, base_name: str, name: str) -> set[str]:
     """Complete a manipulator from the whole tree of another one, in place.
 
     Bare numbers take the base's units, and one number stands for all joints. Centres of mass and inertias
     that the file leaves out follow its lengths and masses. `name` is for an arm that gives none.
+
+    Returns
+    -------
+    set of str
+        What the file says of its links.
 
     Raises
     ------
@@ -178,11 +183,17 @@ def complete_arm(arm: Document, base: Tree, base_name: str, name: str) -> None:
     merge = _Merge(arm, lambda *_: n, lambda *_: False, f"assumed: from {base_name}")
     merged = merge.section((), {"name": name, **tree}, base)
     _refuse(merge.wrong)
-    if given & {"length", "mass"}:
-        links = section(merged, "links")
-        links |= dict(_following(links, section(base, "links"), given, base_name))
     tree.clear()
     tree.update(merged)
+    if given & {"length", "mass"}:
+        follow(tree, base, base_name, given)
+    return given
+
+
+def follow(arm: Tree, base: Tree, base_name: str, given: set[str]) -> None:
+    """Let centres of mass and inertias that are not given follow lengths and masses, in place."""
+    links = section(arm, "links")
+    links |= dict(_following(links, section(base, "links"), given, base_name))
 
 
 def complete_experiment(document: Document, base: Tree, base_name: str, taken: set[str]) -> None:

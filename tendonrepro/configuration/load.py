@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from tendonrepro.configuration.from_base import complete_arm, complete_experiment
+from tendonrepro.configuration.from_base import complete_arm, complete_experiment, follow
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
@@ -105,6 +105,7 @@ class Draft:
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
         self.stand_ins: list[Path] = []
+        self._follows: Callable[[set[str]], None] | None = None
         self._document = load(text, str(path or STDIN))
         tree = self._document.tree
         if not isinstance(tree, dict):
@@ -133,7 +134,9 @@ class Draft:
             self._complete_arm(Document(inside, self._document.places_below((MANIPULATOR,))), path)
         if base:
             complete_experiment(self._document, *base)
-        apply_overrides(self._document, [change for change in overrides if change not in naming])
+        changes = [change for change in overrides if change not in naming]
+        apply_overrides(self._document, changes)
+        self._follow_links(changes)
         self._take_motions_here()
 
     def _complete_arm(self, arm: Document, path: Path | None, below: tuple[Path, ...] = ()) -> None:
@@ -157,7 +160,16 @@ class Draft:
         except ValidationError:
             raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
         stem = path.stem if path else "arm"
-        complete_arm(arm, base.tree, base_path.stem, stem)
+        given = complete_arm(arm, base.tree, base_path.stem, stem)
+        self._follows = lambda more: follow(arm.tree, base.tree, base_path.stem, given | more)
+
+    def _follow_links(self, changes: Sequence[Override]) -> None:
+        """Centres of mass and inertias that follow lengths and masses follow changed ones, too."""
+        links = ("links",) if self.kind == MANIPULATOR else (MANIPULATOR, "links")
+        below = [change.path[len(links) :] for change in changes if change.path[: len(links)] == links]
+        changed = {str(path[0]) for path in below if path}
+        if self._follows and changed & {"length", "mass"}:
+            self._follows(changed)
 
     def _note_stand_in(self, name: str, path: Path) -> None:
         """Without its ending a shipped file is named on purpose."""

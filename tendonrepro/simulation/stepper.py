@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from ctypes import ArgumentError
 
 import numpy as np
 from scipy.integrate import ode
@@ -75,7 +76,11 @@ def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
     )
 
     def advance(start: float, end: float) -> None:
-        arm.state[:] = reached = problem.set_initial_value(arm.state, start).integrate(end)
+        try:
+            arm.state[:] = reached = problem.set_initial_value(arm.state, start).integrate(end)
+        except ArgumentError as error:
+            # After an interrupt inside the slope SciPy goes on calling it, and ctypes tells of that alone.
+            raise KeyboardInterrupt from error
         # A state that overflowed is the run's result; its error shows it at the next sample.
         if not problem.successful() and np.isfinite(reached).all():
             other = "solver.method=lsoda with rtol 1e-7 and atol 1e-9" if solver.method != "lsoda" else ""

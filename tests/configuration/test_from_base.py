@@ -83,6 +83,19 @@ def test_centres_and_inertias_follow_lengths_and_masses(folder: Path) -> None:
     np.testing.assert_allclose(own.inertia.si, links.inertia.si)
 
 
+def test_they_follow_what_the_command_line_changes(folder: Path) -> None:
+    """As if the file had said it."""
+    changed = {"manipulator.links.length": [0.6, 0.25], "manipulator.links.mass.value.1": 0.9}
+    links: Any = load_config(folder / "compare.yaml", "compare", overrides=changed).config.manipulator.links
+    written = arm_of(
+        folder, ARM.replace("0.3, 0.25], mass: [0.8, 0.4]", "0.6, 0.25], mass: [0.8, 0.9]")
+    ).links
+    for name in ("length", "mass", "com", "inertia"):
+        np.testing.assert_array_equal(getattr(links, name).si, getattr(written, name).si)
+    kept = load_config(folder / "compare.yaml", "compare", overrides=changed | {"manipulator.links.com": 0.2})
+    assert kept.config.manipulator.links.com.si.tolist() == [0.2, 0.2]
+
+
 def test_more_joints_than_the_base_repeat_its_last_one(folder: Path) -> None:
     arm = arm_of(folder, "base: plain_arm\njoints: 5\n")
     np.testing.assert_allclose(arm.links.length.si, [0.3, 0.28, 0.2, 0.2, 0.2])

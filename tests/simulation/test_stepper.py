@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import count
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import state_derivative
+from tendonrepro.simulation import stepper
 from tendonrepro.simulation.codegen import callback
 from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import Arm, simulate
@@ -50,6 +52,26 @@ def make_loop(*overrides, run="controller_1", reference=None):
 
 OFFSET = "runs.controller_1.start_offset={value: [0.7, -1.1], unit: deg, source: 'assumed: test'}"
 LATE = "control.readings.reference_acceleration=late"
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "lsoda"])
+def test_an_interrupt_inside_the_slope_is_an_interrupt(method, monkeypatch):
+    """Where SciPy goes on after it, ctypes refuses the next call with an error of its own."""
+    made, calls = stepper.callable_on_array, count()
+
+    def interrupted(*arguments):
+        slope = made(*arguments)
+
+        def function(t, x):
+            if next(calls) == 40:
+                raise KeyboardInterrupt
+            return slope(t, x)
+
+        return function
+
+    monkeypatch.setattr(stepper, "callable_on_array", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(make_loop(f"solver.method={method}"))
 
 
 class TestAStartBesideTheReference:

@@ -192,8 +192,11 @@ def _misfits(config: Config) -> Mistakes:
     period, step = config.sampling_period, config.solver.max_step
     steps = period.si / step.si
     if not is_multiple(steps, 1.0) or steps > MOST_STEPS * (1.0 + 1e-9):
-        parts = f"{period}, into at most {MOST_STEPS:g} parts"
-        yield ("solver", "max_step", "value"), f"must divide the sampling period, {parts}, found {step}"
+        parts = f"{period}, into at most {MOST_STEPS:g} parts, so set it too"
+        yield (
+            ("solver", "max_step", "value"),
+            f"must divide the sampling period, {parts}, found {step}",
+        )
     match config.disturbance:
         case StepDisturbance(start=start) if start.si > 0.0 and not is_multiple(start.si, period.si):
             message = f"must be a multiple of the sampling period, {period}, found {start}"
