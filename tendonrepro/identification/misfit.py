@@ -15,8 +15,8 @@ from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.identification.goal import METRICS, Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
-from tendonrepro.monte_carlo.block import Simulate
 from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.mixed import Simulate
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 
