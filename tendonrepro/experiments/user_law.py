@@ -56,12 +56,13 @@ UserFunction: TypeAlias = Callable[..., Any]
 class UserLaw:
     """A callable with the signature of :func:`tendonrepro.physics.control.command`; its name is the run's.
 
-    It is in the Python file `path`, or `given`.
+    It is in the Python file `path`, or `given`. `alone` says why it cannot run on many plants together.
     """
 
     name: str
     path: Path | None = None
     given: UserFunction | None = None
+    alone: str = ""
 
     @property
     def spec(self) -> str:

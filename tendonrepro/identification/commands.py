@@ -1,9 +1,10 @@
-"""The command that searches plants and interpretations closest to the published numbers."""
+"""The command that searches plants and interpretations closest to published numbers, or to a user's."""
 
-from typing import Literal, Unpack
+from pathlib import Path
+from typing import Annotated, Literal, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Seed, Source
+from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Ranges, Seed, Source, Spread, Word
 from tendonrepro.studies.study import Study
 
 __all__ = ["identify"]
@@ -13,6 +14,7 @@ __all__ = ["identify"]
 def identify(
     fit: Literal["controller_2", "all"] = "controller_2",
     *,
+    errors: Annotated[Path | str | None, Word(metavar="FILE")] = None,
     readings: str = "printed",
     window: Literal["whole", "late"] = "whole",
     generations: int = 60,
@@ -23,18 +25,22 @@ def identify(
     config: Source = None,
     set: Changes = None,
     seed: Seed = None,
+    spread: Spread = None,
+    ranges: Ranges = None,
     jobs: Jobs = -1,
     device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
-    """Plants and interpretations closest to the published numbers.
+    """Plants closest to the published errors, or to your own.
 
-    An interrupted search goes on.
+    An interrupted search goes on. With a comparison as configuration, your arm is fitted to your errors.
 
     Parameters
     ----------
     fit
-        Fit Controller 2 alone, or all sixteen numbers.
+        Of the paper's numbers those of Controller 2, or all sixteen.
+    errors
+        Fit these instead: a table of errors, or a folder with traces.
     readings
         printed, default, shown (in findings), or comma-separated names.
     window
@@ -50,14 +56,15 @@ def identify(
     rows
         Names of the parameters to search instead, comma-separated.
     """
-    from tendonrepro.configuration.ensemble import load_ensemble
+    from tendonrepro.configuration.plants import load_plants
     from tendonrepro.identification.search import Effort
     from tendonrepro.identification.searches import identification
 
     return identification(
-        load_ensemble(config, overrides=set, seed=seed),
+        load_plants(config, spread, ranges, overrides=set, seed=seed),
         Effort(generations, population, seeds),
         fit=fit,
+        errors=None if errors is None else Path(errors),
         readings=readings,
         window=window,
         unknowns=unknowns,

@@ -12,8 +12,8 @@ from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
 
 
-def draw_numbers(held: Mapping[str, Any]) -> Drawing:
-    """Every number over the printed one, of the best plant and of the seeds that come near."""
+def draw_numbers(held: Mapping[str, Any], word: str, origin: str) -> Drawing:
+    """Every number over the printed or given one, of the best plant and of the seeds that come near."""
     numbers = held["numbers"]
     runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
     names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]
@@ -22,7 +22,7 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
         (panel,) = axes
         for place, row in enumerate(numbers):
             stroke = SERIES[0] if row["fitted"] else SERIES[1]
-            ends = np.array([row["lowest_deg"], row["highest_deg"]]) / row["printed_deg"]
+            ends = np.array([row["lowest_deg"], row["highest_deg"]]) / row[f"{word}_deg"]
             panel.plot(ends, [place, place], color=stroke.colour, linewidth=2.2, solid_capstyle="butt")
             panel.plot(row["ratio"], place, "o", color="white", markeredgecolor=stroke.colour, markersize=3.6)
         kinds = ("fitted", "not fitted") if any(not row["fitted"] for row in numbers) else ("fitted",)
@@ -30,11 +30,11 @@ def draw_numbers(held: Mapping[str, Any]) -> Drawing:
             panel.plot([], [], color=stroke.colour, linewidth=2.2, label=label)
         panel.axvline(1.0, color="black", linewidth=0.6, zorder=0.5)
         panel.margins(x=0.04)
-        panel.set_xlabel("ours/printed")
+        panel.set_xlabel(f"ours/{word}")
         panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
     caption = (
-        f"Errors over the printed ones under the reading {held['name']}: best plant (circle) and the range "
+        f"Errors over the {word} ones under the reading {held['name']}: best plant (circle) and the range "
         f"of the {held['near_count']} seeds that miss what was fitted by at most {held['near_limit']:.3g}."
     )
-    return rows_figure("identify_numbers", [""], names, draw, caption, "Simulated, fitted to the print")
+    return rows_figure("identify_numbers", [""], names, draw, caption, f"Simulated, fitted to {origin}")

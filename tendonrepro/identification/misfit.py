@@ -1,58 +1,31 @@
-"""How far numbers of a plant are from the printed ones."""
+"""How far numbers of a plant are from those that are fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import Reading, under
-from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import Reading
+from tendonrepro.identification.goal import METRICS, Goal, Window
 from tendonrepro.identification.search import Evaluated
-from tendonrepro.monte_carlo.block import Simulate
-from tendonrepro.monte_carlo.box import Box, configured
-from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.identification.space import Space
+from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.mixed import Simulate
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 
-Window: TypeAlias = Literal["whole", "late"]
-"""What the printed numbers average: the whole run, or all after its first period."""
-
-METRICS = ("mae", "rmse")
-
-_SUFFIX = {"whole": "", "late": "_late"}
-_TABLE = {run: f"table2.{run}" for run in RUNS} | {"controller_1_payload": "table3.with_load"}
+_SUFFIX = {"whole": "", "late": "_late", "settled": "_settled"}
 # A run that did not end well is worse than any that did, and the worse the earlier it ended.
 _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 _STUB = 64
 # A plant's reference takes about a megabyte.
 _PLANTS_AT_ONCE = 256
-
-
-@dataclass(frozen=True)
-class Printed:
-    """The printed errors, deg, and half a unit of their last digit, (R, 2, n)."""
-
-    values: Array
-    half: Array
-    joints: tuple[int, ...]
-
-
-def printed_numbers(paper: Published, joints: Sequence[int]) -> Printed:
-    """Tables 2 and 3."""
-    names = [
-        f"{_TABLE[run]}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in joints
-    ]
-    numbers, shape = [paper.digits(name) for name in names], (len(RUNS), len(METRICS), len(joints))
-    values = np.reshape([number.value for number in numbers], shape)
-    half = np.reshape([0.5 * 10.0**-number.decimals for number in numbers], shape)
-    return Printed(values, half, tuple(joints))
 
 
 class Simulated(NamedTuple):
@@ -76,19 +49,22 @@ class Simulated(NamedTuple):
 class Bench:
     """Points of the unit cube to numbers."""
 
-    base: LoadedConfig
-    box: Box
+    space: Space
     window: Window
     simulate: Simulate
 
+    @property
+    def box(self) -> Box:
+        """Rows of the unit cube."""
+        return self.space.box
+
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
         """With some rows (P,) free and the others held."""
-        return replace(self, box=replace(self.box, free=rows))
+        return replace(self, space=replace(self.space, box=replace(self.box, free=rows)))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
         """Of one point (P,) under a reading."""
-        values = self.box.values(unit[np.newaxis])[0]
-        return under(reading, configured(self.base, self.box, values), self.box.named(values))
+        return self.space.config(self.box.values(unit[np.newaxis])[0], reading)
 
     def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         """Simulate points (N, P), in batches."""
@@ -97,15 +73,15 @@ class Bench:
         sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return Simulated(sizes, status, lasted)
 
-    def evaluated(self, units: Array, reading: Reading, runs: Sequence[str], goal: Array) -> Evaluated:
-        """Misfits of points (N, P) to numbers (R, 2, n), deg."""
-        ours = self.measure(units, reading, runs)
-        return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal).reshape(len(units), -1))
+    def evaluated(self, units: Array, reading: Reading, goal: Goal) -> Evaluated:
+        """Misfits of points (N, P) to a goal."""
+        ours = self.measure(units, reading, goal.runs)
+        return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal)[:, goal.fitted])
 
     def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         loops = self._loops(units, reading, runs)
         count, shape = len(loops), (len(units), len(runs))
-        batch = self.simulate([*loops, *self._stubs(reading, runs)], self.base.config.status)
+        batch = self.simulate([*loops, *self._stubs(reading, runs)], self.space.base.config.status)
         sizes = [batch.statistics[metric + _SUFFIX[self.window]][:count] for metric in METRICS]
         ends = np.array([loop.reference.time[-1] for loop in loops])
         return Simulated(
@@ -115,8 +91,7 @@ class Bench:
         )
 
     def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        cases = [(run, reading) for run in runs]
-        draws = Draws(self.base, self.box, self.box.values(units), cases)
+        draws = self.space.draws(self.box.values(units), [(run, reading) for run in runs])
         return [loop for k in range(len(units)) for loop in draws.loops(k)]
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
@@ -124,7 +99,7 @@ class Bench:
 
         Code is compiled for what acts in a batch, so uniform populations need none.
         """
-        loops = self._loops(acting_units(self.box), reading, runs)
+        loops = self._loops(self.space.acting(), reading, runs)
         return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
 
 
@@ -133,34 +108,27 @@ def _start_of(reference: DesiredMotion) -> DesiredMotion:
     return replace(reference, **{name: getattr(reference, name)[:_STUB] for name in names})
 
 
-def acting_units(box: Box) -> Array:
-    """Points at which every effect acts, for each disturbance, with and without torque steps."""
-    disturbance, steps = (box.names.index(name) for name in ("disturbance", "torque_resolution_acts"))
-    kinds = box.choices[disturbance].size
-    # Off the middle, where a value might be exactly one.
-    units = np.full((2 * kinds, len(box.names)), 0.4142)
-    # The last of the sides of friction are the most.
-    units[:, [name.endswith("_acts") or name == "friction_sides" for name in box.names]] = 0.999
-    units[:, disturbance] = np.tile((np.arange(kinds) + 0.5) / kinds, 2)
-    units[kinds:, steps] = 0.001
-    return units
+def log_misfit(ours: Simulated, goal: Goal) -> Array:
+    """Root mean square over the numbers of R runs of log(ours / goal), (N,).
 
-
-def log_misfit(ours: Simulated, printed: Array) -> Array:
-    """Root mean square over R runs of log(ours / printed), (N,); a run that is not ok counts by its end."""
-    fit = np.sqrt(np.mean(log_residuals(ours, printed) ** 2, axis=(2, 3)))
+    A run that is not ok counts by its end, and as much as it has numbers.
+    """
+    numbers = goal.fitted.sum(axis=(1, 2))
+    fit = np.sqrt(np.sum(log_residuals(ours, goal) ** 2, axis=(2, 3)) / numbers)
     diverged = _DIVERGED + 10.0 * (1.0 - ours.lasted)
     per_run = np.choose(ours.status, [fit, _RINGING + fit, diverged, np.full_like(fit, _UNRESOLVED)])
-    return np.asarray(np.sqrt(np.mean(per_run**2, axis=1)))
+    return np.asarray(np.sqrt(np.sum(per_run**2 * numbers, axis=1) / numbers.sum()))
 
 
-def log_residuals(ours: Simulated, printed: Array) -> Array:
-    """log(ours / printed), bounded, (N, R, 2, n); the bound without a number."""
+def log_residuals(ours: Simulated, goal: Goal) -> Array:
+    """log(ours / goal), bounded, (N, R, 2, n); the bound without a number, 0 where none is fitted."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(ours.sizes / printed)
-    return np.asarray(np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT))
+        logs = np.log(ours.sizes / goal.values)
+    bounded = np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT)
+    return np.where(goal.fitted, bounded, 0.0)
 
 
-def rounding_misfit(sizes: Array, printed: Array, half: Array) -> float:
-    """Root mean square of ours - printed in half units of the last digit."""
-    return float(np.sqrt(np.mean(((sizes - printed) / half) ** 2)))
+def rounding_misfit(sizes: Array, goal: Goal) -> float | None:
+    """Root mean square of ours (R, 2, n) less the goal in half units of the last digit, if all have one."""
+    apart = ((sizes - goal.values) / goal.half)[goal.fitted]
+    return float(np.sqrt(np.mean(apart**2))) if np.isfinite(apart).all() else None

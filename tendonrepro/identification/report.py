@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shlex
 from collections.abc import Mapping
 from functools import partial
@@ -14,13 +12,16 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.strict_yaml import dump
+from tendonrepro.console import count_of
 from tendonrepro.files import write_atomically
-from tendonrepro.identification.misfit import METRICS, Printed, Simulated
+from tendonrepro.identification.goal import METRICS, Goal
+from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
+from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import PAYLOAD
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome
 
@@ -33,19 +34,19 @@ PLANTS = "plants"
 AT_BOUND = 0.01
 """Share of a row's range within which the best plant counts as at its bound."""
 
-_DRAWN = "assumed: draw from the box, "
-_HELD = "not searched but of the arm at the start, "
-_OF_JOINT = re.compile("(_joint)?_[23]$")
-"""End of a row's name that a source leaves out."""
+WIDE = 0.25
+"""Share of a row's range beyond which plants that fit alike do not determine it."""
+
 _CAPTIONS = {
-    "numbers": "Printed numbers, the best plant's, and the range of the seeds' plants that come near.",
+    "numbers": "{Numbers}, the best plant's, and the range of the seeds' plants that come near.",
     "best_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
     "parameters": "Every row of the box on the best plant, and on the seeds' plants that come near.",
+    "known": "What the numbers tell of each row that was searched, by all plants that come near.",
 }
 """Of tables with rows of every reading, by key."""
 
 _OF_READINGS = ("name", "misfit_log", "misfit_rounding", "seeds_agree", "near_count")
-_OF_NUMBERS = ("run", "metric", "joint", "ours_deg", "printed_deg", "ratio", "lowest_deg", "highest_deg")
+_OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known")
 """Columns for a terminal."""
 
 
@@ -55,80 +56,98 @@ def best_of(data: Mapping[str, Any]) -> Mapping[str, Any]:
     return found
 
 
-def outcome(data: Mapping[str, Any]) -> Outcome:
+def outcome(data: Mapping[str, Any], goal: Goal) -> Outcome:
     """Everything that is written and shown."""
     from tendonrepro.identification.figures import draw_numbers
 
     readings, best = data["readings"], best_of(data)
     scalars = [{k: v for k, v in held.items() if not isinstance(v, list)} for held in readings]
-    caption = "Best plant under each reading; misfit as root mean square of log(ours/printed)."
-    title = f"Best plant, reading {best['name']}."
+    ratio = f"log(ours/{goal.word})"
+    caption = f"Best plant under each reading; misfit as root mean square of {ratio}."
+    title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
+    numbers = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
     parts: list[Table | str] = [
         "\n".join(data["conclusions"]),
         Table("identify_readings", caption, scalars, terminal=_OF_READINGS),
-        Table("identify_best", title, best["numbers"], terminal=_OF_NUMBERS),
-        *(_gathered(readings, key) for key in _CAPTIONS),
+        Table("identify_best", title, best["numbers"], terminal=numbers),
+        *(_gathered(readings, key, goal) for key in _CAPTIONS),
+        "\n".join(data["unknown"]),
         f"tendonrepro compare --config {data['config']} shows the best plant's traces.",
     ]
-    return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best)})
+    return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
 
 
-def _gathered(readings: list[dict[str, Any]], key: str) -> Table:
+def _gathered(readings: list[dict[str, Any]], key: str, goal: Goal) -> Table:
     rows = [{"reading": reading["name"], **row} for reading in readings for row in reading[key]]
-    return Table(f"identify_{key.removeprefix('best_')}", _CAPTIONS[key], rows, terminal=())
+    caption = _CAPTIONS[key].format(Numbers=f"{goal.word.capitalize()} numbers")
+    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(readings) == 1 else ()
+    return Table(f"identify_{key.removeprefix('best_')}", caption, rows, terminal=shown)
 
 
-def conclusions(data: Mapping[str, Any]) -> list[str]:
+def conclusions(data: Mapping[str, Any], goal: Goal, within: str) -> list[str]:
     """Whether a plant fits under the first reading."""
     first = data["readings"][0]
-    target = "Controller 2's four numbers" if data["fit"] == "controller_2" else "all sixteen numbers"
-    answer = "A plant within the box gives" if first["fits"] else "No plausible plant found for"
-    size = (
-        f"{first['misfit_log']:.3g} in log ratio, {first['misfit_rounding']:.3g} half units of the last digit"
-    )
-    return [f"{answer} {target} under {first['name']}: best misfit {size}."]
+    answer = f"A plant within {within} gives" if first["fits"] else "No plausible plant found for"
+    size = f"{first['misfit_log']:.3g} in log ratio"
+    if first["misfit_rounding"] is not None:
+        size += f", {first['misfit_rounding']:.3g} half units of the last digit"
+    return [f"{answer} {goal.told}{_under(first, goal)}: best misfit {size}."]
 
 
-def write_config(path: Path, config: CompareConfig, data: Mapping[str, Any], held: Mapping[str, Any]) -> None:
+def _under(held: Mapping[str, Any], goal: Goal) -> str:
+    """Which interpretation of the paper, in words; none of a comparison as it is."""
+    return f" under {held['name']}" if goal.of_paper or held["name"] != PRINTED else ""
+
+
+def unknown(data: Mapping[str, Any], goal: Goal) -> list[str]:
+    """What the best reading's search leaves open."""
+    best = best_of(data)
+    rows, open_rows = best["known"], [row["name"] for row in best["known"] if not row["determined"]]
+    counted = f"{count_of(len(rows), 'parameter')} fitted to {count_of(goal.numbers, 'number')}"
+    if len(rows) > goal.numbers:
+        return [f"{counted}: more parameters than numbers, so no parameter is determined."]
+    if not best["fits"]:
+        return [f"{counted}, and no plant fits, so no parameter is determined."]
+    alike = f"plants that miss them by at most {best['near_limit']:.2g} in log ratio"
+    if open_rows:
+        return [f"{counted}: {alike} do not determine {', '.join(open_rows)}."]
+    return [f"{counted}: {alike} determine each, as far as the model is right."]
+
+
+def write_config(
+    path: Path,
+    config: CompareConfig,
+    space: Space,
+    goal: Goal,
+    data: Mapping[str, Any],
+    held: Mapping[str, Any],
+) -> None:
     """Write the best plant under a reading as a configuration, and read it back as a check."""
-    numbers = "Tables 2 and 3" if data["fit"] == "all" else "Controller 2 of Table 2"
-    source = f"identified: {numbers}, misfit {held['misfit_log']:.2g}, "
-    searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in held["rows_searched"])
-
-    def told(drawn: re.Match[str]) -> str:
-        """Where a number comes from: a row that was searched, or one that kept what the arm has."""
-        is_searched = re.search(rf"\b({searched})\b", drawn[1])
-        return source + ("" if is_searched else _HELD) + drawn[1]
-
-    text = re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True))
-    tree = json.loads(text, parse_float=_whole)
-    tree["title"] = f"{config.title}, plant fitted to {numbers}"
+    source = f"identified: {goal.name}, misfit {held['misfit_log']:.2g}"
+    tree = space.sourced(config, source, held["rows_searched"])
+    tree["title"] = f"{config.title}, plant fitted to {goal.name}"
     path.parent.mkdir(exist_ok=True)
-    write_atomically(path, _head(numbers, data, held) + dump(tree))
+    write_atomically(path, _head(goal, data, held, space.within) + dump(tree))
     load_config(path, "compare")
 
 
-def _whole(text: str) -> float:
-    """An integer where it is whole: the schema wants counts to be."""
-    return int(float(text)) if float(text).is_integer() else float(text)
-
-
-def _head(numbers: str, data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+def _head(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any], within: str) -> str:
     bounds = [f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"]]
+    under = f" under the reading {held['name']}" if _under(held, goal) else ""
     return f"""\
-# Fitted to {numbers} of the paper under the reading {held["name"]},
-# by {_command(data, held)}.
-# Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/printed), by the compiled stepper.
-# It proves nothing: what was fitted to the print cannot be evidence for it.
-# Searched, the other rows of the box kept what the arm has: {", ".join(held["rows_searched"])}.
-# At a bound of the box: {", ".join(bounds) or "none of them"}.
+# Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
+# by {_command(goal, data, held)}.
+# Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
+# It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
+# Searched, the other rows of {within} kept what the arm has: {", ".join(held["rows_searched"])}.
+# At a bound of {within}: {", ".join(bounds) or "none of them"}.
 
 """
 
 
-def _command(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+def _command(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
     """What makes the search again, on lines of a heading."""
-    asked = [f"--fit {data['fit']}", f"--window {data['window']}", f"--readings {held['name']}"]
+    asked = [*goal.asked, f"--window {data['window']}", f"--readings {held['name']}"]
     names = ("generations", "population", "seeds", "unknowns")
     effort = [f"--{name} {data[name]}" for name in names]
     rows = [f"--rows {','.join(data['rows'])}"] if data["rows"] else []
@@ -137,22 +156,24 @@ def _command(data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
     return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])
 
 
-def number_rows(plants: Simulated, printed: Printed, fitted: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Every printed number, the first plant's, and the range of those whose run is ok."""
+def number_rows(plants: Simulated, goal: Goal) -> list[dict[str, Any]]:
+    """Every number of a goal, the first plant's, and the range of those whose run is ok."""
     rows = []
-    for (r, m, i), goal in np.ndenumerate(printed.values):
+    for (r, m, i), theirs in np.ndenumerate(goal.values):
+        if np.isnan(theirs):
+            continue
         ours = float(plants.sizes[0, r, m, i])
         sizes = plants.sizes[plants.ok[:, r], r, m, i]
         low, high = (sizes.min(), sizes.max()) if sizes.size else (np.nan, np.nan)
         rows.append(
             {
-                "run": RUNS[r],
+                "run": goal.runs[r],
                 "metric": METRICS[m],
-                "joint": printed.joints[i],
-                "fitted": RUNS[r] in fitted,
-                "printed_deg": float(goal),
+                "joint": goal.joints[i],
+                "fitted": bool(goal.fitted[r, m, i]),
+                f"{goal.word}_deg": float(theirs),
                 "ours_deg": ours,
-                "ratio": ours / float(goal),
+                "ratio": ours / float(theirs),
                 "lowest_deg": float(low),
                 "highest_deg": float(high),
             }
@@ -160,19 +181,57 @@ def number_rows(plants: Simulated, printed: Printed, fitted: tuple[str, ...]) ->
     return rows
 
 
-def shape_rows(best: Simulated, printed: Printed) -> list[dict[str, Any]]:
-    """Order of the controllers and RMSE over MAE, ours and printed."""
+def shape_rows(best: Simulated, goal: Goal) -> list[dict[str, Any]]:
+    """Order of the runs without payload and RMSE over MAE, ours and those of a goal."""
     rows = []
-    for i, joint in enumerate(printed.joints):
+    compared = [r for r, run in enumerate(goal.runs) if not run.endswith(PAYLOAD)]
+    names = [goal.runs[r].removeprefix("controller_") for r in compared]
+    for i, joint in enumerate(goal.joints):
         row: dict[str, Any] = {"joint": joint}
-        for name, sizes in {"ours": best.sizes[0, ..., i], "printed": printed.values[..., i]}.items():
+        for name, sizes in {"ours": best.sizes[0, ..., i], goal.word: goal.values[..., i]}.items():
             for m, metric in enumerate(METRICS):
-                order = np.argsort(sizes[: len(CONTROLLERS), m], kind="stable")
-                row[f"{name}_order_{metric}"] = " < ".join(str(k + 1) for k in order)
-            for r, run in enumerate(RUNS):
+                order = np.argsort(sizes[compared, m], kind="stable")
+                row[f"{name}_order_{metric}"] = " < ".join(names[k] for k in order)
+            for r, run in enumerate(goal.runs):
                 row[f"{name}_rmse_over_mae_{run}"] = float(sizes[r, 1] / sizes[r, 0])
         rows.append(row)
     return rows
+
+
+def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[dict[str, Any]]:
+    """What is known of every row that was searched, by points (N, P) that come near, the best first.
+
+    ``of_range`` is how much of its range they take up. More rows than numbers determine none of them, and
+    where the best does not fit there is nothing to be known.
+    """
+    values, rows = box.values(units), np.flatnonzero(box.free).tolist()
+    alone, found = bool((units == units[0]).all()), []
+    for p in rows:
+        words, ends = box.words[p], (float(values[:, p].min()), float(values[:, p].max()))
+        # Of a choice two words are all there is to say.
+        share = float(ends[0] < ends[1] if box.choices[p].size else np.ptp(units[:, p]))
+        if len(rows) > numbers:
+            why = "more parameters than numbers"
+        elif not fits:
+            why = "no plant fits"
+        elif alone:
+            why = "no other plant comes near, search longer"
+        else:
+            why = f"spread over {share:.0%} of its range" if share > WIDE else ""
+        best, low, high = (words[int(x)] if words else float(x) for x in (values[0, p], *ends))
+        found.append(
+            {
+                "name": box.names[p],
+                "unit": box.units[p],
+                "best": best,
+                "lowest": low,
+                "highest": high,
+                "of_range": share,
+                "determined": not why,
+                "known": f"not determined: {why}" if why else "yes",
+            }
+        )
+    return found
 
 
 def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:

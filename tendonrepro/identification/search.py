@@ -75,12 +75,17 @@ class Effort:
 
 @dataclass(frozen=True)
 class Found:
-    """Best points (S, P) and misfits (S,) of S seeds, and the closest, polished."""
+    """Best points (S, P) and misfits (S,) of S seeds, and the closest, polished.
+
+    `seen` (M, P) are all points that were looked at, with `seen_misfits` (M,).
+    """
 
     closest: Array
     misfit: float
     points: Array
     misfits: Array
+    seen: Array
+    seen_misfits: Array
 
     @property
     def agree(self) -> bool:
@@ -120,6 +125,12 @@ class Plants:
         self._progress(len(points))
         return Evaluated(self._table[asked, self._width], self._table[asked, self._width + 1 :])
 
+    @property
+    def seen(self) -> tuple[Array, Array]:
+        """All points that were looked at, (N, P), and their misfits, (N,)."""
+        table = self._table[: self.count]
+        return table[:, : self._width], table[:, self._width : self._width + 1].reshape(-1)
+
     def best(self, since: int = 0) -> tuple[float, Array]:
         """Smallest misfit since so many points, and its point (P,)."""
         seen = self._table[since : self.count]
@@ -148,7 +159,7 @@ def search(
     known : array (P,), optional
         A point that was found otherwise; no seed knows it.
     """
-    best = []
+    best, looks = [], []
     for place, members in enumerate(starts):
         look, generator = plants(str(place)), np.random.default_rng([seed, place])
         order = np.argsort(look(members).misfits, kind="stable")
@@ -156,6 +167,7 @@ def search(
             for start in members[order]:
                 _descend(_settled(start, rows, smooth, look, effort, generator), smooth, look)
         best.append(look.best())
+        looks.append(look)
     closest = min(best, key=lambda held: held[0])
     look = plants("best")
     if known is not None:
@@ -165,8 +177,10 @@ def search(
         _descend(closest[1], smooth, look)
     if look.count:
         closest = min(closest, look.best(), key=lambda held: held[0])
+        looks.append(look)
     misfits, points = (np.array(column) for column in zip(*best, strict=True))
-    return Found(closest[1], closest[0], points, misfits)
+    seen, seen_misfits = (np.concatenate(parts) for parts in zip(*(one.seen for one in looks), strict=True))
+    return Found(closest[1], closest[0], points, misfits, seen, seen_misfits)
 
 
 def _settled(

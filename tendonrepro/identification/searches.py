@@ -1,15 +1,15 @@
-"""Search for plants, motions and readings that give the printed numbers."""
+"""Search for plants, motions and readings that give the paper's numbers, or a user's own."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,14 +18,17 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import digest_of
 from tendonrepro.identification import report
-from tendonrepro.identification.misfit import Bench, Printed, Window, printed_numbers, rounding_misfit
+from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
+from tendonrepro.identification.misfit import Bench, rounding_misfit
 from tendonrepro.identification.search import (
     Effort,
     Found,
@@ -33,13 +36,16 @@ from tendonrepro.identification.search import (
     held_unit,
     search,
 )
+from tendonrepro.identification.space import space_of
 from tendonrepro.identification.unknowns import rows_that_explain
-from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
-from tendonrepro.monte_carlo.held import held_at
+from tendonrepro.monte_carlo.around import draws_rows, readings_around
+from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, processors
+from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
+from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -47,10 +53,6 @@ from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
-
-Target: TypeAlias = Literal["controller_2", "all"]
-FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
-"""Runs whose numbers are fitted."""
 
 Results: TypeAlias = dict[str, tuple[dict[str, Any], CompareConfig]]
 """Numbers and best plant by reading."""
@@ -69,31 +71,26 @@ class Task:
     """What an identification depends on."""
 
     loaded: LoadedEnsemble
-    fit: Target
+    goal: Goal
     readings: tuple[Reading, ...]
     effort: Effort
     unknowns: int
     rows: tuple[str, ...]
     seed: int
-    printed: Printed
     bench: Bench
     device: DeviceName = "cpu"
 
     @property
     def fitted(self) -> tuple[str, ...]:
         """Runs that are fitted."""
-        return FITTED[self.fit]
-
-    @property
-    def places(self) -> list[int]:
-        """Their places in `RUNS`."""
-        return [RUNS.index(run) for run in self.fitted]
+        return self.goal.sought.runs
 
     def cases(self) -> dict[Reading, list[Reading]]:
         """Readings by what of them changes the fitted runs; that is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
-            changing = {axis for run in self.fitted for axis, _ in axes.case_of(held, run).settings}
+            of_runs = [axes.case_of(held, run) if run in RUNS else held for run in self.fitted]
+            changing = {axis for of_run in of_runs for axis, _ in of_run.settings}
             case = axes.reading({axis: value for axis, value in held.settings if axis in changing})
             found.setdefault(case, []).append(held)
         return found
@@ -109,10 +106,12 @@ class Task:
 
     def outline(self) -> dict[str, Any]:
         """What is known beforehand."""
+        around = self.loaded.around
         return {
             "schema_version": SCHEMA_VERSION,
             "experiment": "identify",
-            "fit": self.fit,
+            **self.goal.named,
+            **({"around": around.as_data() | {"told": around.told}} if around else {}),
             "window": self.bench.window,
             "searches": [case.name for case in self.cases()],
             "evaluations": self.effort.evaluations,
@@ -122,7 +121,7 @@ class Task:
             "overrides": list(self.loaded.base.overrides),
             "near_tolerance": NEAR,
             "seed": self.seed,
-            "joints": list(self.printed.joints),
+            "joints": list(self.goal.joints),
             # Rounding of another device can lead a search elsewhere.
             **({} if self.device == "cpu" else {"device": self.device}),
         }
@@ -141,7 +140,7 @@ class Task:
             "version": __version__,
             "code": code_digest("physics", "simulation", "identification"),
             "config": self.loaded.sha256,
-            "printed": [self.printed.values.tolist(), self.printed.half.tolist()],
+            "goal": [self.goal.name, self.goal.runs, self.goal.values.tolist(), self.goal.half.tolist()],
         }
 
 
@@ -150,6 +149,7 @@ def identification(
     effort: Effort,
     *,
     fit: Target,
+    errors: Path | None = None,
     readings: str,
     window: Window,
     unknowns: int,
@@ -163,7 +163,11 @@ def identification(
     Parameters
     ----------
     loaded : LoadedEnsemble
-        Its box is searched.
+        Its box is searched, or the ranges around the arm of its base.
+    fit : {'controller_2', 'all'}
+        Numbers of the paper.
+    errors : Path, optional
+        Table or log whose numbers are fitted instead.
     readings : str
         ``printed``, ``default``, those that pictures and tables show as ``shown``, or names joined by commas.
     unknowns : int
@@ -178,22 +182,21 @@ def identification(
     TendonreproError
         If no GPU can be used.
     UsageError
-        For an unknown reading or row, or no effort.
+        For an unknown reading or row, no effort, or no numbers to fit.
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
     require(device)
-    named = _named(readings, loaded)
-    box = make_box(loaded.config)
+    window = _window(loaded, window) if errors else window
+    space = space_of(loaded)
     task = Task(
         loaded=loaded,
-        fit=fit,
-        readings=named,
+        goal=_goal(loaded, fit, errors, window),
+        readings=_named(readings, loaded),
         effort=effort,
         unknowns=unknowns,
-        rows=_named_rows(rows, box.names),
+        rows=_named_rows(rows, space.box),
         seed=int(loaded.config.seed.si),
-        printed=printed_numbers(published(), loaded.compare.joints),
-        bench=Bench(loaded.base, held_at(box, loaded.compare), window, simulate_batch),
+        bench=Bench(space, window, simulate_batch),
         device=device,
     )
     out, identity = folder_of("identify", folder), task.identity()
@@ -203,8 +206,42 @@ def identification(
     def run(site: Site) -> Outcome:
         return _outcome(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
 
-    base = replace(loaded.base, sha256=identity)
+    base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
+
+
+def _files(errors: Path | None) -> list[Path]:
+    """What the manifest tells of the numbers."""
+    if errors is None:
+        return []
+    return [errors / TRACES if errors.is_dir() else errors]
+
+
+def _goal(loaded: LoadedEnsemble, fit: Target, errors: Path | None, window: Window) -> Goal:
+    """The numbers to fit: those of a user, or else of the paper."""
+    if errors is None:
+        if loaded.around:
+            message = "there are no published errors of an arm of your own"
+            raise UsageError(message, where="--errors", hint="name a table of errors that you measured")
+        return printed_numbers(published(), loaded.compare.joints, fit)
+    if fit != "controller_2":
+        message = f"is of the paper's tables; what is fitted stands in {errors}"
+        raise UsageError(message, where="--fit", hint="leave it out")
+    return own_numbers(errors, loaded, window)
+
+
+def _window(loaded: LoadedEnsemble, window: Window) -> Window:
+    """What a user's errors average, as the comparison says; a UsageError where that is not known."""
+    config = loaded.compare
+    if window == "late":
+        if loaded.around and not reference_period(config.reference):
+            raise UsageError("the motion has no period", where="--window", hint="say --window whole")
+        return window
+    seconds = errors_from(config)
+    if seconds not in (0.0, START):
+        message = f"errors_from is {seconds:g} s; errors are fitted from 0 or {START:g} s on"
+        raise UsageError(message, where=loaded.base.origin, hint="change errors_from, and average so")
+    return "settled" if seconds else "whole"
 
 
 def _plan(task: Task, head: Mapping[str, Any]) -> dict[str, Any]:
@@ -227,8 +264,11 @@ def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -
     """Numbers, tables and figures, and the best plant's configuration as a file."""
     loaded = task.loaded
     data = {**head, "readings": [found[reading.name][0] for reading in task.readings]}
-    data["conclusions"] = [OTHER_BASE] * (not base_of_paper(loaded.compare)) + report.conclusions(data)
-    _write_plants(files, found, data)
+    other = task.goal.of_paper and not base_of_paper(loaded.compare)
+    within = task.bench.space.within
+    data["conclusions"] = [OTHER_BASE] * other + report.conclusions(data, task.goal, within)
+    data["unknown"] = report.unknown(data, task.goal)
+    _write_plants(files, found, data, task)
     config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
     manifest = {
         "experiment": "identify",
@@ -236,21 +276,28 @@ def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -
         "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
         "config": config | {"ensemble_sha256": loaded.sha256},
     }
-    return replace(report.outcome(data), manifest=manifest)
+    return replace(report.outcome(data, task.goal), manifest=manifest)
 
 
-def _write_plants(folder: Path, found: Results, data: Mapping[str, Any]) -> None:
+def _write_plants(folder: Path, found: Results, data: Mapping[str, Any], task: Task) -> None:
     """The best plant under each reading as a configuration, and the best of all."""
-    for name, (reading, best) in found.items():
-        report.write_config(folder / report.PLANTS / f"{name}.yaml", best, data, reading)
     first = report.best_of(data)["name"]
-    report.write_config(folder / report.CONFIG, found[first][1], data, found[first][0])
+    paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in found]
+    for path, name in [*paths, (folder / report.CONFIG, first)]:
+        reading, best = found[name]
+        report.write_config(path, best, task.bench.space, task.goal, data, reading)
 
 
 def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     if readings == "default":
-        return default_readings(loaded.config.pairs)
-    return named_readings(",".join(SHOWN) if readings == "shown" else readings)
+        every = default_readings(loaded.config.pairs)
+    else:
+        every = named_readings(",".join(SHOWN) if readings == "shown" else readings)
+    if not loaded.around:
+        return every
+    # Of a list those that draw from the ranges of the paper's arm are left out; one by name is refused.
+    listed = readings in ("default", "shown")
+    return readings_around(loaded, ",".join(one.name for one in every if not (listed and draws_rows(one))))
 
 
 def check_at_least_one(**options: int) -> None:
@@ -281,11 +328,11 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
 
 
 def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
-    box, effort, goal = task.bench.box, task.effort, task.printed.values[task.places]
+    box, effort, goal = task.bench.box, task.effort, task.goal.sought
     case, readings = list(task.cases().items())[place]
 
     def plants(bench: Bench, most: int, name: str) -> Plants:
-        misfit = partial(bench.evaluated, reading=case, runs=task.fitted, goal=goal)
+        misfit = partial(bench.evaluated, reading=case, goal=goal)
         told = progress or (lambda _: None)
         return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
@@ -295,7 +342,7 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
     else:
         rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
     bench = task.bench.searching(rows)
-    starts = [scrambled_sobol(box, task.seed, k, 0, effort.population) for k in range(effort.seeds)]
+    starts = [bench.space.points(task.seed, k, effort.population) for k in range(effort.seeds)]
     found = search(
         np.where(rows, np.stack(starts), held_unit(box)),
         rows,
@@ -308,13 +355,17 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
     return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
 
 
-def _named_rows(text: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Rows of a list with commas between; a UsageError for one that there is not."""
+def _named_rows(text: str, box: Box) -> tuple[str, ...]:
+    """Rows of a list with commas between; a UsageError for one that there is not, or that cannot move."""
     rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    free = [name for name, is_free in zip(box.names, box.free, strict=True) if is_free]
     for name in rows:
-        if name not in names:
-            close = ", ".join(get_close_matches(name, names)) or "see configs/ensemble.yaml"
+        if name not in box.names:
+            close = ", ".join(get_close_matches(name, free)) or f"there are: {', '.join(free)}"
             raise UsageError(f"no row of the ranges is called {name!r}", where="--rows", hint=close)
+        if name not in free:
+            message = f"{name} is off on this arm, or its range is a point"
+            raise UsageError(message, where="--rows", hint=f"These can be searched: {', '.join(free)}")
     return rows
 
 
@@ -324,21 +375,27 @@ def _reading_data(
     """Values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * found.misfit)
     units = np.vstack([found.closest, found.points[found.misfits <= limit]])
-    ours, printed, places = bench.measure(units, held, RUNS), task.printed, task.places
-    fitted = ours.sizes[0, places], printed.values[places], printed.half[places]
+    goal, config = task.goal, bench.config(units[0], held)
+    ours, shown = bench.measure(units, held, goal.runs), bench.space.shown(config)
+    of_runs = [goal.runs.index(run) for run in task.fitted]
+    near = np.vstack([found.closest, found.seen[found.seen_misfits <= limit]])
     data = {
         "name": held.name,
         "search": case.name,
         "misfit_log": found.misfit,
-        "misfit_rounding": rounding_misfit(*fitted),
+        "misfit_rounding": rounding_misfit(ours.sizes[0, of_runs], goal.sought),
         "fits": found.misfit <= NEAR,
         "near_limit": limit,
         "near_count": len(units) - 1,
         "misfit_by_seed": found.misfits.tolist(),
         "seeds_agree": found.agree,
         "rows_searched": np.array(bench.box.names)[bench.box.free].tolist(),
-        "best_shape": report.shape_rows(ours, printed),
-        "numbers": report.number_rows(ours, printed, task.fitted),
+        "best_shape": report.shape_rows(ours, goal),
+        "numbers": report.number_rows(ours, goal),
         "parameters": report.parameter_rows(bench.box, units),
+        "known": [
+            row | shown.get(row["name"], {})
+            for row in report.known_rows(bench.box, near, goal.numbers, fits=found.misfit <= NEAR)
+        ],
     }
-    return data, bench.config(units[0], held)
+    return data, config

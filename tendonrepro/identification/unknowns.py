@@ -1,4 +1,4 @@
-"""Which rows of the box a search moves: those that bring the arm at hand nearest to the printed numbers.
+"""Which rows of the box a search moves: those that bring the arm at hand nearest to the fitted numbers.
 
 One rule for every interpretation. It begins at the base's own arm. At each step it moves every row alone,
 asks which one explains most of what is still missing, together with those chosen before, and goes there.
@@ -57,19 +57,19 @@ class Chosen(NamedTuple):
 
 
 def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
-    """Choose at most `most` rows, (P,), from the point at which every row is held.
+    """Choose at most `most` of the box's free rows, (P,), from the point at which every row is held.
 
     Forwards, one after the other, a few more than asked for: each explains most of what is missing, with
     those chosen before, in a linear fit within the ranges. None is added that explains next to nothing.
     Backwards then: the one goes without which the others explain most.
     """
-    held = held_unit(box)
+    held, free = held_unit(box), np.flatnonzero(box.free).tolist()
     place = _nearest(look, held[np.newaxis])
     chosen: list[int] = []
-    while len(chosen) < most + _MORE and not (chosen and place.misfit < _ENOUGH):
-        moves = _moved_alone(box, place.point, look, range(len(box.names)))
+    while len(chosen) < min(most + _MORE, len(free)) and not (chosen and place.misfit < _ENOUGH):
+        moves = _moved_alone(box, place.point, look, free)
         without, _ = _fitted(moves, _ranges(box, chosen), place.residuals, place.point)
-        others = [row for row in range(len(box.names)) if row not in chosen]
+        others = [row for row in free if row not in chosen]
         steps = {row: _step(box, moves, place, chosen, row) for row in others}
         row = min(steps, key=lambda row: steps[row][0])
         left, target = steps[row]

@@ -21,7 +21,7 @@ from tendonrepro.configuration.models.readings import Reading, named_readings, u
 from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops, build_reference
-from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops
+from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops, own_loops
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 from tendonrepro.simulation.sampled import CommandFunction
 
@@ -152,7 +152,11 @@ class ArmDraws:
             for reading in readings
         }
         for law, of_reading in product(self._laws, loops.values()):
-            of_reading.update(lane_loops(law, _function(law), config, of_reading))
+            of_reading.update(
+                own_loops(law, config, of_reading)
+                if law.alone
+                else lane_loops(law, _function(law), config, of_reading)
+            )
         return [loops[reading][run] for run, reading in self._cases]
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import TypeAlias
 
 import numpy as np
 
@@ -16,17 +15,15 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.data import Arrays, Block, Stored, shard_image
+from tendonrepro.monte_carlo.mixed import Simulate, runs_alone, simulate_mixed
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
-from tendonrepro.simulation.batch import Batch, Limits, simulate_batch
+from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.stepper import simulate
-
-Simulate: TypeAlias = Callable[[Sequence[Loop], Limits], Batch]
-"""Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
 DRAWS_AT_ONCE: Mapping[DeviceName, int] = {"cpu": 32, "gpu": 256}
 """Draws simulated together; more fill lanes and threads better; each has motions of some 3 MB."""
@@ -62,7 +59,7 @@ def compute_blocks(
     batches = []
     for together in _filled(pieces, most):
         drawn = [draw for block, rows in together for draw in loops_of(study, block, rows)]
-        batches.append(simulate(list(chain.from_iterable(drawn)), study.loaded.compare.status))
+        batches.append(simulate_mixed(list(chain.from_iterable(drawn)), study.loaded.compare, simulate))
     edges = np.cumsum([block.count for block in blocks])[:-1]
 
     def by_case(parts: Sequence[Stored], kind: type) -> list[Stored]:
@@ -133,6 +130,8 @@ def spot_check(
     place, at = place % len(study.cases), at % len(values)
     run, case = study.cases[place]
     (loops,) = loops_of(study, block, values[at : at + 1])
+    if runs_alone(loops[place]):
+        return {}  # it runs by SciPy already
     loop = replace(loops[place], joint_encoder=IDEAL)
     difference = _difference(loop, simulate_together([loop], study.loaded.compare.status), study)
     return {"run": run, "reading": case.name, "draw": at, "difference": difference}

@@ -27,18 +27,21 @@ from tendonrepro.experiments.user_law import UserLaw, refused_on_lanes, with_use
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, readings_around
-from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, Simulate, make_blocks
+from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, make_blocks
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
+from tendonrepro.monte_carlo.mixed import MOST_DRAWS_ALONE, Simulate
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.parallel import Item, Result, as_ready
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import make_manifest, take_over
+from tendonrepro.simulation import stepper
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
@@ -104,21 +107,30 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
         arm=AroundArm(loaded, around),
         laws=tuple(laws),
     )
-    for law in laws:
-        _try(study, AroundArm(loaded, around), law)
-    return study
+    return replace(study, laws=tuple(_tried(study, law) for law in laws))
 
 
-def _try(study: Study, arm: AroundArm, law: UserLaw) -> None:
-    """Refuse a law that cannot run on many arms together, before the many are simulated."""
-    loops = ArmDraws(arm, np.ones((1, len(arm.names))), study.cases, study.laws).loops(0)
+def _tried(study: Study, law: UserLaw) -> UserLaw:
+    """A law as it can run: on many arms together, else alone; an error where neither goes."""
+    try:
+        simulate_batch([_start_of(study, law)], study.loaded.compare.status)
+    except Exception as error:
+        refusal = error if isinstance(error, UsageError) else refused_on_lanes(law.name, error)
+        alone = replace(law, alone=refusal.message)
+        stepper.simulate(_start_of(study, alone))
+        return alone
+    return law
+
+
+def _start_of(study: Study, law: UserLaw) -> Loop:
+    """The first samples of a law on the arm itself."""
+    study = replace(study, laws=(law,))
+    assert study.arm is not None
+    loops = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
     loop = loops[study.lookup[law.name, PRINTED]]
     names = ("time", "q_d", "dq_d", "ddq_d")
-    start = replace(loop.reference, **{name: getattr(loop.reference, name)[:_STUB] for name in names})
-    try:
-        simulate_batch([replace(loop, reference=start)], study.loaded.compare.status)
-    except Exception as error:
-        raise refused_on_lanes(law.name, error) from error
+    start = {name: getattr(loop.reference, name)[:_STUB] for name in names}
+    return replace(loop, reference=replace(loop.reference, **start))
 
 
 def ensemble_study(
@@ -151,13 +163,16 @@ def ensemble_study(
     if not jobs:
         message = "must be a number of processes, or -1 for one for each processor, found 0"
         raise UsageError(message, where="--jobs")
+    draws = min(draws, MOST_DRAWS_ALONE) if study.alone else draws
     blocks = study.blocks(draws)
-    simulate = simulate or partial(simulate_batch, device=study.device)
-    make, processes = partial(make_blocks, study, simulate=simulate), jobs if study.device == "cpu" else 1
+    together = simulate or partial(simulate_batch, device=study.device)
+    make, processes = partial(make_blocks, study, simulate=together), jobs if study.device == "cpu" else 1
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(site: Site) -> Outcome:
         talk, files = site.talk, site.files
+        for law in study.alone:
+            talk.note(f"{law.alone}. So it runs by SciPy, and the ensemble has {draws} arms.")
         shards = files / SHARDS
         _take_over(earlier, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
@@ -288,5 +303,7 @@ def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]
 def _manifest(study: Study, seconds: float) -> dict[str, object]:
     manifest = make_manifest(study.loaded.base, seconds, "ensemble")
     config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
-    stepper = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
-    return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": stepper, "config": config}
+    solver: dict[str, Any] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
+    if study.alone:
+        solver["by_scipy"] = [law.name for law in study.alone]
+    return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": solver, "config": config}

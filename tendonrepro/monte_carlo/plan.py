@@ -43,6 +43,9 @@ SECONDS_PER_EXPERIMENT = 6e-3
 Measured: 17 ms on slow processors that had other work too.
 """
 
+SECONDS_ALONE = 3.0
+"""Time of a run by SciPy whose law is called in Python."""
+
 _COMPRESSION = 0.9
 
 
@@ -97,6 +100,11 @@ class Study:
         config = self.loaded.compare
         own = [run for law in self.laws for run in runs_of(law, config)]
         return (*config.runs, *own) if self.arm else RUNS
+
+    @property
+    def alone(self) -> tuple[UserLaw, ...]:
+        """A user's laws that cannot run on many arms together."""
+        return tuple(law for law in self.laws if law.alone)
 
     @cached_property
     def _asked(self) -> dict[Case, tuple[str, Reading]]:
@@ -184,10 +192,14 @@ class Study:
 
     def cost(self, blocks: Sequence[Block]) -> dict[str, float]:
         """Estimate what some blocks cost."""
-        experiments = sum(block.count for block in blocks) * len(self.cases)
+        draws = sum(block.count for block in blocks)
+        experiments = draws * len(self.cases)
+        by_scipy = {run for law in self.alone for run in runs_of(law, self.loaded.compare)}
+        alone = draws * sum(run in by_scipy for run, _ in self.cases)
+        seconds = experiments * SECONDS_PER_EXPERIMENT + alone * SECONDS_ALONE
         numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
         return {
             "experiments": experiments,
-            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
+            "processor_hours": seconds / 3600.0,
             "gigabytes": experiments * numbers * _COMPRESSION / 1e9,
         }

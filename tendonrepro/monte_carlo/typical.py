@@ -18,9 +18,10 @@ from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.block import Simulate, compute_block
+from tendonrepro.monte_carlo.block import compute_block
 from tendonrepro.monte_carlo.box import configured
 from tendonrepro.monte_carlo.ensemble import load_study
+from tendonrepro.monte_carlo.mixed import Simulate
 from tendonrepro.monte_carlo.plan import Study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch

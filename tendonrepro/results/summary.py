@@ -15,7 +15,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.physics.metrics import START, mae, max_abs, mean, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
-from tendonrepro.results.paper import changed_readings, of_paper
+from tendonrepro.results.paper import FITTED, changed_readings, of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.simulation import streaming
 
@@ -33,7 +33,7 @@ USER_LAW = "user law "
 MEASURED = "measured"
 """Law of a run that was measured."""
 
-_IDENTIFIED = re.compile(r"""source: ['"]identified: (?:Tables 2 and 3|Controller 2 of Table 2), misfit""")
+_IDENTIFIED = re.compile(f"""source: ['"]{FITTED}""")
 
 _SIGNALS = {"torque": "tau_m", "H_hat": "H_hat"}
 """Recorded variables of `streaming.SIGNALS`."""

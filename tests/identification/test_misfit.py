@@ -6,8 +6,9 @@ from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, load
 
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import reading
-from tendonrepro.identification.misfit import Bench, Simulated, acting_units, log_misfit, rounding_misfit
-from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.identification.misfit import Bench, Simulated, log_misfit, rounding_misfit
+from tendonrepro.identification.space import space_of
+from tendonrepro.monte_carlo.box import scrambled_sobol
 
 
 class TestMisfit:
@@ -20,21 +21,21 @@ class TestMisfit:
     def test_both_units(self):
         """Ten per cent more on every number, and on one of two: log 1.1 and its root mean square."""
         ours = measured([1.1 * PRINTED.values, PRINTED.values])
-        np.testing.assert_allclose(log_misfit(ours, PRINTED.values), [np.log(1.1), 0.0], atol=1e-12)
+        np.testing.assert_allclose(log_misfit(ours, PRINTED), [np.log(1.1), 0.0], atol=1e-12)
         one = PRINTED.values.copy()
         one[0, 0, 0] += 0.004
-        assert rounding_misfit(one, PRINTED.values, PRINTED.half) == pytest.approx(8.0 / 4.0)
+        assert rounding_misfit(one, PRINTED) == pytest.approx(8.0 / 4.0)
 
     def test_what_ends_badly_is_worse_than_any_that_ends_well_and_is_ordered(self):
         poor = measured([30.0 * PRINTED.values])
         nothing = np.full((1, 4, 2, 2), np.nan)
         rising = [
-            log_misfit(poor, PRINTED.values),
-            log_misfit(measured([PRINTED.values], RINGING), PRINTED.values),
-            log_misfit(measured([30.0 * PRINTED.values], RINGING), PRINTED.values),
-            log_misfit(measured([PRINTED.values], DIVERGED, 0.9), PRINTED.values),
-            log_misfit(measured(nothing, DIVERGED, 0.1), PRINTED.values),
-            log_misfit(measured(nothing, UNRESOLVED, 0.0), PRINTED.values),
+            log_misfit(poor, PRINTED),
+            log_misfit(measured([PRINTED.values], RINGING), PRINTED),
+            log_misfit(measured([30.0 * PRINTED.values], RINGING), PRINTED),
+            log_misfit(measured([PRINTED.values], DIVERGED, 0.9), PRINTED),
+            log_misfit(measured(nothing, DIVERGED, 0.1), PRINTED),
+            log_misfit(measured(nothing, UNRESOLVED, 0.0), PRINTED),
         ]
         assert np.isfinite(rising).all()
         assert (np.diff(np.concatenate(rising)) > 0.0).all()
@@ -42,14 +43,15 @@ class TestMisfit:
     def test_one_run_out_of_four_counts_by_its_end(self):
         status = np.array([[OK, OK, DIVERGED, OK]], dtype=np.int8)
         mixed = Simulated(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
-        assert log_misfit(mixed, PRINTED.values)[0] == pytest.approx(25.0 / 2.0)
+        assert log_misfit(mixed, PRINTED)[0] == pytest.approx(25.0 / 2.0)
 
 
 class TestBench:
     def test_everything_acts_in_the_stubs(self):
         """Else a population that agrees on a row needs code of its own, which takes a minute to compile."""
-        box = make_box(loaded().config)
-        found = dict(zip(box.names, box.values(acting_units(box)).T, strict=True))
+        space = space_of(loaded())
+        box = space.box
+        found = dict(zip(box.names, box.values(space.acting()).T, strict=True))
         both = box.words[box.names.index("friction_sides")].index("both")
         assert set(found["friction_sides"]) == {both}
         steps, disturbance = found.pop("torque_resolution_acts"), found["disturbance"]
@@ -64,9 +66,9 @@ class TestBench:
             return made_up(loops, limits)
 
         monkeypatch.setattr("tendonrepro.identification.misfit._PLANTS_AT_ONCE", 16)
-        box = make_box(loaded().config)
-        bench = Bench(loaded().base, box, "whole", counting)
-        found = bench.measure(scrambled_sobol(box, 1, 0, 0, 20), reading({}), RUNS[1:3])
+        space = space_of(loaded())
+        bench = Bench(space, "whole", counting)
+        found = bench.measure(scrambled_sobol(space.box, 1, 0, 0, 20), reading({}), RUNS[1:3])
         assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
-        stubs = 2 * len(acting_units(box))
+        stubs = 2 * len(space.acting())
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]

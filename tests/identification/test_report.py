@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from support.made_plants import PRINTED, RINGING, loaded, plants
 
+from tendonrepro.configuration.published import published
+from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
 from tendonrepro.monte_carlo.box import make_box
@@ -13,7 +15,7 @@ from tendonrepro.monte_carlo.box import make_box
 
 def test_numbers_of_the_first_plant_and_the_range_of_all():
     near = plants()
-    rows = number_rows(near, PRINTED, ("controller_2",))
+    rows = number_rows(near, printed_numbers(published(), (2, 3), "controller_2"))
     assert [row["fitted"] for row in rows].count(True) == 4
     sizes = near.sizes.reshape(len(near.sizes), -1)
     np.testing.assert_array_equal([row["ours_deg"] for row in rows], sizes[0])
@@ -25,10 +27,10 @@ def test_runs_that_are_not_ok_are_left_out_of_ranges():
     near = plants()
     status = np.zeros((200, 4), dtype=np.int8)
     status[10:, 0] = RINGING
-    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED, ())
+    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED)
     assert rows[0]["highest_deg"] == near.sizes[:10, 0, 0, 0].max()
     status[:, 0] = RINGING
-    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED, ())
+    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED)
     assert np.isnan(rows[0]["highest_deg"])
 
 

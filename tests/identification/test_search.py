@@ -9,6 +9,7 @@ from support.made_plants import Killed, loaded
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench
 from tendonrepro.identification.search import Effort, Evaluated, Found, Plants, held_unit, search
+from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.held import held_at, values_of
 
@@ -112,7 +113,7 @@ def test_killed_and_resumed_ends_the_same(tmp_path):
 
 
 def test_seeds_agree_to_five_per_cent():
-    found = [Found(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most])) for most in (1.04, 1.06)]
+    found = [Found(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most]), OPTIMUM, OPTIMUM) for most in (1.04, 1.06)]
     assert [one.agree for one in found] == [True, False]
 
 
@@ -120,7 +121,7 @@ BOX = make_box(loaded().config)
 
 
 def test_held_rows_keep_their_value_to_the_last_bit():
-    bench = Bench(loaded().base, held_at(BOX, loaded().compare), "whole", None)
+    bench = Bench(space_of(loaded()), "whole", None)
     rows = np.array([name == "winch_viscous" for name in BOX.names])
     config = bench.searching(rows).config(np.full(len(BOX.names), 0.9), reading({}))
     draw = dict(zip(BOX.names, values_of(loaded().compare, BOX), strict=True))

@@ -19,6 +19,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import searches
 from tendonrepro.identification.misfit import Bench, Simulated
+from tendonrepro.identification.space import PaperSpace
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
@@ -218,7 +219,7 @@ def truth():
     """Numbers, (4, 2, 2), of the first plant of the box all of whose runs are ok."""
     loaded = load_ensemble(None, overrides=OVERRIDES)
     box = make_box(loaded.config)
-    bench = Bench(loaded.base, box, "whole", simulate_batch)
+    bench = Bench(PaperSpace(loaded.base, box), "whole", simulate_batch)
     found = bench.measure(scrambled_sobol(box, 77, 0, 0, 32), parse_reading(EXTRAPOLATING), RUNS)
     well = found.ok.all(axis=1) & (found.sizes.max(axis=(1, 2, 3)) < 2.0)
     return found.sizes[np.flatnonzero(well)[0]]

@@ -26,8 +26,8 @@ def chosen(logs, most=10):
         values = dict(zip(BOX.names, units.T, strict=True))
         factors = np.exp(np.broadcast_arrays(*logs(values))).reshape(4, 2, 2, -1)
         ours = measured(np.moveaxis(factors, -1, 0) * PRINTED.values)
-        residuals = log_residuals(ours, PRINTED.values).reshape(len(units), -1)
-        seen.append(log_misfit(ours, PRINTED.values))
+        residuals = log_residuals(ours, PRINTED).reshape(len(units), -1)
+        seen.append(log_misfit(ours, PRINTED))
         return Evaluated(seen[-1], residuals)
 
     rows, point = rows_that_explain(BOX, look, most)

@@ -14,7 +14,7 @@ from support.fake_batch import fake_batch
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.console import QUIET
-from tendonrepro.errors import ConfigError, UsageError
+from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.around import AroundArm
@@ -179,10 +179,15 @@ def test_runs_of_all_controllers_are_needed(compare: Path) -> None:
         load_study(compare, ["runs={controller_1: {law: controller_1, payload: 0}}"], None, "default")
 
 
-def branching(*given: Any) -> tuple[Any, ...]:
-    _, q, q_d, _, _, law = given
-    e = q_d - q
-    return law.M_bar * (e if e[0] > 0.0 else 2.0 * e), e, e, e
+def branching(*given: Any) -> Any:
+    """The paper's own command, and a question about a number."""
+    _, q, q_d, *_ = given
+    assert bool(q_d[0] > q[0]) in {True, False}
+    return physics_command(*given)
+
+
+def broken(*given: Any) -> Any:
+    raise ValueError(len(given))
 
 
 def plain(*given: Any) -> Any:
@@ -207,9 +212,28 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
         assert (errors > 0.0).all()
 
 
-@pytest.mark.parametrize("laws", [{"branching": branching}, {"controller_2": plain}])
+@pytest.mark.slow
+def test_a_law_that_branches_runs_by_scipy_on_the_same_arms(tmp_path: Path) -> None:
+    """With ideal encoders the paper's own command gives the errors of Controller 1 by either way."""
+    init_arm(1, tmp_path)
+    asked = ["reference.amplitude=5", "reference.rise=0.5", "reference.hold=0", "reference.periods=1"]
+    asked += [f"manipulator.encoders.{one}.resolution=0" for one in ("joint", "motor")]
+    laws = laws_of({"branching": branching})
+    study = load_study(tmp_path / "compare.yaml", asked, None, "default", 0.2, laws=laws)
+    assert [law.name for law in study.alone] == ["branching"]
+    found = compute_block(replace(study, check_every=1), Block("arms", 0, 0, 2))
+    for own, other in (("controller_1", "branching"), ("controller_1_payload", "branching_payload")):
+        places = [study.lookup[run, "printed"] for run in (own, other)]
+        for name in ("mae", "rmse"):
+            assert found[name][places[1]] == pytest.approx(found[name][places[0]], rel=1e-4)
+        assert (found["status"][places] == 0).all()
+    runnable = ensemble_study(study, 1024, folder={"out": tmp_path / "out"})
+    assert runnable.plan["draws"] == 64
+
+
+@pytest.mark.parametrize("laws", [{"broken": broken}, {"controller_2": plain}])
 def test_a_law_that_cannot_run(compare: Path, laws: dict[str, Any]) -> None:
-    with pytest.raises(UsageError):
+    with pytest.raises(TendonreproError):
         load_study(compare, None, None, "default", 0.2, laws=laws_of(laws))
 
 

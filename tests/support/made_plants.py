@@ -8,7 +8,8 @@ from support.other_print import with_numbers
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
-from tendonrepro.identification.misfit import METRICS, Simulated, printed_numbers
+from tendonrepro.identification.goal import METRICS, printed_numbers
+from tendonrepro.identification.misfit import Simulated
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS

@@ -1,0 +1,263 @@
+"""The numbers that a search fits: errors that the paper prints, or those of a user's table or log."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.strict_yaml import read_text
+from tendonrepro.console import count_of
+from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
+from tendonrepro.physics.metrics import START
+from tendonrepro.results.paper_tables import COLUMNS
+from tendonrepro.results.summary import tracking_errors, without_start_name
+from tendonrepro.results.traces import read_traces
+
+METRICS = ("mae", "rmse")
+
+Target: TypeAlias = Literal["controller_2", "all"]
+FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
+"""Runs whose published numbers are fitted."""
+
+Window: TypeAlias = Literal["whole", "late", "settled"]
+"""What errors average: the whole run, all after its first period, or all after `metrics.START`."""
+
+_TABLE = {run: f"table2.{run}" for run in RUNS} | {"controller_1_payload": "table3.with_load"}
+_ROUNDED = 6
+"""Digits behind the point up to which a number of a table counts as rounded; longer ones are exact."""
+_LONG = ("metric", "value_deg", "half_deg")
+"""Columns of a table with a row for each number, beside those that `compare` writes."""
+_HINT = "A table begins with run,joint,mae_deg,rmse_deg, as tables/table2.csv of compare does."
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Errors of R runs, deg, and half a unit of their last digit, (R, 2, n); NaN where there is none.
+
+    Those that are `fitted`, (R, 2, n), decide; the others only stand beside. `name` says where they come
+    from, `told` how many they are, `named` what results are labelled with, `asked` which options ask for
+    them.
+    """
+
+    name: str
+    told: str
+    named: Mapping[str, str]
+    asked: tuple[str, ...]
+    runs: tuple[str, ...]
+    joints: tuple[int, ...]
+    values: Array
+    half: Array
+    fitted: NDArray[np.bool_]
+    of_paper: bool = False
+
+    @property
+    def word(self) -> str:
+        """What the numbers are called in columns and pictures."""
+        return "printed" if self.of_paper else "given"
+
+    @property
+    def origin(self) -> str:
+        """What a plant that was fitted to them cannot be evidence for."""
+        return "the print" if self.of_paper else self.name
+
+    @property
+    def numbers(self) -> int:
+        """How many decide."""
+        return int(self.fitted.sum())
+
+    @property
+    def sought(self) -> Goal:
+        """The runs alone that have a number to fit."""
+        kept = np.asarray(self.fitted.any(axis=(1, 2)))
+        return replace(
+            self,
+            runs=tuple(run for run, is_kept in zip(self.runs, kept, strict=True) if is_kept),
+            values=self.values[kept],
+            half=self.half[kept],
+            fitted=self.fitted[kept],
+        )
+
+
+def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all") -> Goal:
+    """Tables 2 and 3 of the paper; of them all numbers or those of Controller 2 are fitted."""
+    names = [
+        f"{_TABLE[run]}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in joints
+    ]
+    numbers, shape = [paper.digits(name) for name in names], (len(RUNS), len(METRICS), len(joints))
+    fitted = np.array([run in FITTED[fit] for run in RUNS])
+    return Goal(
+        name="Tables 2 and 3" if fit == "all" else "Controller 2 of Table 2",
+        told="all sixteen numbers" if fit == "all" else "Controller 2's four numbers",
+        named={"fit": fit},
+        asked=(f"--fit {fit}",),
+        runs=RUNS,
+        joints=tuple(joints),
+        values=np.reshape([number.value for number in numbers], shape),
+        half=np.reshape([0.5 * 10.0**-number.decimals for number in numbers], shape),
+        fitted=np.broadcast_to(fitted[:, np.newaxis, np.newaxis], shape),
+        of_paper=True,
+    )
+
+
+class _Number(NamedTuple):
+    """One error and its reading error, deg; NaN where that is unknown."""
+
+    run: str
+    metric: str
+    joint: int
+    value: float
+    half: float
+
+
+def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window) -> Goal:
+    """Errors of a table, or of the runs of a trace file or of a folder with one.
+
+    Raises
+    ------
+    UsageError
+        For a column, run, metric, joint or value that cannot be, a number twice, and none at all.
+    DataMissingError
+        Where the trace file is absent or damaged.
+    """
+    is_log = path.is_dir() or path.suffix == ".h5"
+    numbers = list(_of_traces(path, loaded, window) if is_log else _of_table(path, loaded))
+    if not numbers:
+        raise UsageError("holds no errors to fit", where=str(path), hint=_HINT)
+    joints = loaded.compare.joints
+    runs = tuple(run for run in loaded.compare.runs if any(number.run == run for number in numbers))
+    values, half = (np.full((len(runs), len(METRICS), len(joints)), np.nan) for _ in range(2))
+    for number in numbers:
+        place = runs.index(number.run), METRICS.index(number.metric), joints.index(number.joint)
+        values[place], half[place] = number.value, number.half
+    count = count_of(len(numbers), "number")
+    return Goal(
+        name=path.name,
+        told=f"the {count} of {path.name}",
+        named={"errors": path.name},
+        asked=(*_arm_words(loaded), f"--errors {shlex.quote(str(path))}"),
+        runs=runs,
+        joints=tuple(joints),
+        values=values,
+        half=half,
+        fitted=np.isfinite(values),
+    )
+
+
+def _arm_words(loaded: LoadedEnsemble) -> Iterator[str]:
+    """Options that name an arm of one's own and how far plants lie around it."""
+    if loaded.around:
+        yield f"--config {shlex.quote(loaded.base.origin)}"
+        if loaded.around.spread is not None:
+            yield f"--spread {loaded.around.spread:g}"
+        yield from (f"--range {key}={low:g},{high:g}" for key, (low, high) in loaded.around.ranges.items())
+
+
+def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window) -> Iterator[_Number]:
+    """Errors as `compare` computes them, of runs and joints that the comparison has."""
+    file = read_traces(path).part("compare")
+    seconds = START if window == "settled" else 0.0
+    name = "after_first_period" if window == "late" else without_start_name(seconds)
+    for run, trace in file.runs.items():
+        if run not in loaded.compare.runs or "e" not in trace:
+            continue
+        if trace.status == "diverged":
+            raise UsageError(f"the run {run} diverged, and has no errors to fit", where=str(path))
+        sizes = tracking_errors(trace).get(name)
+        if sizes is None:
+            message = f"the run {run} has no errors {name.replace('_', ' ')}"
+            raise DataMissingError(message, where=str(path), hint="say --window whole")
+        for metric in METRICS:
+            for joint, value in zip(trace.joint, sizes[metric], strict=True):
+                if joint in loaded.compare.joints and value > 0.0:
+                    yield _Number(run, metric, joint, float(value), np.nan)
+
+
+def _of_table(path: Path, loaded: LoadedEnsemble) -> Iterator[_Number]:
+    """Numbers of a table with a row for each run and joint, or for each number."""
+    lines = csv.DictReader(read_text(path, "name a table of errors, or a folder with traces").splitlines())
+    columns = [name.strip() for name in lines.fieldnames or ()]
+    _check_columns(columns, path)
+    lines.fieldnames = columns
+    seen: dict[tuple[str, str, int], int] = {}
+    for row in lines:
+        where = f"{path}:{lines.line_num}"
+        if None in row:
+            message = f"has more cells than the {len(columns)} of the heading"
+            raise UsageError(message, where=where, hint="write 0.25 with a point, and a comma between cells")
+        cells = {name: (cell or "").strip() for name, cell in row.items() if isinstance(cell, str)}
+        for number in _of_row(cells, loaded, where):
+            key = number[:3]
+            if key in seen:
+                message = (
+                    f"{number.metric} of {number.run}, joint {number.joint}, is in line {seen[key]}, too"
+                )
+                raise UsageError(message, where=where, hint="delete one of the two")
+            seen[key] = lines.line_num
+            yield number
+
+
+def _check_columns(columns: Sequence[str], path: Path) -> None:
+    needed = ("run", "joint", *(("metric", "value_deg") if "metric" in columns else ()))
+    missing = [name for name in needed if name not in columns]
+    known = (*_LONG, *COLUMNS)
+    unknown = [name for name in columns if name not in known]
+    if "metric" not in columns and not {"mae_deg", "rmse_deg"} & {*columns}:
+        missing.append("mae_deg")
+    if missing:
+        raise UsageError(f"there is no column {missing[0]}", where=f"{path}:1", hint=_HINT)
+    if unknown:
+        message = f"no column is called {unknown[0]!r}{did_you_mean(unknown[0], known)}"
+        raise UsageError(message, where=f"{path}:1", hint=_HINT)
+
+
+def _of_row(cells: Mapping[str, str], loaded: LoadedEnsemble, where: str) -> Iterator[_Number]:
+    run, joint = cells.get("run", ""), cells.get("joint", "")
+    runs, joints = loaded.compare.runs, [str(number) for number in loaded.compare.joints]
+    if run not in runs:
+        message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
+        raise UsageError(message, where=where, hint=f"There are: {', '.join(runs)}")
+    if joint not in joints:
+        message = f"no joint {joint!r} moves in {loaded.base.origin}"
+        raise UsageError(message, where=where, hint=f"There are: {', '.join(joints)}")
+    if "metric" in cells:
+        if cells["metric"] not in METRICS:
+            message = f"metric: must be mae or rmse, found {cells['metric']!r}"
+            raise UsageError(message, where=where, hint="delete rows of other metrics")
+        found = {cells["metric"]: cells.get("value_deg", "") or "nothing"}
+    else:
+        found = {metric: text for metric in METRICS if (text := cells.get(f"{metric}_deg", ""))}
+    for metric, text in found.items():
+        value = _positive(text, "value_deg" if "metric" in cells else f"{metric}_deg", where)
+        half = cells.get("half_deg")
+        error = float(_positive(half, "half_deg", where)) if half else _half_unit(value)
+        yield _Number(run, metric, int(joint), float(value), error)
+
+
+def _positive(text: str, column: str, where: str) -> Decimal:
+    try:
+        value = Decimal(text)
+    except InvalidOperation:
+        value = Decimal(0)
+    if not (value.is_finite() and value > 0):
+        message = f"{column}: must be a number of degrees above 0, found {text!r}"
+        raise UsageError(message, where=where, hint="leave out what was not measured")
+    return value
+
+
+def _half_unit(value: Decimal) -> float:
+    """Half a unit of the last digit that is written; NaN of a number that nobody rounded."""
+    exponent = value.as_tuple().exponent
+    assert isinstance(exponent, int)
+    return 0.5 * 10.0**exponent if exponent >= -_ROUNDED else np.nan

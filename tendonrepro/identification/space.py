@@ -1,0 +1,195 @@
+"""Where a search looks: the ranges of the paper's arm, or those around an arm of one's own.
+
+Both are a box of rows, a unit cube of points in it, and what makes a plant of its values.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.around import PER_JOINT
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.readings import Reading, under
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, Factor, sobol
+from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.held import held_at
+from tendonrepro.monte_carlo.plants import Draws
+
+Cases: TypeAlias = Sequence[tuple[str, Reading]]
+"""Runs, each under a reading."""
+
+_FOLLOWS = {"links.com": ("links.length",), "links.inertia": ("links.mass", "links.length")}
+"""Values of an arm that move with others, too."""
+_DRAWN = "assumed: draw from the box, "
+_HELD = "not searched but of the arm at the start, "
+_OF_JOINT = re.compile("(_joint)?_[23]$")
+"""End of a row's name that a source leaves out."""
+
+
+@dataclass(frozen=True)
+class PaperSpace:
+    """The ensemble's ranges; rows that are not searched keep what its base has."""
+
+    base: LoadedConfig
+    box: Box
+
+    within: ClassVar[str] = "the box"
+
+    def points(self, seed: int, replicate: int, count: int) -> Array:
+        """Points (count, P) of the unit cube, spread evenly."""
+        return scrambled_sobol(self.box, seed, replicate, 0, count)
+
+    def config(self, values: Array, reading: Reading) -> CompareConfig:
+        """Configuration of values (P,) under a reading."""
+        return under(reading, configured(self.base, self.box, values), self.box.named(values))
+
+    def draws(self, values: Array, cases: Cases) -> Draws:
+        """Closed loops of values (N, P)."""
+        return Draws(self.base, self.box, values, cases)
+
+    def acting(self) -> Array:
+        """Points at which every effect acts, for each disturbance, with and without torque steps."""
+        box = self.box
+        disturbance, steps = (box.names.index(name) for name in ("disturbance", "torque_resolution_acts"))
+        kinds = box.choices[disturbance].size
+        # Off the middle, where a value might be exactly one.
+        units = np.full((2 * kinds, len(box.names)), 0.4142)
+        # The last of the sides of friction are the most.
+        units[:, [name.endswith("_acts") or name == "friction_sides" for name in box.names]] = 0.999
+        units[:, disturbance] = np.tile((np.arange(kinds) + 0.5) / kinds, 2)
+        units[kinds:, steps] = 0.001
+        return units
+
+    def shown(self, config: CompareConfig) -> Mapping[str, dict[str, Any]]:
+        """Nothing: rows are values already."""
+        del config
+        return {}
+
+    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> dict[str, Any]:
+        """A configuration as plain values; each number says whether its row was searched."""
+        searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in rows)
+
+        def told(drawn: re.Match[str]) -> str:
+            """Where a number comes from: a row that was searched, or one that kept what the arm has."""
+            is_searched = re.search(rf"\b({searched})\b", drawn[1])
+            return f"{source}, " + ("" if is_searched else _HELD) + drawn[1]
+
+        return _plain(re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True)))
+
+
+@dataclass(frozen=True)
+class ArmSpace:
+    """Ranges around an arm of one's own: rows are factors on its values, and 1 is the arm itself."""
+
+    arm: AroundArm
+    box: Box
+
+    within: ClassVar[str] = "these ranges"
+
+    @property
+    def base(self) -> LoadedConfig:
+        """The comparison around whose arm is searched."""
+        return self.arm.loaded.base
+
+    def points(self, seed: int, replicate: int, count: int) -> Array:
+        """Points (count, P) of the unit cube, spread evenly."""
+        return sobol(len(self.box.names), [seed, replicate], 0, count)
+
+    def config(self, values: Array, reading: Reading) -> CompareConfig:
+        """Configuration of factors (P,) under a reading."""
+        return under(reading, self.arm.configured(values), {})
+
+    def draws(self, values: Array, cases: Cases) -> ArmDraws:
+        """Closed loops of factors (N, P)."""
+        return ArmDraws(self.arm, values, cases)
+
+    def acting(self) -> Array:
+        """No points: what an arm has off stays off, so all plants share their code."""
+        return np.empty((0, len(self.box.names)))
+
+    def shown(self, config: CompareConfig) -> Mapping[str, dict[str, Any]]:
+        """The value that each row gives an arm, by its name."""
+        found, arm = {}, _plain(config.manipulator.model_dump_json())
+        for factor in self.arm.factors:
+            quantity = _at(arm, factor.key)
+            held = np.atleast_1d(quantity["value"])[factor.joint - 1 if factor.joint else -1]
+            found[factor.name] = {"value": float(held), "value_unit": quantity["unit"]}
+        return found
+
+    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> dict[str, Any]:
+        """A configuration as plain values; what was not searched keeps the source that it has."""
+        tree = _plain(config.model_dump_json(exclude_none=True))
+        factors, joints = self.arm.factors, config.manipulator.joints
+        for key in dict.fromkeys(factor.key for factor in factors):
+            moving = (key, *_FOLLOWS.get(key, ()))
+            searched = [factor for factor in factors if factor.key in moving and factor.name in rows]
+            held = _at(tree["manipulator"], key)
+            held["source"] = own = _at(self.base.tree["manipulator"], key)["source"]
+            if searched:
+                all_joints = key not in PER_JOINT or len({factor.joint for factor in searched}) == joints
+                others = "" if all_joints else f"; the others {own}"
+                held["source"] = f"{source}, {', '.join(factor.name for factor in searched)}{others}"
+        if tree["reference"]["kind"] == "sampled":
+            # The file that names it now lies elsewhere.
+            tree["reference"]["file"] = str((self.base.folder / tree["reference"]["file"]).resolve())
+        return tree
+
+
+Space: TypeAlias = PaperSpace | ArmSpace
+
+
+def space_of(loaded: LoadedEnsemble) -> Space:
+    """The space of an ensemble, or around the arm of a comparison."""
+    if loaded.around:
+        arm = AroundArm(loaded, loaded.around)
+        return ArmSpace(arm, _box_around(arm))
+    return PaperSpace(loaded.base, held_at(make_box(loaded.config), loaded.compare))
+
+
+def _box_around(arm: AroundArm) -> Box:
+    """The factors as a box; free are those that can vary, and have something to act on."""
+    factors, count = arm.factors, len(arm.factors)
+    low, high = (np.array(ends) for ends in zip(*((one.low, one.high) for one in factors), strict=True))
+    return Box(
+        names=arm.names,
+        units=("1",) * count,
+        low=low,
+        nominal=np.clip(1.0, low, high),
+        high=high,
+        scale=tuple("log" if one.log else "linear" for one in factors),
+        confidence=("",) * count,
+        choices=(np.empty(0),) * count,
+        words=((),) * count,
+        free=(low < high) & [_acts(arm, one) for one in factors],
+        shortest_run=0.0,
+    )
+
+
+def _acts(arm: AroundArm, factor: Factor) -> bool:
+    """Whether what a factor multiplies is not off."""
+    held = np.atleast_1d(_at(arm.loaded.base.tree["manipulator"], factor.key)["value"])
+    return bool(np.any(held if factor.joint is None else held[factor.joint - 1]))
+
+
+def _at(tree: Any, key: str) -> Any:
+    """What stands at a dotted key."""
+    return reduce(lambda held, part: held[part], key.split("."), tree)
+
+
+def _plain(text: str) -> dict[str, Any]:
+    """JSON as plain values, an integer where a number is whole: the schema wants counts to be."""
+    found: dict[str, Any] = json.loads(text, parse_float=_whole)
+    return found
+
+
+def _whole(text: str) -> float:
+    return int(float(text)) if float(text).is_integer() else float(text)
