@@ -28,6 +28,7 @@ from tendonrepro.results.summary import PAYLOAD
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
+from tendonrepro.simulation.stepper import simulate
 
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
@@ -150,7 +151,44 @@ def lane_function(law: UserLaw) -> CommandFunction:
     if setup is not None:
         message = f"the law {law.name} is told of its plant, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
-    return cast("CommandFunction", function)
+
+    def command(
+        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
+    ) -> tuple[Array, Array, Array, Array]:
+        answer = function(memory, q, q_d, dq_d, ddq_d, gains)
+        if isinstance(answer, np.ndarray):
+            blank = np.full(q.shape, np.nan)
+            return answer, blank, blank, blank
+        return cast("tuple[Array, Array, Array, Array]", answer)
+
+    return command
+
+
+def keeps_memory(law: UserLaw, loop: Loop) -> bool:
+    """Whether the law's last answer in a run depends on what it was asked before.
+
+    Many plants together are one record of what it does with its arguments, so such a law cannot run on them.
+    """
+    blank = SimpleNamespace()
+    asked: list[tuple[Memory, Array, Array, Array, Array, Law]] = []
+    asked_before, asked_first = checked(law, blank), checked(law, blank)
+
+    def command(
+        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
+    ) -> tuple[Array, Array, Array, Array]:
+        asked.append((memory, q, q_d, dq_d, ddq_d, gains))
+        return asked_before(*asked[-1])
+
+    controller = cast("TimeDelayController", loop.controller)
+    simulate(replace(loop, controller=replace(controller, command=command, on_lanes=False)))
+    answers = zip(asked_before(*asked[-1]), asked_first(*asked[-1]), strict=True)
+    return not all(np.array_equal(later, first, equal_nan=True) for later, first in answers)
+
+
+def memory_refused(law: UserLaw) -> UsageError:
+    """Why a law with a memory of its own cannot run on many plants together."""
+    message = f"the law {law.name} remembers earlier calls, and cannot run on many plants together"
+    return UsageError(message, where="--law", hint="memory has the torques, angles and rates before")
 
 
 def lane_loops(

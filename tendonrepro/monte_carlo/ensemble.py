@@ -23,7 +23,7 @@ from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.plants import load_study_plants
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.user_law import UserLaw, refused_on_lanes, with_user_laws
+from tendonrepro.experiments.user_law import UserLaw, keeps_memory, memory_refused, refused_on_lanes, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, readings_around
@@ -113,7 +113,10 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
 def _tried(study: Study, law: UserLaw) -> UserLaw:
     """A law as it can run: on many arms together, else alone; an error where neither goes."""
     try:
-        simulate_batch([_start_of(study, law)], study.loaded.compare.status)
+        loop = _start_of(study, law)
+        simulate_batch([loop], study.loaded.compare.status)
+        if keeps_memory(law, loop):
+            raise memory_refused(law)
     except Exception as error:
         refusal = error if isinstance(error, UsageError) else refused_on_lanes(law.name, error)
         alone = replace(law, alone=refusal.message)

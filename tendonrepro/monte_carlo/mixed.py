@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
+from tendonrepro.monte_carlo.data import Stored
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import statistics
-from tendonrepro.simulation.batch import Batch
+from tendonrepro.simulation.batch import Batch, Limits
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.simulation.streaming import STATISTICS
 
-Simulate: TypeAlias = Callable[[Sequence[Loop], Any], Batch]
+Simulate: TypeAlias = Callable[[Sequence[Loop], Limits], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
 MOST_DRAWS_ALONE = 64
@@ -40,7 +40,7 @@ def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simul
         return together(loops, config.status)
     batch = together([loops[place] for place in np.flatnonzero(~alone).tolist()], config.status)
 
-    def placed(values: NDArray[Any], fill: float) -> NDArray[Any]:
+    def placed(values: Stored, fill: float) -> Stored:
         """The values of `together` in the places of its loops."""
         whole = np.full((len(loops), *values.shape[1:]), fill, values.dtype)
         whole[~alone] = values

@@ -229,7 +229,7 @@ def _is_range(bounds: Sequence[float]) -> bool:
 
 def user_law(own: UserLaw) -> TunedLaw:
     """A user's law, refused without bounds or if it asks for the plant."""
-    function, setup = own.load()
+    function, _ = own.load()
     bounds: Any = getattr(function, "bounds", None)
     named = isinstance(bounds, dict) and bool(bounds) and bounds.keys() <= _TUNABLE
     if not named or not all(map(_is_range, bounds.values())):
@@ -238,8 +238,5 @@ def user_law(own: UserLaw) -> TunedLaw:
             f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"
         )
         raise UsageError(f"the law {own.name} has no bounds for its gains", where="--law", hint=hint)
-    if setup is not None:
-        message = f"the law {own.name} is told of its plant, and cannot run on many plants together"
-        raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
     gains = {name: Range(low, high, float(np.sqrt(low * high))) for name, (low, high) in bounds.items()}
-    return TunedLaw(own.name, own.name, gains, command=function)
+    return TunedLaw(own.name, own.name, gains, command=lane_function(own))

@@ -101,8 +101,8 @@ def tuning(
         raise UsageError(message, where="--law", hint="give it another name")
     of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
     task = Task(loaded, _chosen(only) | {law.name: law for law in own}, of_search, seed, device)
-    for law in own:
-        _try(task, law)
+    for user, law in zip(users, own, strict=True):
+        _try(task, user, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
     others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
@@ -122,15 +122,18 @@ def _chosen(only: str) -> dict[str, TunedLaw]:
     return {name: law for name, law in LAWS.items() if name in names}
 
 
-def _try(task: Task, law: TunedLaw) -> None:
+def _try(task: Task, user: UserLaw, law: TunedLaw) -> None:
     """Refuse a user's law that cannot run on lanes, before hours of work."""
     plants = task.draw(0)
     n = plants.alpha.size
     middle = law.values(np.full(sum(law.sizes(n)), 0.5), n)
+    candidate = Candidate(law, "none", False, middle)
     try:
-        measure(plants, [Candidate(law, "none", False, middle)])
+        measure(plants, [candidate])
     except Exception as error:
         raise refused_on_lanes(law.name, error) from error
+    if keeps_memory(user, loops_of(plants, candidate, 1)[0]):
+        raise memory_refused(user)
 
 
 def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
