@@ -145,7 +145,7 @@ def test_functions_fit_a_screen() -> None:
                 assert lines <= 60, f"{file}: {node.name} has {lines} lines"
 
 
-# Stored results are tied to the code of the physics, so its signatures change with the next results alone.
+# Stored results hold for this code of the physics to the letter. When they are made again, it goes from here.
 UNTYPED = {"physics", "identification"}
 
 
