@@ -70,6 +70,11 @@ class UserLaw:
         """``FILE:NAME``, or the name alone."""
         return f"{self.path}:{self.name}" if self.path else self.name
 
+    @property
+    def content(self) -> str:
+        """Digest of its file as it is now, or what stands for a given one."""
+        return sha256_of(self.path) if self.path else repr(self.given)
+
     def load(self) -> tuple[UserFunction, Callable[[SimpleNamespace], object] | None]:
         """A fresh copy of the law, so that runs share no memory, and its `setup`, if it has one."""
         if self.path:
@@ -119,10 +124,9 @@ def laws_of(given: Sequence[str] | Mapping[str, UserFunction] | None) -> list[Us
 def with_user_laws(loaded: LoadedConfig, laws: Sequence[UserLaw]) -> LoadedConfig:
     """Configuration whose digest and inputs know of the laws."""
     for law in laws:
-        content = sha256_of(law.path) if law.path else repr(law.given)
         loaded = replace(
             loaded,
-            sha256=hashlib.sha256(f"{loaded.sha256} {content} {law.name}".encode()).hexdigest(),
+            sha256=hashlib.sha256(f"{loaded.sha256} {law.content} {law.name}".encode()).hexdigest(),
             overrides=(*loaded.overrides, f"law={law.spec}"),
             inputs=(*loaded.inputs, *([law.path] if law.path else [])),
         )
@@ -165,24 +169,26 @@ def lane_function(law: UserLaw) -> CommandFunction:
 
 
 def keeps_memory(law: UserLaw, loop: Loop) -> bool:
-    """Whether the law's last answer in a run depends on what it was asked before.
+    """Whether the law's last answer in a run is another than that of a law which was asked nothing before.
 
     Many plants together are one record of what it does with its arguments, so such a law cannot run on them.
     """
     blank = SimpleNamespace()
-    asked: list[tuple[Memory, Array, Array, Array, Array, Law]] = []
-    asked_before, asked_first = checked(law, blank), checked(law, blank)
+    asked, fresh = checked(law, blank), checked(law, blank)
+    questions: list[tuple[Memory, Array, Array, Array, Array, Law]] = []
+    answers: list[tuple[Array, Array, Array, Array]] = []
 
     def command(
         memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
     ) -> tuple[Array, Array, Array, Array]:
-        asked.append((memory, q, q_d, dq_d, ddq_d, gains))
-        return asked_before(*asked[-1])
+        questions.append((memory, q, q_d, dq_d, ddq_d, gains))
+        answers.append(asked(*questions[-1]))
+        return answers[-1]
 
     controller = cast("TimeDelayController", loop.controller)
     simulate(replace(loop, controller=replace(controller, command=command, on_lanes=False)))
-    answers = zip(asked_before(*asked[-1]), asked_first(*asked[-1]), strict=True)
-    return not all(np.array_equal(later, first, equal_nan=True) for later, first in answers)
+    pairs = zip(answers[-1], fresh(*questions[-1]), strict=True)
+    return not all(np.array_equal(last, first, equal_nan=True) for last, first in pairs)
 
 
 def memory_refused(law: UserLaw) -> UsageError:

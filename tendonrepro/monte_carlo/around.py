@@ -155,14 +155,14 @@ class ArmDraws:
             of_reading.update(
                 own_loops(law, config, of_reading)
                 if law.alone
-                else lane_loops(law, _function(law), config, of_reading)
+                else lane_loops(law, _function(law, law.content), config, of_reading)
             )
         return [loops[reading][run] for run, reading in self._cases]
 
 
 @cache
-def _function(law: UserLaw) -> CommandFunction:
-    """The same for all arms, so that they share its code."""
+def _function(law: UserLaw, _content: str) -> CommandFunction:
+    """The same for all arms, so that they share its code; another where the file has changed."""
     return lane_function(law)
 
 

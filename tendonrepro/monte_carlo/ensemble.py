@@ -23,7 +23,13 @@ from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.plants import load_study_plants
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.user_law import UserLaw, keeps_memory, memory_refused, refused_on_lanes, with_user_laws
+from tendonrepro.experiments.user_law import (
+    UserLaw,
+    keeps_memory,
+    memory_refused,
+    refused_on_lanes,
+    with_user_laws,
+)
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, readings_around

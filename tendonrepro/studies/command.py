@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
@@ -44,7 +44,7 @@ class Command:
         """Every parameter with its evaluated annotation, the shared ones spelled out."""
         return signature_of(self.function)
 
-    def bound(self, *args: object, **kwargs: object) -> dict[str, Any]:
+    def bound(self, *args: object, **kwargs: object) -> dict[str, object]:
         """Arguments by name, as a function takes them; one of what it takes several of is a list of it."""
         given = self.signature.bind(*args, **kwargs).arguments
         return {

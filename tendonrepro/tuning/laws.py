@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.experiments.user_law import UserLaw, lane_function
 from tendonrepro.physics.control import Law, Memory, Surface, error_rate, estimator_weights, polynomial
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation.sampled import CommandFunction

@@ -16,7 +16,13 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
-from tendonrepro.experiments.user_law import UserLaw, refused_on_lanes, with_user_laws
+from tendonrepro.experiments.user_law import (
+    UserLaw,
+    keeps_memory,
+    memory_refused,
+    refused_on_lanes,
+    with_user_laws,
+)
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.parallel import as_ready
@@ -24,7 +30,7 @@ from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.study import Site
-from tendonrepro.tuning.bench import Candidate, measure, usable
+from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
 from tendonrepro.tuning.search import Row, Task

@@ -11,7 +11,7 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
-from tendonrepro.experiments.user_law import checked, laws_of, runs_of, with_user_laws
+from tendonrepro.experiments.user_law import checked, keeps_memory, laws_of, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
 from tendonrepro.results.figures.catalogue import draw
@@ -52,6 +52,41 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
         called(Path("own.py"), text)
     assert words in caught.value.message
     assert caught.value.where == f"own.py:{line or 'mine'}"
+
+
+class Stateless:
+    """A law with gains of its own and nothing else."""
+
+    gain = 60.0
+
+    def __call__(self, *given):
+        return self.gain * (given[2] - given[1])
+
+
+class Counting(Stateless):
+    """Its gain grows from call to call."""
+
+    def __call__(self, *given):
+        self.gain = self.gain + 0.1
+        return super().__call__(*given)
+
+
+class Deriving(Stateless):
+    """Its rate is that of the error it saw last."""
+
+    last = None
+
+    def __call__(self, *given):
+        e = given[2] - given[1]
+        rate, self.last = 0.0 * e if self.last is None else (e - self.last) / given[-1].L, e
+        return self.gain * e + 2.0 * rate
+
+
+@pytest.mark.parametrize(("kind", "keeps"), [(Stateless, False), (Counting, True), (Deriving, True)])
+def test_a_law_that_remembers_is_told_from_one_that_does_not(kind, keeps):
+    short = ["reference.rise=0.2", "reference.hold=0", "reference.periods=1"]
+    loop = dict(all_loops(load_config("plain", "compare", overrides=short)))["controller_1"]
+    assert keeps_memory(*laws_of({"own": kind()}), loop) == keeps
 
 
 def test_what_a_law_prints_is_no_result(tmp_path, capsys):

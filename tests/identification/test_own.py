@@ -18,9 +18,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import load_config
-from tendonrepro.console import QUIET
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_plants
+from tendonrepro.console import QUIET
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.identification.goal import own_numbers
 from tendonrepro.identification.misfit import Bench, Simulated

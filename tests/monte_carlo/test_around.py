@@ -17,12 +17,13 @@ from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
-from tendonrepro.monte_carlo.around import AroundArm
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.block import compute_block, loops_of
 from tendonrepro.monte_carlo.data import Block, read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
 from tendonrepro.physics.control import command as physics_command
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.studies.lifecycle import carry_out
 
@@ -210,6 +211,17 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
         errors = found["mae"][places]
         assert (errors[0] == errors[1]).all()
         assert (errors > 0.0).all()
+
+
+def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> None:
+    path, text = tmp_path / "law.py", "def mine(memory, q, q_d, dq_d, ddq_d, law): return {} * (q_d - q)\n"
+    errors = []
+    for gain in (3.0, 30.0):
+        path.write_text(text.format(gain), "utf-8")
+        study = load_study(compare, None, None, "default", 0.2, laws=laws_of([f"{path}:mine"]))
+        short = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
+        errors.append(simulate_batch([short[study.lookup["mine", "printed"]]], study.loaded.compare.status))
+    assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -119,6 +119,17 @@ def branching(*given: Any) -> tuple[Any, ...]:
 branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
 
 
+class Counting:
+    """Its gain grows from call to call, which a record of one call cannot hold."""
+
+    bounds: ClassVar = {"K_p": (1.0, 10.0)}
+    calls = 0
+
+    def __call__(self, *given: Any) -> Any:
+        self.calls += 1
+        return self.calls * given[-1].K_p * (given[2] - given[1])
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -127,6 +138,7 @@ branching.bounds = {"K_p": (1.0, 10.0)}  # type: ignore[attr-defined]
         {"only": "ntsm,alpha_tde"},
         {"spread": 0.2},  # without an arm of one's own
         {"laws": {"branching": branching}},
+        {"laws": {"counting": Counting()}},
         {"laws": {"pid": surface}},
         {"laws": {"boundless": lambda *_: None}},
     ],
