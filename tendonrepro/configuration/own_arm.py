@@ -14,9 +14,9 @@ BASE = "plain_arm"
 """Without the effects of the typical arm, which are of its sample alone."""
 ARM_FILE = "my_arm.yaml"
 
-DAMPING_FACTOR = {1: 5, 2: 5, 3: 5, 4: 10, 5: 20, 6: 20}
-M_BAR = {1: 0.01, 2: 0.01, 3: 0.01, 4: 0.01, 5: 0.01, 6: 0.005}
-"""By number of joints, the second in kg m²: with both all linear loops of the arm as written decay."""
+DAMPING_FACTOR = {1: 5, 2: 5, 3: 5, 4: 10, 5: 10, 6: 10}
+M_BAR = {1: 0.01, 2: 0.01, 3: 0.01, 4: 0.01, 5: 0.005, 6: 0.002}
+"""By number of joints, the second in kg m²: all linear loops of the arm as written decay and run compiled."""
 
 LARGEST_SWING = 120.0
 """Sum of all strokes, deg: with joint 1 at 45 deg no link comes near upright."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.experiments.loops import run_views
-from tendonrepro.physics.linear_loop import loop_matrix
+from tendonrepro.experiments.loops import all_loops, run_views
+from tendonrepro.physics.linear_loop import loop_matrix, stroke
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.simulation.batch import simulate_batch
 
 ARM = """\
 base: plain_arm
@@ -166,17 +169,21 @@ def test_joints_that_do_not_exist(folder: Path) -> None:
         load_config(folder / "compare.yaml", "compare")
 
 
-@pytest.mark.parametrize("joints", [1, 2, 3, 4, 6])
+@pytest.mark.parametrize("joints", [1, 2, 3, 4, 5, 6])
 def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path, joints: int) -> None:
     written = init_arm(joints, tmp_path / "my_arm.yaml")
     assert [path.name for path in written] == ["my_arm.yaml", "compare.yaml", "decouple.yaml", "schema.json"]
     config: Any = load_config(tmp_path / "compare.yaml", "compare").config
     assert len(config.joints) == joints
-    far = config.reference.amplitude.si
+    loop = next(iter(all_loops(load_config(tmp_path / "compare.yaml", "compare")).values()))
     for view in run_views(config).values():
-        for q in (0.0 * far, far):
+        for q in stroke(loop.reference.q_d):
             matrix = loop_matrix(q, view.plant, view.law, view.delay)
             assert abs(np.linalg.eigvals(matrix)).max() < 0.9999
+    start = {name: getattr(loop.reference, name)[:64] for name in ("time", "q_d", "dq_d", "ddq_d")}
+    short = replace(loop, reference=replace(loop.reference, **start))
+    resolved = simulate_batch([short], config.status).status != STATUSES.index("unresolved")
+    assert resolved.all(), "the compiled stepper follows it"
 
 
 @pytest.mark.slow
