@@ -119,7 +119,7 @@ def judged(
     with talk.bar("judging", 0 if ensemble is None else len(ensemble.readings)) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
     if ensemble is not None:
-        known = {"draws": len(ensemble), "rules_edition": EDITION}
+        known = {"draws": len(ensemble.draws), "rules_edition": EDITION}
         return sources, verdicts, _origin("local", read_manifest(out / ENSEMBLE) | known)
     shipped = shipped_ledger()
     return sources, with_shipped(verdicts, shipped), shipped["ensemble"]
