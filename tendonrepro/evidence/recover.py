@@ -21,6 +21,7 @@ from tendonrepro.evidence.hypotheses import LINEAR, Log, torque_rounding, withou
 from tendonrepro.experiments.rig import coupling
 from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
+from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome
@@ -39,7 +40,7 @@ NEAR = 2.001
 """Factor to which gains are the published ones, and a little, so that twice is inside."""
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
-OWN_GAINS = "The paper has no gains of these joints. The log's own configuration is compared with."
+OWN_GAINS = "The paper has no gains of this arm. The log is compared with its own configuration."
 SAME_NUMBER = 0.02
 """How close M_bar comes to the published one times a unit of the torque."""
 WIDER = 1.25
@@ -61,7 +62,7 @@ class Recovered:
 
     ``fits`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
     record's. ``expected`` has the gains that it is compared with, see `expected_of`; ``place`` is the joint's
-    among its joints.
+    among its joints. They are the paper's if ``of_paper``.
     """
 
     run: str
@@ -72,6 +73,7 @@ class Recovered:
     angle_rounding: float
     expected: CompareConfig
     place: int
+    of_paper: bool
 
     @property
     def best(self) -> Fit:
@@ -203,6 +205,11 @@ class Recovered:
         return near[0] if len(near) == 1 else ""
 
     @property
+    def usual_gains(self) -> str:
+        """Words for the expected gains."""
+        return "gains as published" if self.of_paper else "gains as configured"
+
+    @property
     def sentence(self) -> str:
         """The answer in plain words."""
         where = f"{self.run}, joint {self.joint}"
@@ -218,7 +225,7 @@ class Recovered:
         published = float(self.expected.control.gains.M_bar.si[self.place])
         others = abs(M_bar / published - 1.0) > CLOSE or abs(gain - 1.0) > OTHER
         readings = self.best.hypothesis.name
-        text = f"{where}: {which}, {'other gains' if others else 'gains as published'}"
+        text = f"{where}: {which}, {'other gains' if others else self.usual_gains}"
         text += "" if readings == "printed" else f", with {readings}"
         as_good = len(equally_good(self.fits)) - 1
         others_fit = (
@@ -245,13 +252,14 @@ class Recovered:
 def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
     """Configuration with the gains that a log is compared with.
 
-    They are the paper's. It has none for other joints than its own, and a simulated log of such joints is
-    compared with the configuration that made it.
+    They are the paper's. It has none for other joints or another arm than its own, and a simulated log of
+    these is compared with the configuration that made it.
     """
-    joints = {joint for trace in file.runs.values() for joint in trace.joint}
-    if joints <= set(paper.joints) or (file.source, file.experiment) != ("simulated", "compare"):
+    if (file.source, file.experiment) != ("simulated", "compare"):
         return paper
-    return CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
+    own = CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
+    joints = {joint for trace in file.runs.values() for joint in trace.joint}
+    return paper if joints <= set(paper.joints) and is_arm_of_paper(own.manipulator) else own
 
 
 def read_logs(
@@ -333,17 +341,18 @@ def recovered(file: TraceFile, loaded: LoadedConfig, talk: Talk, start: Start = 
         joints = " and ".join(map(str, expected.joints))
         raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
     # A bar has a thread, and a process with threads cannot be copied: the work begins before it.
-    begun = start(partial(_recovered, expected), tasks)
+    begun = start(partial(_recovered, expected, expected is loaded.config), tasks)
     with talk.bar("fitting controllers", len(tasks)) as progress:
         return list(counted(begun, progress))
 
 
-def _recovered(expected: CompareConfig, task: tuple[str, int, Log, int, float]) -> Recovered:
+def _recovered(expected: CompareConfig, of_paper: bool, task: tuple[str, int, Log, int, float]) -> Recovered:
     """Read the controller off one joint of one run."""
     run, joint, log, i, angle = task
     torque = float(torque_rounding(log)[i])
     fits = ranked(log, i, (torque, angle))
-    return Recovered(run, joint, fits, log, torque, angle, expected, expected.joints.index(joint))
+    place = expected.joints.index(joint)
+    return Recovered(run, joint, fits, log, torque, angle, expected, place, of_paper)
 
 
 def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict[str, object]]:
@@ -371,7 +380,7 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site)
         If no run has torque, desired and measured angles.
     """
     controllers = recovered(file, paper, site.talk, site.start)
-    own = controllers[0].expected is not paper.config
+    own = not controllers[0].of_paper
     data = {
         "schema_version": 1,
         "log": name,

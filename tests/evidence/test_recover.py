@@ -298,6 +298,7 @@ def test_the_command_writes_its_tables(tmp_path: Path) -> None:
     write_traces(tmp_path / "traces.h5", of_joint_3(run()))
     found = answer("recover", ".", "--out", "recovered", cwd=tmp_path)
     assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
+    assert found["gains_from"] == "paper"
     assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
     assert (tmp_path / "recovered" / "recover.json").exists()
 
