@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array, choose
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import UserLaw, lane_function
 from tendonrepro.physics.control import Law, Memory, Surface, error_rate, estimator_weights, polynomial
 from tendonrepro.physics.linalg import times
@@ -227,16 +227,27 @@ def _is_range(bounds: Sequence[float]) -> bool:
     return np.size(bounds) == 2 and 0.0 < bounds[0] < bounds[1]
 
 
+def _mistake_in(bounds: object) -> str:
+    """What is wrong with a law's bounds, if anything is."""
+    if not isinstance(bounds, dict) or not bounds:
+        return "has no bounds for its gains"
+    for name, ends in bounds.items():
+        if name not in _TUNABLE:
+            return f"has bounds of {name!r}, which is no gain{did_you_mean(name, sorted(_TUNABLE))}"
+        if not _is_range(ends):
+            return f"has bounds of {name} that are no range: {ends}"
+    return ""
+
+
 def user_law(own: UserLaw) -> TunedLaw:
     """A user's law, refused without bounds or if it asks for the plant."""
     function, _ = own.load()
     bounds: Any = getattr(function, "bounds", None)
-    named = isinstance(bounds, dict) and bool(bounds) and bounds.keys() <= _TUNABLE
-    if not named or not all(map(_is_range, bounds.values())):
+    if mistake := _mistake_in(bounds):
         names = ", ".join(sorted(_TUNABLE))
         hint = (
             f"give it {own.name}.bounds = {{'K_p': (1, 1000)}}: positive, the lower first, names of {names}"
         )
-        raise UsageError(f"the law {own.name} has no bounds for its gains", where="--law", hint=hint)
+        raise UsageError(f"the law {own.name} {mistake}", where="--law", hint=hint)
     gains = {name: Range(low, high, float(np.sqrt(low * high))) for name, (low, high) in bounds.items()}
     return TunedLaw(own.name, own.name, gains, command=lane_function(own))
