@@ -21,6 +21,7 @@ from pathlib import Path
 from bench_batch import batch_cases, compilation_case, mix_case
 from bench_commands import commands_case
 from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
+from bench_joints import joints_case
 from bench_live import live_case
 
 # NumPy and the package are imported where they are used, not here: a child's peak memory counts its parent's
@@ -66,6 +67,7 @@ def main():
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
     cases |= batch_cases()
     cases["ensemble_mix"] = mix_case()
+    cases["joints"] = joints_case()
     cases["live"] = live_case()
     found = {"schema_version": 1, "cpu": cpu(), "cores": os.cpu_count(), "python": platform.python_version()}
     print(json.dumps(found | {"cases": cases}, indent=2))
