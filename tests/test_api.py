@@ -228,3 +228,13 @@ def test_one_of_several_needs_no_list(command: str, arguments: dict[str, Any], n
     with pytest.raises(TendonreproError) as raised:
         getattr(tr, command)(**arguments)
     assert named in str(raised.value)
+
+
+def test_files_are_given_one_by_one(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        lines = ["t (s),q2 (deg)", *(f"{0.1 * k:.1f},{k}" for k in range(50))]
+        (tmp_path / name).write_text("\n".join(lines), encoding="utf-8")
+    found = tr.inspect(tmp_path / "a.csv", tmp_path / "b.csv", mapping=tmp_path / "mapping.yaml")
+    assert found
+    with pytest.raises(TypeError):
+        tr.inspect(tmp_path / "a.csv", maping=tmp_path / "mapping.yaml")

@@ -44,13 +44,12 @@ class Command:
         """Every parameter with its evaluated annotation, the shared ones spelled out."""
         return signature_of(self.function)
 
-    def bound(self, *args: object, **kwargs: object) -> dict[str, object]:
-        """Arguments by name, as a function takes them; one of what it takes several of is a list of it."""
-        given = self.signature.bind(*args, **kwargs).arguments
-        return {
-            name: _as_several(self.signature.parameters[name].annotation, value)
-            for name, value in given.items()
-        }
+    def bound(self, *args: object, **kwargs: object) -> inspect.BoundArguments:
+        """Arguments by parameter; one of what a function takes several of becomes a list of it."""
+        given = self.signature.bind(*args, **kwargs)
+        for name, value in given.arguments.items():
+            given.arguments[name] = _as_several(self.signature.parameters[name].annotation, value)
+        return given
 
     @property
     def about(self) -> str:
@@ -84,8 +83,8 @@ def study(
             from tendonrepro.studies.lifecycle import result_of
 
             entry = COMMANDS[name]
-            prepared = cast("Study", entry.function(**entry.bound(*args, **kwargs)))
-            return result_of(name, prepared)
+            given = entry.bound(*args, **kwargs)
+            return result_of(name, cast("Study", entry.function(*given.args, **given.kwargs)))
 
         return _public(call, COMMANDS[name])
 
@@ -102,7 +101,8 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> V:
             entry = COMMANDS[called]
-            return cast("Answer[V]", entry.function(**entry.bound(*args, **kwargs))).value
+            given = entry.bound(*args, **kwargs)
+            return cast("Answer[V]", entry.function(*given.args, **given.kwargs)).value
 
         return _public(call, COMMANDS[called])
 
