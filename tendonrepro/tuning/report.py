@@ -158,7 +158,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
 
 def count_scattered(rows: Sequence[Row]) -> int:
     """In how many cases without a difference two searches of one law differ by more than counts as none."""
-    return sum(row["verdict"] == NONE and np.log(row["scatter"]) > ALIKE for row in rows)
+    return sum(row["verdict"] == NONE and bool(np.log(row["scatter"]) > ALIKE) for row in rows)
 
 
 def _warnings(lost: int, scattered: int) -> Iterator[str]:

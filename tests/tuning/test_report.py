@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tendonrepro.files import to_json
 from tendonrepro.tuning.report import FEWEST, comparisons, count_scattered
 from tendonrepro.tuning.search import CAPS, CONDITIONS
 
@@ -49,7 +51,8 @@ def test_cases_without_a_difference_that_their_searches_leave_open(
     ratio: float, scatter: float, share: int
 ) -> None:
     found = list(comparisons(rows(ratio, scatter=scatter), [("a", "b")], 0))
-    assert count_scattered(found) == share * len(found)
+    cases = json.loads(to_json({"cases": count_scattered(found), "comparisons": found}))["cases"]
+    assert cases == share * len(found)
 
 
 def test_a_draw_without_gains_is_left_out() -> None:
