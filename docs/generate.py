@@ -24,10 +24,13 @@ from pages import fresh, table
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT, SHOWN
-from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.given_tables import FOLDS, NOISE, SURE, given_tables
+from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.nearest import nearest_draw
+from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
@@ -64,6 +67,7 @@ def take(reports: Path) -> None:
     ensemble = read_ensemble(reports / "ensemble")
     write("sample.json", sample_of(ensemble))
     store("given.json", given_record(ensemble, summary["draws"]))
+    store("draws.json", nearest_draws(ensemble))
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
@@ -119,6 +123,13 @@ def given_record(ensemble: EnsembleData, draws: int) -> dict[str, Any]:
     return {"draws": draws, "noise": NOISE, "folds": FOLDS, "sure_from": SURE} | plain
 
 
+def nearest_draws(ensemble: EnsembleData) -> dict[str, Any]:
+    """How near the nearest draw of each interpretation shown comes to Tables 2 and 3, without any search."""
+    goal = printed_numbers(published(), ensemble.joints)
+    names = [name for name in SHOWN if name in ensemble.readings]
+    return {"draws": len(ensemble), "misfit_log": {name: nearest_draw(ensemble, goal, name).misfit for name in names}}
+
+
 BUDGET = ("generations", "population", "seeds", "evaluations", "unknowns", "rows", "ensemble_sha256")
 """What searches have to share to stand in one table: their effort, and the arm and ranges that they began with."""
 
@@ -132,9 +143,10 @@ def take_closest(folder: Path) -> None:
     found = read(folder / "identify.json")
     found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
     budget = {key: found[key] for key in BUDGET}
+    begun_at = "draw" if "from_draws_of" in found else "arm"
     kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
-    fresh = {
-        reading["name"]: {"physics_sha256": code_digest("physics")}
+    fresh = [
+        {"physics_sha256": code_digest("physics"), "begun_at": begun_at}
         | {key: reading[key] for key in kept}
         | {
             "unknowns": len(reading["rows_searched"]),
@@ -142,20 +154,29 @@ def take_closest(folder: Path) -> None:
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
         }
         for reading in found["readings"]
-    }
+    ]
     before = stored("identify")
     if found["evaluations"] < before.get("budget", budget)["evaluations"]:
         sys.exit(f"the searches in {folder} are shorter than those that are stored; delete identify.json to start again")
-    same = before.get("budget") == budget
-    if not same:
-        print(f"leaving out {len(before['readings'])} stored searches of another budget or arm", file=sys.stderr)
-    readings = {reading["name"]: reading for reading in before["readings"] if same} | fresh
+    earlier = [*before["readings"], *before.get("farther", [])]
+    if before.get("budget") != budget:
+        print(f"leaving out {len(earlier)} stored searches of another budget or arm", file=sys.stderr)
+        earlier = []
+    searches = {(search["name"], search["begun_at"]): search for search in (*earlier, *fresh)}
     of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
-    store("identify.json", of_all | {"readings": list(readings.values())})
-    best = nearest(list(readings.values()), KEPT)
-    if best and best["name"] in fresh:
+    store("identify.json", of_all | by_nearness(list(searches.values())))
+    best = nearest(stored("identify")["readings"], KEPT)
+    if best and (best["name"], best["begun_at"]) in {(search["name"], begun_at) for search in fresh}:
         text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
         CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
+
+
+def by_nearness(searches: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """The nearest search of each interpretation, and the others: a search begins at the arm, or at a draw."""
+    ordered = sorted(searches, key=lambda search: search["misfit_log"])
+    best = {search["name"]: search for search in reversed(ordered)}
+    farther = [search for search in ordered if search is not best[search["name"]]]
+    return {"readings": list(best.values()), "farther": farther}
 
 
 def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Mapping[str, Any] | None:
@@ -456,7 +477,9 @@ CLAIMS: Mapping[str, Column] = {
 NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
+    "nearest draw": lambda held: off(stored("draws")["misfit_log"][held["name"]]),
     "misfit": lambda held: off(held["misfit_log"]),
+    "begun at": lambda held: f"the {held['begun_at']}",
     "of its searches": lambda held: " to ".join(off(pick(held["misfit_by_seed"])) for pick in (min, max)),
     "unknowns": lambda held: str(len(held["rows_searched"])),
     "at a bound": lambda held: ", ".join(f"`{name}` {end}" for name, end in held["at_bound"].items()) or "none",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,7 +20,9 @@ from tendonrepro.monte_carlo.mixed import Simulate
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 
-_SUFFIX = {"whole": "", "late": "_late", "settled": "_settled"}
+SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late", "settled": "_settled"}
+"""Ends of the names of `simulation.streaming.STATISTICS` by what errors average."""
+
 # A run that did not end well is worse than any that did, and the worse the earlier it ended.
 _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 _STUB = 64
@@ -58,6 +60,10 @@ class Bench:
         """Rows of the unit cube."""
         return self.space.box
 
+    def beginning(self, values: Array) -> Bench:
+        """With other values (P,) that rows have where they are not searched."""
+        return replace(self, space=replace(self.space, box=replace(self.box, nominal=values)))
+
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
         """With some rows (P,) free and the others held."""
         return replace(self, space=replace(self.space, box=replace(self.box, free=rows)))
@@ -82,7 +88,7 @@ class Bench:
         loops = self._loops(units, reading, runs)
         count, shape = len(loops), (len(units), len(runs))
         batch = self.simulate([*loops, *self._stubs(reading, runs)], self.space.base.config.status)
-        sizes = [batch.statistics[metric + _SUFFIX[self.window]][:count] for metric in METRICS]
+        sizes = [batch.statistics[metric + SUFFIX[self.window]][:count] for metric in METRICS]
         ends = np.array([loop.reference.time[-1] for loop in loops])
         return Simulated(
             np.rad2deg(np.stack(sizes, axis=1)).reshape(*shape, len(METRICS), -1),

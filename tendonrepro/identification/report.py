@@ -151,6 +151,10 @@ def _command(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any]) -> st
     names = ("generations", "population", "seeds", "unknowns")
     effort = [f"--{name} {data[name]}" for name in names]
     rows = [f"--rows {','.join(data['rows'])}"] if data["rows"] else []
+    if "from_draws_of" in data:
+        rows.append("--from-draws reports/ensemble")
+    if "device" in data:
+        rows.append(f"--device {data['device']}")
     changes = [f"--set {shlex.quote(change)}" for change in data["overrides"]]
     lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
     return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])

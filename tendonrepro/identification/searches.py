@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
@@ -29,6 +30,7 @@ from tendonrepro.files import digest_of
 from tendonrepro.identification import report
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, rounding_misfit
+from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.identification.search import (
     Effort,
     Found,
@@ -40,6 +42,7 @@ from tendonrepro.identification.space import space_of
 from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.around import draws_rows, readings_around
 from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, processors
@@ -68,7 +71,11 @@ NEAR = 0.02
 
 @dataclass(frozen=True)
 class Task:
-    """What an identification depends on."""
+    """What an identification depends on.
+
+    `begins` has the values (P,) at which the search of a reading begins, by its name, where that is not the
+    arm of the comparison but a draw of the ensemble `draws_of`.
+    """
 
     loaded: LoadedEnsemble
     goal: Goal
@@ -78,6 +85,8 @@ class Task:
     rows: tuple[str, ...]
     seed: int
     bench: Bench
+    begins: Mapping[str, Array] = field(default_factory=dict)
+    draws_of: str = ""
     device: DeviceName = "cpu"
 
     @property
@@ -124,6 +133,7 @@ class Task:
             "joints": list(self.goal.joints),
             # Rounding of another device can lead a search elsewhere.
             **({} if self.device == "cpu" else {"device": self.device}),
+            **({"from_draws_of": self.draws_of} if self.draws_of else {}),
         }
 
     def identity(self) -> str:
@@ -154,6 +164,7 @@ def identification(
     window: Window,
     unknowns: int,
     rows: str,
+    from_draws: Path | None = None,
     jobs: int,
     device: DeviceName = "cpu",
     folder: Folder,
@@ -174,6 +185,8 @@ def identification(
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the rows that are searched instead, joined by commas.
+    from_draws : Path, optional
+        Ensemble at whose nearest draws the searches begin; else they begin at the arm of the comparison.
     device : str
         ``gpu`` runs one search after the other on a GPU.
 
@@ -182,7 +195,9 @@ def identification(
     TendonreproError
         If no GPU can be used.
     UsageError
-        For an unknown reading or row, no effort, or no numbers to fit.
+        For an unknown reading or row, no effort, no numbers to fit, or an ensemble of other ranges.
+    DataMissingError
+        Where the ensemble is absent, or lacks a reading.
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
     require(device)
@@ -199,6 +214,8 @@ def identification(
         bench=Bench(space, window, simulate_batch),
         device=device,
     )
+    if from_draws:
+        task = _from_draws(task, from_draws)
     out, identity = folder_of("identify", folder), task.identity()
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
     states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
@@ -208,6 +225,29 @@ def identification(
 
     base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
+
+
+def _from_draws(task: Task, folder: Path) -> Task:
+    """The same searches, each from the draw of an ensemble that is nearest under its reading."""
+    if task.loaded.around or not task.goal.of_paper:
+        message = "searches begin at draws where the published numbers are fitted, with the paper's arm"
+        raise UsageError(message, where="--from-draws", hint="leave it out")
+    ensemble = read_ensemble(folder)
+    _check_same_ranges(ensemble, task.bench.box, folder)
+    window = task.bench.window
+    begins = {
+        case.name: nearest_draw(ensemble, task.goal.sought, held.name, window).values
+        for case, (held, *_) in task.cases().items()
+    }
+    return replace(task, begins=begins, draws_of=ensemble.identity)
+
+
+def _check_same_ranges(ensemble: EnsembleData, box: Box, folder: Path) -> None:
+    """A UsageError for an ensemble whose draws are no points of the ranges that are searched."""
+    draws = ensemble.draws
+    if ensemble.names != box.names or np.any((draws < box.low) | (draws > box.high)):
+        message = "was drawn from other ranges than those that are searched"
+        raise UsageError(message, where=str(folder / PLAN), hint="run tendonrepro ensemble again")
 
 
 def _files(errors: Path | None) -> list[Path]:
@@ -328,8 +368,11 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
 
 
 def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
-    box, effort, goal = task.bench.box, task.effort, task.goal.sought
+    effort, goal = task.effort, task.goal.sought
     case, readings = list(task.cases().items())[place]
+    begin = task.begins.get(case.name)
+    start = task.bench if begin is None else task.bench.beginning(begin)
+    box = start.box
 
     def plants(bench: Bench, most: int, name: str) -> Plants:
         misfit = partial(bench.evaluated, reading=case, goal=goal)
@@ -340,8 +383,8 @@ def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, 
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
-        rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
-    bench = task.bench.searching(rows)
+        rows, known = rows_that_explain(box, plants(start, sys.maxsize, "rows"), task.unknowns)
+    bench = start.searching(rows)
     starts = [bench.space.points(task.seed, k, effort.population) for k in range(effort.seeds)]
     found = search(
         np.where(rows, np.stack(starts), held_unit(box)),

@@ -67,6 +67,25 @@ def test_searches_of_one_budget_add_up_and_the_closest_keeps_every_equation(gene
     assert names(generate) == {"printed"}
 
 
+def test_of_two_beginnings_the_nearer_stands_in_the_table_and_ships(generate, tmp_path):
+    (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
+    from_draws = {"from_draws_of": "an ensemble"}
+    generate.take_closest(searched(tmp_path / "arm", {"printed": 0.9, "motion=ramp": 0.2}))
+    generate.take_closest(searched(tmp_path / "draw", {"printed": 0.1, "motion=ramp": 0.3}, **from_draws))
+    stored = generate.stored("identify")
+    assert [(held["name"], held["misfit_log"], held["begun_at"]) for held in stored["readings"]] == [
+        ("printed", 0.1, "draw"),
+        ("motion=ramp", 0.2, "arm"),
+    ]
+    assert [held["misfit_log"] for held in stored["farther"]] == [0.3, 0.9]
+    assert "printed" in generate.CLOSEST.read_text(encoding="utf-8")
+    # Taken over once more, nothing changes, and a farther search ships no plant.
+    generate.CLOSEST.write_text("kept", encoding="utf-8")
+    generate.take_closest(tmp_path / "arm")
+    assert generate.stored("identify") == stored
+    assert generate.CLOSEST.read_text(encoding="utf-8") == "kept"
+
+
 @pytest.mark.parametrize(("misfit", "rows"), [(0.1, 1), (0.0975, 2)])
 def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatter(
     generate, tmp_path, misfit, rows
@@ -74,6 +93,8 @@ def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatte
     """The standard deviation of two searches that end 0.002 apart is 0.0014."""
     (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
     generate.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
+    drawn = {"misfit_log": dict.fromkeys(("printed", "weights=extrapolating"), 0.2)}
+    (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
     text = generate.the_closest(generate.stored("identify"))
     cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
     assert len(cells) == rows

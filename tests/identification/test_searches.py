@@ -3,10 +3,11 @@
 import json
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.made_plants import Killed, made_up, made_up_paper, paper_with
+from support.made_plants import MADE_UP_ERRORS, Killed, made_up, made_up_paper, paper_with
 
 import tendonrepro as tr
 from tendonrepro.commands import COMMANDS
@@ -21,6 +22,7 @@ from tendonrepro.identification import searches
 from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.identification.space import PaperSpace
 from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.studies.lifecycle import carry_out
@@ -235,3 +237,61 @@ def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(
     fitted = [row for row in found["numbers"] if row["fitted"]]
     assert [row["printed_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=1e-4)
     assert [row["ours_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=0.1)
+
+
+def drawn(count=40, names=None):
+    """An ensemble of the ranges under the made-up stepper; every fourth draw diverges."""
+    loaded = load_ensemble(None)
+    box = make_box(loaded.config)
+    bench = Bench(PaperSpace(loaded.base, box), "whole", simulate_batch)
+    units = scrambled_sobol(box, 5, 0, 0, count)
+    sizes = np.deg2rad(cheap(bench, units, None, RUNS).sizes)
+    diverged = np.arange(count) % 4 == 0
+
+    def statistic(run, reading, name):
+        assert reading == "printed"
+        return sizes[:, RUNS.index(run), ("mae", "rmse").index(name)]
+
+    def status(run, reading):
+        assert reading == "printed"
+        return np.where(diverged & (run == RUNS[-1]), STATUSES.index("diverged"), 0)
+
+    return SimpleNamespace(
+        names=names or box.names,
+        draws=box.values(units),
+        identity="1234",
+        statistic=statistic,
+        status=status,
+    )
+
+
+def test_a_search_from_draws_begins_at_the_nearest_that_ends_well_and_holds_the_rest_there(
+    tmp_path, monkeypatch
+):
+    ensemble = drawn()
+    monkeypatch.setattr(searches, "read_ensemble", lambda _: ensemble)
+    data = identified(tmp_path / "out", fit="all", from_draws=tmp_path, **TINY)
+    sizes = np.stack(
+        [[ensemble.statistic(run, "printed", metric) for metric in ("mae", "rmse")] for run in RUNS]
+    )
+    printed = np.rad2deg(sizes) / MADE_UP_ERRORS[:, :, np.newaxis]
+    misfits = np.sqrt(np.mean(np.log(printed) ** 2, axis=(0, 1, 3)))
+    misfits[::4] = np.inf
+    nearest = ensemble.draws[np.argmin(misfits)]
+    (found,) = data["readings"]
+    assert found["misfit_log"] <= misfits.min()
+    held = [
+        (row["best"], value)
+        for row, value in zip(found["parameters"], nearest, strict=True)
+        if not row["searched"] and not row["choice"]
+    ]
+    assert len(held) > 30
+    assert [ours for ours, _ in held] == pytest.approx([value for _, value in held])
+    other = identified(tmp_path / "arm", fit="all", **TINY)["readings"][0]
+    assert [row["best"] for row in other["parameters"]] != [row["best"] for row in found["parameters"]]
+
+
+def test_draws_of_other_ranges_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(searches, "read_ensemble", lambda _: drawn(names=("amplitude",)))
+    with pytest.raises(UsageError):
+        identified(tmp_path / "out", fit="all", from_draws=tmp_path, **TINY)

@@ -69,7 +69,10 @@ def paper_with(errors, decimals=None):
     return with_numbers(published(), dict(zip(names, np.ravel(errors), strict=True)), decimals)
 
 
+MADE_UP_ERRORS = np.einsum("r,m,j->rmj", [0.9, 1.0, 1.0, 0.9], [1.0, 1.25], [0.2, 0.2])
+"""What the made-up stepper gives for a plant in the middle of the box, deg."""
+
+
 def made_up_paper(**changed):
-    """Printed numbers that the made-up stepper gives for a plant in the middle of the box."""
-    errors = np.einsum("r,m,j->rmj", [0.9, 1.0, 1.0, 0.9], [1.0, 1.25], [0.2, 0.2])
-    return with_numbers(paper_with(errors), changed)
+    """The paper with these numbers, but for some."""
+    return with_numbers(paper_with(MADE_UP_ERRORS), changed)
