@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from tendonrepro.identification.answer import SearchAnswer
 from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
 
 
-def draw_numbers(held: Mapping[str, Any], word: str, origin: str) -> Drawing:
+def draw_numbers(held: SearchAnswer, word: str, origin: str) -> Drawing:
     """Every number over the printed or given one, of the best plant and of the seeds that come near."""
     numbers = held["numbers"]
     runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]

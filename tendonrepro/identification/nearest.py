@@ -40,9 +40,12 @@ def nearest_draw(ensemble: EnsembleData, goal: Goal, reading: str, window: Windo
         Where the ensemble lacks the reading, or no draw ends well under it.
     """
     status = np.stack([ensemble.status(run, reading) for run in goal.runs], axis=1)
-    sizes = [
-        [ensemble.statistic(run, reading, metric + SUFFIX[window]) for metric in METRICS] for run in goal.runs
-    ]
+    sizes = np.array(
+        [
+            [ensemble.statistic(run, reading, metric + SUFFIX[window]) for metric in METRICS]
+            for run in goal.runs
+        ]
+    )
     # How long a bad run lasted is not stored, and does not matter: only good ones count.
     drawn = Simulated(np.rad2deg(np.moveaxis(sizes, 2, 0)), status, np.ones(status.shape))
     stable = np.flatnonzero(drawn.ok.all(axis=1))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,14 +14,15 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import count_of
-from tendonrepro.files import write_atomically
+from tendonrepro.files import Json, write_atomically
+from tendonrepro.identification.answer import KnownRow, ParameterRow, SearchAnswer, nearest_search
 from tendonrepro.identification.goal import METRICS, Goal
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.results.summary import PAYLOAD
-from tendonrepro.results.tables import Table
+from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
 
 CONFIG = "identified.yaml"
@@ -50,58 +50,58 @@ _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known"
 """Columns for a terminal."""
 
 
-def best_of(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The reading that fits best."""
-    found: Mapping[str, Any] = min(data["readings"], key=lambda held: held["misfit_log"])
-    return found
-
-
-def outcome(data: Mapping[str, Any], goal: Goal) -> Outcome:
-    """Everything that is written and shown."""
+def outcome(
+    head: Json, searches: Sequence[SearchAnswer], goal: Goal, within: str, remarks: Sequence[str]
+) -> Outcome:
+    """Everything that is written and shown; some remarks come first."""
     from tendonrepro.identification.figures import draw_numbers
 
-    readings, best = data["readings"], best_of(data)
-    scalars = [{k: v for k, v in held.items() if not isinstance(v, list)} for held in readings]
+    best = nearest_search(searches)
+    answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
+    data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
+    scalars = [{k: v for k, v in held.items() if not isinstance(v, list)} for held in searches]
     ratio = f"log(ours/{goal.word})"
     caption = f"Best plant under each reading; misfit as root mean square of {ratio}."
     title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
     numbers = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
     parts: list[Table | str] = [
-        "\n".join(data["conclusions"]),
+        "\n".join(answers),
         Table("identify_readings", caption, scalars, terminal=_OF_READINGS),
         Table("identify_best", title, best["numbers"], terminal=numbers),
-        *(_gathered(readings, key, goal) for key in _CAPTIONS),
-        "\n".join(data["unknown"]),
-        f"tendonrepro compare --config {data['config']} shows the best plant's traces.",
+        _gathered("numbers", {held["name"]: held["numbers"] for held in searches}, goal),
+        _gathered("best_shape", {held["name"]: held["best_shape"] for held in searches}, goal),
+        _gathered("parameters", {held["name"]: held["parameters"] for held in searches}, goal),
+        _gathered("known", {held["name"]: held["known"] for held in searches}, goal),
+        "\n".join(open_ends),
+        f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
     return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
 
 
-def _gathered(readings: list[dict[str, Any]], key: str, goal: Goal) -> Table:
-    rows = [{"reading": reading["name"], **row} for reading in readings for row in reading[key]]
+def _gathered(key: str, found: Mapping[str, TableRows], goal: Goal) -> Table:
+    """Rows of every reading as one table."""
+    rows = [{"reading": reading, **row} for reading, of_reading in found.items() for row in of_reading]
     caption = _CAPTIONS[key].format(Numbers=f"{goal.word.capitalize()} numbers")
-    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(readings) == 1 else ()
+    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(found) == 1 else ()
     return Table(f"identify_{key.removeprefix('best_')}", caption, rows, terminal=shown)
 
 
-def conclusions(data: Mapping[str, Any], goal: Goal, within: str) -> list[str]:
+def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
     """Whether a plant fits under the first reading."""
-    first = data["readings"][0]
     answer = f"A plant within {within} gives" if first["fits"] else "No plausible plant found for"
     size = f"{first['misfit_log']:.3g} in log ratio"
     if first["misfit_rounding"] is not None:
         size += f", {first['misfit_rounding']:.3g} half units of the last digit"
-    return [f"{answer} {goal.told}{_under(first, goal)}: best misfit {size}."]
+    return f"{answer} {goal.told}{_under(first, goal)}: best misfit {size}."
 
 
-def _under(held: Mapping[str, Any], goal: Goal) -> str:
+def _under(held: SearchAnswer, goal: Goal) -> str:
     """Which interpretation of the paper, in words; none of a comparison as it is."""
     return f" under {held['name']}" if goal.of_paper or held["name"] != PRINTED else ""
 
 
-def unknown(data: Mapping[str, Any], goal: Goal) -> list[str]:
+def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
     """What the best reading's search leaves open."""
-    best = best_of(data)
     rows, open_rows = best["known"], [row["name"] for row in best["known"] if not row["determined"]]
     counted = f"{count_of(len(rows), 'parameter')} fitted to {count_of(goal.numbers, 'number')}"
     if len(rows) > goal.numbers:
@@ -119,24 +119,24 @@ def write_config(
     config: CompareConfig,
     space: Space,
     goal: Goal,
-    data: Mapping[str, Any],
-    held: Mapping[str, Any],
+    head: Json,
+    held: SearchAnswer,
 ) -> None:
     """Write the best plant under a reading as a configuration, and read it back as a check."""
     source = f"identified: {goal.name}, misfit {held['misfit_log']:.2g}"
     tree = space.sourced(config, source, held["rows_searched"])
     tree["title"] = f"{config.title}, plant fitted to {goal.name}"
     path.parent.mkdir(exist_ok=True)
-    write_atomically(path, _head(goal, data, held, space.within) + dump(tree))
+    write_atomically(path, _heading(goal, head, held, space.within) + dump(tree))
     load_config(path, "compare")
 
 
-def _head(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any], within: str) -> str:
+def _heading(goal: Goal, head: Json, held: SearchAnswer, within: str) -> str:
     bounds = [f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"]]
     under = f" under the reading {held['name']}" if _under(held, goal) else ""
     return f"""\
 # Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
-# by {_command(goal, data, held)}.
+# by {_command(goal, head, held)}.
 # Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
 # Searched, the other rows of {within} kept what the arm has: {", ".join(held["rows_searched"])}.
@@ -145,22 +145,22 @@ def _head(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any], within: 
 """
 
 
-def _command(goal: Goal, data: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+def _command(goal: Goal, head: Json, held: SearchAnswer) -> str:
     """What makes the search again, on lines of a heading."""
-    asked = [*goal.asked, f"--window {data['window']}", f"--readings {held['name']}"]
+    asked = [*goal.asked, f"--window {head['window']}", f"--readings {held['name']}"]
     names = ("generations", "population", "seeds", "unknowns")
-    effort = [f"--{name} {data[name]}" for name in names]
-    rows = [f"--rows {','.join(data['rows'])}"] if data["rows"] else []
-    if "from_draws_of" in data:
+    effort = [f"--{name} {head[name]}" for name in names]
+    rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []
+    if "from_draws_of" in head:
         rows.append("--from-draws reports/ensemble")
-    if "device" in data:
-        rows.append(f"--device {data['device']}")
-    changes = [f"--set {shlex.quote(change)}" for change in data["overrides"]]
+    if "device" in head:
+        rows.append(f"--device {head['device']}")
+    changes = [f"--set {shlex.quote(change)}" for change in head["overrides"]]
     lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
     return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])
 
 
-def number_rows(plants: Simulated, goal: Goal) -> list[dict[str, Any]]:
+def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
     """Every number of a goal, the first plant's, and the range of those whose run is ok."""
     rows = []
     for (r, m, i), theirs in np.ndenumerate(goal.values):
@@ -185,13 +185,13 @@ def number_rows(plants: Simulated, goal: Goal) -> list[dict[str, Any]]:
     return rows
 
 
-def shape_rows(best: Simulated, goal: Goal) -> list[dict[str, Any]]:
+def shape_rows(best: Simulated, goal: Goal) -> list[Json]:
     """Order of the runs without payload and RMSE over MAE, ours and those of a goal."""
     rows = []
     compared = [r for r, run in enumerate(goal.runs) if not run.endswith(PAYLOAD)]
     names = [goal.runs[r].removeprefix("controller_") for r in compared]
     for i, joint in enumerate(goal.joints):
-        row: dict[str, Any] = {"joint": joint}
+        row: Json = {"joint": joint}
         for name, sizes in {"ours": best.sizes[0, ..., i], goal.word: goal.values[..., i]}.items():
             for m, metric in enumerate(METRICS):
                 order = np.argsort(sizes[compared, m], kind="stable")
@@ -202,14 +202,14 @@ def shape_rows(best: Simulated, goal: Goal) -> list[dict[str, Any]]:
     return rows
 
 
-def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[dict[str, Any]]:
+def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[KnownRow]:
     """What is known of every row that was searched, by points (N, P) that come near, the best first.
 
     ``of_range`` is how much of its range they take up. More rows than numbers determine none of them, and
     where the best does not fit there is nothing to be known.
     """
     values, rows = box.values(units), np.flatnonzero(box.free).tolist()
-    alone, found = bool((units == units[0]).all()), []
+    alone, found = bool((units == units[0]).all()), list[KnownRow]()
     for p in rows:
         words, ends = box.words[p], (float(values[:, p].min()), float(values[:, p].max()))
         # Of a choice two words are all there is to say.
@@ -238,7 +238,7 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[dict
     return found
 
 
-def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:
+def parameter_rows(box: Box, units: Array) -> list[ParameterRow]:
     """Every row of the box at points (N, P), the best first.
 
     What the best plant has switched off is at no bound.
@@ -246,7 +246,7 @@ def parameter_rows(box: Box, units: Array) -> list[dict[str, Any]]:
     values, best = box.values(units), units[0]
     off = [p for p, choices in enumerate(box.choices) if choices.size and values[0, p] == 0.0]
     idle = set().union(*(switched_by(box.names[p]) for p in off))
-    rows = []
+    rows: list[ParameterRow] = []
     for p, name in enumerate(box.names):
         is_choice, words = box.choices[p].size > 0, box.words[p]
         found = [words[int(value)] if words else float(value) for value in values[:, p]]

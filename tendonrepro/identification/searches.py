@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,8 +26,9 @@ from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
-from tendonrepro.files import digest_of
+from tendonrepro.files import Json, digest_of
 from tendonrepro.identification import report
+from tendonrepro.identification.answer import SearchAnswer, nearest_search
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, rounding_misfit
 from tendonrepro.identification.nearest import nearest_draw
@@ -57,7 +58,7 @@ from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
 
-Results: TypeAlias = dict[str, tuple[dict[str, Any], CompareConfig]]
+Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
 """Numbers and best plant by reading."""
 
 SCHEMA_VERSION = 3
@@ -113,7 +114,7 @@ class Task:
             "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
         }
 
-    def outline(self) -> dict[str, Any]:
+    def outline(self) -> Json:
         """What is known beforehand."""
         around = self.loaded.around
         return {
@@ -145,7 +146,7 @@ class Task:
         """SHA-256 of what each search depends on: all of it but which other readings are searched."""
         return digest_of({name: held for name, held in self._content().items() if name != "searches"})
 
-    def _content(self) -> dict[str, Any]:
+    def _content(self) -> Json:
         return self.outline() | {
             "version": __version__,
             "code": code_digest("physics", "simulation", "identification"),
@@ -284,7 +285,7 @@ def _window(loaded: LoadedEnsemble, window: Window) -> Window:
     return "settled" if seconds else "whole"
 
 
-def _plan(task: Task, head: Mapping[str, Any]) -> dict[str, Any]:
+def _plan(task: Task, head: Json) -> Json:
     """What ``--json`` of a dry run says."""
     searches = count_of(len(head["searches"]), "search", "searches")
     cost = task.cost()
@@ -300,15 +301,11 @@ def _plan(task: Task, head: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -> Outcome:
+def _outcome(task: Task, head: Json, found: Results, files: Path) -> Outcome:
     """Numbers, tables and figures, and the best plant's configuration as a file."""
     loaded = task.loaded
-    data = {**head, "readings": [found[reading.name][0] for reading in task.readings]}
-    other = task.goal.of_paper and not base_of_paper(loaded.compare)
-    within = task.bench.space.within
-    data["conclusions"] = [OTHER_BASE] * other + report.conclusions(data, task.goal, within)
-    data["unknown"] = report.unknown(data, task.goal)
-    _write_plants(files, found, data, task)
+    searches = [found[reading.name][0] for reading in task.readings]
+    _write_plants(files, found, nearest_search(searches)["name"], head, task)
     config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
     manifest = {
         "experiment": "identify",
@@ -316,16 +313,18 @@ def _outcome(task: Task, head: Mapping[str, Any], found: Results, files: Path) -
         "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
         "config": config | {"ensemble_sha256": loaded.sha256},
     }
-    return replace(report.outcome(data, task.goal), manifest=manifest)
+    other = task.goal.of_paper and not base_of_paper(loaded.compare)
+    remarks = [OTHER_BASE] if other else []
+    outcome = report.outcome(head, searches, task.goal, task.bench.space.within, remarks)
+    return replace(outcome, manifest=manifest)
 
 
-def _write_plants(folder: Path, found: Results, data: Mapping[str, Any], task: Task) -> None:
-    """The best plant under each reading as a configuration, and the best of all."""
-    first = report.best_of(data)["name"]
+def _write_plants(folder: Path, found: Results, first: str, head: Json, task: Task) -> None:
+    """The best plant under each reading as a configuration, and the best of all, that of the `first`."""
     paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in found]
     for path, name in [*paths, (folder / report.CONFIG, first)]:
         reading, best = found[name]
-        report.write_config(path, best, task.bench.space, task.goal, data, reading)
+        report.write_config(path, best, task.bench.space, task.goal, head, reading)
 
 
 def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
@@ -414,7 +413,7 @@ def _named_rows(text: str, box: Box) -> tuple[str, ...]:
 
 def _reading_data(
     task: Task, bench: Bench, case: Reading, held: Reading, found: Found
-) -> tuple[dict[str, Any], CompareConfig]:
+) -> tuple[SearchAnswer, CompareConfig]:
     """Values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * found.misfit)
     units = np.vstack([found.closest, found.points[found.misfits <= limit]])
@@ -422,7 +421,11 @@ def _reading_data(
     ours, shown = bench.measure(units, held, goal.runs), bench.space.shown(config)
     of_runs = [goal.runs.index(run) for run in task.fitted]
     near = np.vstack([found.closest, found.seen[found.seen_misfits <= limit]])
-    data = {
+    known = report.known_rows(bench.box, near, goal.numbers, fits=found.misfit <= NEAR)
+    for row in known:
+        if row["name"] in shown:
+            row["value"], row["value_unit"] = shown[row["name"]]
+    data: SearchAnswer = {
         "name": held.name,
         "search": case.name,
         "misfit_log": found.misfit,
@@ -436,9 +439,6 @@ def _reading_data(
         "best_shape": report.shape_rows(ours, goal),
         "numbers": report.number_rows(ours, goal),
         "parameters": report.parameter_rows(bench.box, units),
-        "known": [
-            row | shown.get(row["name"], {})
-            for row in report.known_rows(bench.box, near, goal.numbers, fits=found.misfit <= NEAR)
-        ],
+        "known": known,
     }
     return data, config

@@ -9,8 +9,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
-from typing import Any, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from tendonrepro.configuration.around import PER_JOINT
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import Reading, under
+from tendonrepro.configuration.strict_yaml import Section, section
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, Factor, sobol
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
 from tendonrepro.monte_carlo.held import held_at
@@ -69,12 +69,12 @@ class PaperSpace:
         units[kinds:, steps] = 0.001
         return units
 
-    def shown(self, config: CompareConfig) -> Mapping[str, dict[str, Any]]:
+    def shown(self, config: CompareConfig) -> Mapping[str, tuple[float, str]]:
         """Nothing: rows are values already."""
         del config
         return {}
 
-    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> dict[str, Any]:
+    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> Section:
         """A configuration as plain values; each number says whether its row was searched."""
         searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in rows)
 
@@ -116,24 +116,24 @@ class ArmSpace:
         """No points: what an arm has off stays off, so all plants share their code."""
         return np.empty((0, len(self.box.names)))
 
-    def shown(self, config: CompareConfig) -> Mapping[str, dict[str, Any]]:
-        """The value that each row gives an arm, by its name."""
+    def shown(self, config: CompareConfig) -> Mapping[str, tuple[float, str]]:
+        """The value that each row gives an arm, with its unit, by its name."""
         found, arm = {}, _plain(config.manipulator.model_dump_json())
         for factor in self.arm.factors:
-            quantity = _at(arm, factor.key)
+            quantity: Section = section(arm, *factor.key.split("."))
             held = np.atleast_1d(quantity["value"])[factor.joint - 1 if factor.joint else -1]
-            found[factor.name] = {"value": float(held), "value_unit": quantity["unit"]}
+            found[factor.name] = float(held), quantity["unit"]
         return found
 
-    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> dict[str, Any]:
+    def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> Section:
         """A configuration as plain values; what was not searched keeps the source that it has."""
         tree = _plain(config.model_dump_json(exclude_none=True))
         factors, joints = self.arm.factors, config.manipulator.joints
         for key in dict.fromkeys(factor.key for factor in factors):
             moving = (key, *_FOLLOWS.get(key, ()))
             searched = [factor for factor in factors if factor.key in moving and factor.name in rows]
-            held = _at(tree["manipulator"], key)
-            held["source"] = own = _at(self.base.tree["manipulator"], key)["source"]
+            held = section(tree, "manipulator", *key.split("."))
+            held["source"] = own = section(self.base.tree, "manipulator", *key.split("."))["source"]
             if searched:
                 all_joints = key not in PER_JOINT or len({factor.joint for factor in searched}) == joints
                 others = "" if all_joints else f"; the others {own}"
@@ -176,18 +176,14 @@ def _box_around(arm: AroundArm) -> Box:
 
 def _acts(arm: AroundArm, factor: Factor) -> bool:
     """Whether what a factor multiplies is not off."""
-    held = np.atleast_1d(_at(arm.loaded.base.tree["manipulator"], factor.key)["value"])
+    quantity: Section = section(arm.loaded.base.tree, "manipulator", *factor.key.split("."))
+    held = np.atleast_1d(quantity["value"])
     return bool(np.any(held if factor.joint is None else held[factor.joint - 1]))
 
 
-def _at(tree: Any, key: str) -> Any:
-    """What stands at a dotted key."""
-    return reduce(lambda held, part: held[part], key.split("."), tree)
-
-
-def _plain(text: str) -> dict[str, Any]:
+def _plain(text: str) -> Section:
     """JSON as plain values, an integer where a number is whole: the schema wants counts to be."""
-    found: dict[str, Any] = json.loads(text, parse_float=_whole)
+    found: Section = json.loads(text, parse_float=_whole)
     return found
 
 
