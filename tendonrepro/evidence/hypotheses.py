@@ -305,11 +305,16 @@ def liveliest(log: Log, samples: int) -> Log:
         return log
     start = int(np.argmax(speed[samples:] - speed[:-samples]))
     part = slice(start, start + samples)
-    cut: dict[str, Any] = {
-        name: None if (values := getattr(log, name)) is None else values[part]
-        for name in ("q", "q_motor", "q_d", "dq_d", "ddq_d", "command", "applied")
-    }
-    return replace(log, **cut)
+    return replace(
+        log,
+        q=log.q[part],
+        q_motor=None if log.q_motor is None else log.q_motor[part],
+        q_d=log.q_d[part],
+        dq_d=log.dq_d[part],
+        ddq_d=log.ddq_d[part],
+        command=log.command[part],
+        applied=None if log.applied is None else log.applied[part],
+    )
 
 
 def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES, replaced
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.quantity import Moving, Physical, Scalar, to_si
+from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
 from tendonrepro.experiments.rig import start_angles
@@ -272,7 +272,7 @@ def _control(
     root = config if run is None else config.runs[run]
     *above, last = knob.key.split(".")
     section = attrgetter(".".join(above))(root) if above else root
-    quantity: Any = getattr(section, last) or absent(config, entry, knob.unit)
+    quantity: Quantity = getattr(section, last) or absent(config, entry, knob.unit)
     factor = 1.0 if quantity.unit == knob.unit else to_si(1.0, quantity.unit) / to_si(1.0, knob.unit)
     value = quantity.value if entry is None else quantity.value[entry]
     field = type(section).model_fields[last]
