@@ -107,8 +107,8 @@ def page(stored: Stored) -> str:
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
     slots = contents.numbers(stored.summary)
-    entries = {entry["id"]: entry for entry in stored.ledger["claims"]}
-    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger["ensemble"])]
+    verdicts = stored.ledger.verdicts
+    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger.ensemble)]
     return environment.get_template("page.html").render(
         found=stored,
         version=__version__,
@@ -116,10 +116,8 @@ def page(stored: Stored) -> str:
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
         picture=orders_picture(stored),
-        main=[entries[name] for name in MAIN],
-        others=[
-            claim for claim in entries.values() if claim["repeats"] is None or claim["kind"] == "ensemble"
-        ],
+        main=[verdicts[name] for name in MAIN],
+        others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
         in_words=in_words,
         contents=contents,

@@ -11,10 +11,10 @@ from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
-from tendonrepro.verdicts.entries import Origin
 from tendonrepro.verdicts.from_ensemble import COMMAND
-from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
+from tendonrepro.verdicts.verdict import Origin, Verdict
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
