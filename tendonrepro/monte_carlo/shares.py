@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import published, row_of
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.summary import (
     Agreement,
@@ -344,7 +344,7 @@ def _shapes(
 
 def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
     """Errors of every controller and joint in Table 2, deg."""
-    return np.array([published().per_joint(f"table2.{run}.{metric}", joints) for run in CONTROLLERS])
+    return np.array([published().per_joint(f"{row_of(run)}.{metric}", joints) for run in CONTROLLERS])
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias, TypedDict
 import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import COMPARED, Published, published
+from tendonrepro.configuration.published import COMPARED, Published, published, row_of
 from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
@@ -28,8 +28,8 @@ from tendonrepro.verdicts.measured import Measured, measured_of
 from tendonrepro.verdicts.rules import Evidence, Judged
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
-    "table2": {name: f"table2.{name}" for name in CONTROLLERS},
-    "table3": {"no_load": "table2.controller_1", "with_load": "table3.with_load"},
+    "table2": {run: row_of(run) for run in CONTROLLERS},
+    "table3": {load: row_of(run) for load, run in LOADS.items()},
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
 _METRICS, _WHAT = ("mae", "rmse"), ("measured", "printed", "agree")

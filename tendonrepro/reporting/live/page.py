@@ -19,7 +19,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES, replaced
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import published, row_of
 from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
@@ -368,10 +368,11 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
     steps = {name: int(rule.max()) for name, rule in zip(loops, _steps(places), strict=True)}
     runs = []
     for name, run in config.runs.items():
-        row = "table3.with_load" if name == RUNS[-1] else f"table2.{name}"
         printed = None
         if papers and name in RUNS:
-            printed = {metric: published().per_joint(f"{row}.{metric}", config.joints) for metric in METRICS}
+            printed = {
+                metric: published().per_joint(f"{row_of(name)}.{metric}", config.joints) for metric in METRICS
+            }
         enough = steps[name] or STEPS[-1]
         runs.append(
             {
