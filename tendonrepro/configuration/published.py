@@ -26,6 +26,9 @@ Interval: TypeAlias = tuple[Fraction, Fraction]
 SIGN = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 """``c[p, q]`` of section 3.3."""
 
+METRICS = ("mae", "rmse")
+"""What Tables 2 and 3 print of every error."""
+
 COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
 

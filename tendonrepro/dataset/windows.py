@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import Published, rounding, row_of
+from tendonrepro.configuration.published import METRICS, Published, rounding, row_of
 from tendonrepro.console import count_of
 from tendonrepro.physics.metrics import windows
 from tendonrepro.results.records import Trace, TraceFile
@@ -176,7 +176,7 @@ def _tried(
         if removed:
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         errors = sizes_deg(e)
-        for metric in ("mae", "rmse"):
+        for metric in METRICS:
             for joint, size in zip(trace.joint, errors[metric], strict=True):
                 identifier = f"{row_of(name)}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):

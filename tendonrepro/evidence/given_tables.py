@@ -19,10 +19,10 @@ from scipy.special import logsumexp
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import published, row_of
+from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.shares import LEAST_PLANTS, METRICS
+from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.physics.metrics import STATUSES
 
 NOISE = 0.02

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
@@ -29,7 +30,6 @@ from tendonrepro.simulation.batch import simulate_batch
 DRAWS = 1024
 """Samples of the preliminary run."""
 
-METRICS = ("mae", "rmse")
 SECTIONS = ("manipulator", "posture", "reference", "disturbance")
 """What a sample sets of a comparison as published."""
 

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, PrintedText, Published, published
+from tendonrepro.configuration.published import (
+    METRICS,
+    PrintedNumber,
+    PrintedRatio,
+    PrintedText,
+    Published,
+    published,
+)
 from tendonrepro.configuration.shown import is_choice
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
@@ -144,7 +151,7 @@ def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, f
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
         whole = tracking_errors(trace)["whole"]
-        for metric in ("mae", "rmse"):
+        for metric in METRICS:
             for joint, size in zip(trace.joint, whole[metric], strict=True):
                 sizes[ErrorOf(run, metric, joint).id] = float(size)
     values = {}

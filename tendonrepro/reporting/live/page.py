@@ -19,7 +19,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES, replaced
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.published import published, row_of
+from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
@@ -39,7 +39,7 @@ from tendonrepro.reporting.live.controls import (
     knobs_of,
 )
 from tendonrepro.reporting.live.model import Code, law_code, motion_code, plant_code
-from tendonrepro.results.paper import METRICS, compares_as_paper
+from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS, PAYLOAD
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.parts import is_noisy, plant_needs
