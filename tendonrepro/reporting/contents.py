@@ -10,7 +10,7 @@ from pathlib import Path
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
-from tendonrepro.evidence.figure_predictions import in_words as reading_in_words
+from tendonrepro.evidence.figure_predictions import interpretation_in_words
 from tendonrepro.reporting.answer import EnsembleAnswer, Orders, ReadingAnswer
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
@@ -154,8 +154,8 @@ def percent(share: float | None) -> str:
 def named(judged: Verdict) -> str:
     """A claim in its words; a number by its name and value."""
     if "." not in judged.id:
-        return in_words(judged.printed)
-    return in_words(f"{number_in_words(judged.id)}: {judged.printed}{_unit(judged)}")
+        return statement_in_words(judged.printed)
+    return statement_in_words(f"{number_in_words(judged.id)}: {judged.printed}{_unit(judged)}")
 
 
 def _unit(judged: Verdict) -> str:
@@ -166,7 +166,7 @@ def ours(judged: Verdict) -> str:
     """What came out here."""
     evidence, value, unit = judged.evidence, judged.ours, _unit(judged)
     if evidence.get("missing"):
-        return in_words(f"missing: {evidence['missing']}")
+        return statement_in_words(f"missing: {evidence['missing']}")
     if judged.unit == SHARE and value is not None:
         favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
         return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
@@ -181,11 +181,11 @@ def ours(judged: Verdict) -> str:
 def unless(judged: Verdict) -> str:
     """Motions and starts under which the verdict is another one, and which, for a reader."""
     return "; ".join(
-        f"{VERDICTS[choice.verdict]} ({reading_in_words(choice.reading)})" for choice in judged.unless
+        f"{VERDICTS[choice.verdict]} ({interpretation_in_words(choice.reading)})" for choice in judged.unless
     )
 
 
-def in_words(statement: str) -> str:
+def statement_in_words(statement: str) -> str:
     """A statement with symbols and words for the program's names."""
     for name, word in _WORDS.items():
         statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
@@ -196,7 +196,7 @@ def statements(judged: Verdict) -> list[tuple[str, str]]:
     """Parts of a claim, and the share of plants on which each holds."""
     evidence = judged.evidence
     held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
-    return [(in_words(one["statement"]), percent(one["share"])) for one in held if one]
+    return [(statement_in_words(one["statement"]), percent(one["share"])) for one in held if one]
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:

@@ -23,7 +23,7 @@ from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
 from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.report import MAIN, claim_in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
 _MARK = b'<meta name="generator" content="tendonrepro'
@@ -119,7 +119,7 @@ def page(stored: Stored) -> str:
         main=[verdicts[name] for name in MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
-        in_words=in_words,
+        claim_in_words=claim_in_words,
         contents=contents,
         robustness=contents.robustness(stored.summary),
         parts=[part(name, folder) for name, folder in stored.parts.items()],

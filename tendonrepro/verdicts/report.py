@@ -54,7 +54,7 @@ _NUMBERS = {
 }
 
 
-def in_words(identifier: str) -> str:
+def claim_in_words(identifier: str) -> str:
     """A claim in few words, or what a number is of."""
     return published().entries[identifier].short or number_in_words(identifier)
 
@@ -105,7 +105,13 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
         for claim in under:
             verdict = f"{VERDICTS[claim.verdict]}{_marks(claim)}"
             rows.append(
-                [f"  {in_words(claim.id)}", _ours(claim), verdict, claim.id, _measured(claim) or NOTHING]
+                [
+                    f"  {claim_in_words(claim.id)}",
+                    _ours(claim),
+                    verdict,
+                    claim.id,
+                    _measured(claim) or NOTHING,
+                ]
             )
             rows += [
                 [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], "", ""]

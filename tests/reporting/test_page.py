@@ -16,7 +16,7 @@ from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.page import page, pictures, plate
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.report import MAIN, claim_in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
 PARTS = "answer why decouple compare claims inconsistencies questions assumptions again"
@@ -57,7 +57,7 @@ def test_the_ten_claims(made, ledger):
     assert len(head) == 3
     assert len(rows) == len(MAIN) == 10
     for row, name in zip(rows, MAIN, strict=True):
-        said = [f"{in_words(name)} {ledger[name].where}", contents.ours(ledger[name])]
+        said = [f"{claim_in_words(name)} {ledger[name].where}", contents.ours(ledger[name])]
         assert [plain(cell) for cell in row[:2]] == said
         assert row[2].startswith(VERDICTS[ledger[name].verdict])
 
