@@ -40,6 +40,7 @@ from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
+from tendonrepro.verdicts.verdict import Verdict, read_ledger
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
@@ -47,7 +48,7 @@ README = DOCS.parent / "README.md"
 PAGES = (DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
-Column = Callable[[Mapping[str, Any]], str]
+Column = Callable[[Any], str]
 
 
 # ---- from reports to docs/results --------------------------------------------------------------------------
@@ -256,20 +257,15 @@ def words(name: str) -> str:
     return contents.filled(name, contents.numbers(stored("ensemble")))
 
 
-def records(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Column]) -> str:
+def records(found: Sequence[Any], columns: Mapping[str, Column]) -> str:
     """Pipe table of stored records."""
     return table([*columns], [[column(record) for column in columns.values()] for record in found])
 
 
-def entries(number: bool) -> list[Mapping[str, Any]]:
-    """Published numbers, or the claims; what is published twice stands once."""
-    held = stored("claims")["claims"]
-    return [entry for entry in held if ("." in entry["id"]) == number and counts_or_varies(entry)]
-
-
-def counts_or_varies(entry: Mapping[str, Any]) -> bool:
-    """Whether a page shows an entry: it counts, or it is a number over the plants that counts with a claim."""
-    return entry["repeats"] is None or entry["kind"] == "ensemble"
+def verdicts(number: bool) -> list[Verdict]:
+    """On published numbers, or on the claims; what is published twice stands once."""
+    of_all = read_ledger(stored("claims")).verdicts.values()
+    return [judged for judged in of_all if ("." in judged.id) == number and judged.is_shown]
 
 
 def deciding(ranking: Mapping[str, Any]) -> str:
@@ -467,14 +463,14 @@ READINGS: Mapping[str, Column] = {
     "RMSE/MAE rises": lambda held: percent(held["rmse_over_mae_rises"]["share"]),
 }
 CLAIMS: Mapping[str, Column] = {
-    "claim": lambda entry: entry["id"],
+    "claim": lambda judged: judged.id,
     "the paper": contents.named,
     "here": contents.ours,
-    "verdict": lambda entry: f"`{entry['verdict']}`",
-    "but": contents.unless,
-    "other verdict under": lambda entry: str(len(entry["readings_that_change_it"])),
+    "verdict": lambda judged: f"`{judged.verdict}`",
+    "but": lambda judged: ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in judged.unless),
+    "other verdict under": lambda judged: str(len(judged.readings_that_change_it)),
 }
-NUMBERS = {**CLAIMS, "the paper": lambda entry: contents.named(entry).rpartition(": ")[2]}
+NUMBERS = {**CLAIMS, "the paper": lambda judged: contents.named(judged).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "nearest draw": lambda held: off(stored("draws")["misfit_log"][held["name"]]),
@@ -501,8 +497,8 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "why": lambda: words("why"),
     "robustness": lambda: table(contents.ROBUSTNESS_HEADS, contents.robustness(stored("ensemble"))),
     "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),
-    "claims": lambda: records(entries(number=False), CLAIMS),
-    "numbers": lambda: records(entries(number=True), NUMBERS),
+    "claims": lambda: records(verdicts(number=False), CLAIMS),
+    "numbers": lambda: records(verdicts(number=True), NUMBERS),
     "deciding unknowns": lambda: table(
         ["of", "share of the variance that an unknown explains alone"],
         [(name, deciding(held)) for name, held in stored("decides").items()],

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tendonrepro.commands import *
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Load the interface when it is used: its names are those of `tendonrepro.commands`."""
     commands = import_module("tendonrepro.commands")
     if name == "__all__":
@@ -33,4 +33,6 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__getattr__("__all__"))
+    from tendonrepro.commands import PUBLIC
+
+    return sorted(["Result", "__version__", *PUBLIC])

@@ -11,8 +11,8 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import ExitStack, contextmanager, suppress
-from queue import Empty
-from typing import Any, Protocol, TypeVar
+from queue import Empty, Queue
+from typing import Protocol, TypeVar
 
 from tendonrepro.errors import TendonreproError
 
@@ -167,20 +167,20 @@ def _processes(jobs: int) -> Iterator[Executor]:
         hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"
         raise TendonreproError(message, hint=hint) from error
     finally:
-        _forget_waiting(executor)
+        _empty(executor._work_ids)
         # After an interrupt nobody waits for the rest.
         executor.shutdown(kill_workers=True)
 
 
-def _forget_waiting(executor: Any) -> None:
-    """Empty the queue of what no worker has begun.
+def _empty(waiting: Queue[int]) -> None:
+    """Empty the queue of what no worker of an executor has begun.
 
     An executor that ends early drops the tasks, but not their numbers. Its thread would look for the first
     one and die with a traceback. loky has no public way to say this: a cancelled task leaves its number too.
     """
     with suppress(Empty):
         while True:
-            executor._work_ids.get_nowait()
+            waiting.get_nowait()
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from tendonrepro import __version__
 from tendonrepro.analysis.explain import Explanation, view_pairs
@@ -64,7 +65,7 @@ def draw_margins(explanation: Explanation) -> Figure:
     """Gain and phase of every joint's open loop, gain margins as circles."""
     figure, grid = _sheet(2, len(explanation.joints), 100.0, sharex=True, sharey="row")
     titles = [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in explanation.joints]
-    letter_panels(grid.flat, titles)
+    letter_panels(grid.ravel(), titles)
     for k in range(len(explanation.joints)):
         gain, phase = grid[:, k]
         gain.axhline(1.0, color="#999999", linewidth=0.5)
@@ -141,10 +142,16 @@ def draw_loads(explanation: Explanation) -> Figure:
 
 
 def _sheet(
-    rows: int, cols: int, height_mm: float, width_mm: float = PAGE_MM, **shared: Any
-) -> tuple[Figure, Any]:
+    rows: int,
+    cols: int,
+    height_mm: float,
+    width_mm: float = PAGE_MM,
+    *,
+    sharex: bool = False,
+    sharey: bool | Literal["row"] = False,
+) -> tuple[Figure, NDArray[np.object_]]:
     figure = open_figure(width_mm, height_mm)
-    return figure, figure.subplots(rows, cols, squeeze=False, **shared)
+    return figure, figure.subplots(rows, cols, squeeze=False, sharex=sharex, sharey=sharey)
 
 
 def _line(axes: Axes, x: Array, y: Array, stroke: Stroke, label: str) -> None:

@@ -75,13 +75,13 @@ def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
         kind = GenericAlias(list, (kind,))
     if many or default in (None, ()):
         kind, default = kind | None, None
-    told: dict[str, Any] = {"help": about, "metavar": word.metavar or None}
+    metavar = word.metavar or None
     if many or word.positional:
-        return _keyword(parameter.name, default, Annotated[kind, typer.Argument(**told)])
+        return _keyword(parameter.name, default, Annotated[kind, typer.Argument(help=about, metavar=metavar)])
     name = parameter.name.replace("_", "-")
     if default is True:
         name, default = f"no-{name}", False
-    option = typer.Option(word.option or f"--{name}", **told)
+    option = typer.Option(word.option or f"--{name}", help=about, metavar=metavar)
     return _keyword(parameter.name, default, Annotated[kind, option])
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, StrictInt
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.strict_model import Model, Number
 from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.files import shipped
@@ -24,6 +25,9 @@ Interval: TypeAlias = tuple[Fraction, Fraction]
 
 SIGN = np.array([[1.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 """``c[p, q]`` of section 3.3."""
+
+METRICS = ("mae", "rmse")
+"""What Tables 2 and 3 print of every error."""
 
 COMPARED = (2, 3)
 """Joints of the comparison; the paper prints gains and errors of these."""
@@ -169,6 +173,11 @@ def published() -> Published:
     entries = {entry.id: entry for entry in file.entries}
     judgements = {name: next(rule for rule in file.judged if fnmatchcase(name, rule.ids)) for name in entries}
     return Published(entries, judgements)
+
+
+def row_of(run: str) -> str:
+    """How the ids of a run's errors begin; what Table 3 repeats of Table 2 is found there."""
+    return "table3.with_load" if run == RUNS[-1] else f"table2.{run}"
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:

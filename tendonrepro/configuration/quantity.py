@@ -51,15 +51,13 @@ UNITS = {unit: _Unit(unit) for unit in _SI_UNITS} | {
 }
 
 
-Value = TypeVar("Value", bound=Numeric)
+Value = TypeVar("Value", float, Array, Numeric)
 
 
 def to_si(value: Value, unit: str) -> Value:
     """A number or an array in its SI unit and radians."""
     known = UNITS[unit]
-    converted: Any = value * known.factor / known.divisor
-    in_si: Value = converted
-    return in_si
+    return value * known.factor / known.divisor
 
 
 Size: TypeAlias = Literal["any", "joints", "moving"]
@@ -195,12 +193,11 @@ class Physical:
             example = f"{{value: ..., unit: {unit}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         quantity = handler(raw)
-        refuse_all(self._out_of_range(quantity))
+        refuse_all(self._out_of_range(quantity, quantity.unit))
         return quantity
 
-    def _out_of_range(self, quantity: Any) -> Mistakes:
+    def _out_of_range(self, quantity: Model, unit: str) -> Mistakes:
         """Mistakes of a quantity or a row of the box."""
-        unit = quantity.unit
         if unit not in self.units:
             yield ("unit",), f"must be {' or '.join(self.units)}, found {describe(unit)}"
             return

@@ -10,18 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import Published, rounding
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import METRICS, Published, rounding, row_of
 from tendonrepro.console import count_of
 from tendonrepro.physics.metrics import windows
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS, sizes_deg
+from tendonrepro.results.summary import sizes_deg
 
 NUMBERS = 16
 """Numbers that Table 2 and the loaded row of Table 3 print."""
 SPREAD = 0.1
 """Share of the printed number within which the chance remark takes errors to lie."""
-
-_TABLE = {name: f"table2.{name}" for name in CONTROLLERS} | {LOADS["with_load"]: "table3.with_load"}
 
 
 class Timing(NamedTuple):
@@ -120,7 +119,7 @@ class PrintedTables:
 
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way."""
-    runs = {name: file.runs[name] for name in _TABLE if name in file.runs and "e" in file.runs[name]}
+    runs = {name: file.runs[name] for name in RUNS if name in file.runs and "e" in file.runs[name]}
     tried = [
         way_tried
         for way_tried in (_tried(runs, paper, *way) for way in _ways(runs, timing))
@@ -177,9 +176,9 @@ def _tried(
         if removed:
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         errors = sizes_deg(e)
-        for metric in ("mae", "rmse"):
+        for metric in METRICS:
             for joint, size in zip(trace.joint, errors[metric], strict=True):
-                identifier = f"{_TABLE[name]}.{metric}.joint_{joint}"
+                identifier = f"{row_of(name)}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):
                     sizes[identifier] = float(size)
     printed = {identifier: rounding(paper.quantity(identifier)) for identifier in sizes}

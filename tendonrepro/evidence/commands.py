@@ -36,16 +36,19 @@ def predict(
         Comma-separated names [default: the main ones].
     """
     from tendonrepro.configuration.plants import load_study_plants
-    from tendonrepro.evidence.predict import asked_for, default_readings_on, identity_of, predict_outcome
+    from tendonrepro.evidence.predict import asked_for, default_readings_on, predict_outcome
     from tendonrepro.simulation.device import require
 
     loaded = load_study_plants(config, spread, ranges, overrides=set, seed=seed)
     names = readings or default_readings_on(loaded)
     asked_for(loaded, draws, names)
     require(device)
-    base = replace(loaded.base, sha256=identity_of(loaded, draws, names, device), origin=loaded.origin)
     return Study(
-        base, lambda site: predict_outcome(loaded, draws, names, site.talk, device), folder, stored=True
+        replace(loaded.base, sha256=loaded.sha256, origin=loaded.origin),
+        lambda site: predict_outcome(loaded, draws, names, site.talk, device),
+        folder,
+        decided_by={"draws": draws, "readings": names, "device": device},
+        stored=True,
     )
 
 
@@ -59,9 +62,13 @@ def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> St
         Trace file, or results folder with one.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.evidence.recover import identity_of, recover_outcome
+    from tendonrepro.evidence.recover import recover_outcome
     from tendonrepro.results.traces import read_traces
 
     file, paper = read_traces(Path(log)), load_config(None, "compare")
-    base = replace(paper, sha256=identity_of(file, paper))
-    return Study(base, lambda site: recover_outcome(file, str(Path(log)), paper, site), folder)
+    return Study(
+        paper,
+        lambda site: recover_outcome(file, str(Path(log)), paper, site),
+        folder,
+        decided_by={"log": [file.config_sha256, file.created]},
+    )

@@ -68,7 +68,7 @@ WORDS = {
 """What a reader calls the settings of an interpretation; others keep their names."""
 
 
-def in_words(reading: str) -> str:
+def interpretation_in_words(reading: str) -> str:
     """An interpretation's name in words."""
     if reading == PRINTED:
         return "as published"
@@ -120,7 +120,8 @@ def draw_predictions(
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
     handles = [
-        Line2D([], [], label=in_words(reading), **_look(place)) for place, reading in enumerate(readings)
+        Line2D([], [], label=interpretation_in_words(reading), **_look(place))
+        for place, reading in enumerate(readings)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (

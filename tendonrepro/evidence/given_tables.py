@@ -19,10 +19,10 @@ from scipy.special import logsumexp
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.shares import LEAST_PLANTS, METRICS
+from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.physics.metrics import STATUSES
 
 NOISE = 0.02
@@ -151,9 +151,8 @@ def _log_errors(data: EnsembleData, name: str, plants: NDArray[np.int64]) -> Arr
 
 def _published_log_errors(joints: Sequence[int]) -> Array:
     """Those of Tables 2 and 3, (runs, 2 n)."""
-    tables = [f"table2.{run}" for run in RUNS[:3]] + ["table3.with_load"]
     columns = [f"{metric}.joint_{joint}" for metric in METRICS for joint in joints]
-    printed = [[published().number(f"{table}.{name}") for name in columns] for table in tables]
+    printed = [[published().number(f"{row_of(run)}.{name}") for name in columns] for run in RUNS]
     return np.asarray(np.log(printed))
 
 

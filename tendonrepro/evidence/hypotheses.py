@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
+from tendonrepro.experiments.loops import PERIODS
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, phi, phi_slope
 
 FORGOTTEN = 20.0
@@ -24,7 +25,6 @@ FORGOTTEN = 20.0
 LINEAR = "linear"
 """Surface of Controller 3 and of plain time-delay control: feedback of the error and its rate alone."""
 NTSM = "ntsm"
-LAGS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
 PRINTED: Mapping[str, str] = {
     "phi_branch": "printed",
     "phi_negative": "odd",
@@ -140,7 +140,7 @@ def hypotheses(log: Log) -> Iterator[Hypothesis]:
     """Every hypothesis that a log can hold."""
     axes = {
         "differencing": ("lagging", "centred"),
-        "delay_time": tuple(LAGS),
+        "delay_time": tuple(PERIODS),
         "error_rate": ("backward_difference", "difference_of_error"),
         "feedback": ("joint",) if log.q_motor is None else ("joint", "motor"),
         "torque_coordinates": ("joint", "winch"),
@@ -174,7 +174,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
     and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
     """
     readings, i = hypothesis.readings, joint
-    lag, L = LAGS[readings["delay_time"]], log.L
+    lag, L = PERIODS[readings["delay_time"]], log.L
     q = log.q[:, i] if readings["feedback"] == "joint" or log.q_motor is None else log.q_motor[:, i]
     command, stored = _torques(log, readings, i)
     step = lag * L
@@ -254,7 +254,7 @@ def _torques(log: Log, readings: Mapping[str, str], i: int) -> tuple[Array, Arra
     return commanded, commanded if readings["stored_torque"] == "commanded" else applied[:, i]
 
 
-@lru_cache(maxsize=len(LAGS) * 2)
+@lru_cache(maxsize=len(PERIODS) * 2)
 def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
     """Samples near which a torque that enters stands at a motor's limit; the same for every hypothesis."""
     torque = np.abs((log.command if log.applied is None else log.applied) @ log.S)
@@ -305,11 +305,16 @@ def liveliest(log: Log, samples: int) -> Log:
         return log
     start = int(np.argmax(speed[samples:] - speed[:-samples]))
     part = slice(start, start + samples)
-    cut: dict[str, Any] = {
-        name: None if (values := getattr(log, name)) is None else values[part]
-        for name in ("q", "q_motor", "q_d", "dq_d", "ddq_d", "command", "applied")
-    }
-    return replace(log, **cut)
+    return replace(
+        log,
+        q=log.q[part],
+        q_motor=None if log.q_motor is None else log.q_motor[part],
+        q_d=log.q_d[part],
+        dq_d=log.dq_d[part],
+        ddq_d=log.ddq_d[part],
+        command=log.command[part],
+        applied=None if log.applied is None else log.applied[part],
+    )
 
 
 def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:

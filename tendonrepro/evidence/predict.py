@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -206,12 +205,6 @@ class Prediction:
     median: float
     low: float
     high: float
-
-
-def identity_of(loaded: LoadedEnsemble, draws: int, readings: str, device: DeviceName = "cpu") -> str:
-    """Digest of all that decides a prediction."""
-    of_device = "" if device == "cpu" else f" {device}"
-    return hashlib.sha256(f"{loaded.sha256} {draws} {readings}{of_device}".encode()).hexdigest()
 
 
 def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -364,11 +363,6 @@ def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict
     if not read_logs(both, paper.config)[0]:
         return []
     return [_data(controller) for controller in recovered(both, paper, talk, start)]
-
-
-def identity_of(file: TraceFile, paper: LoadedConfig) -> str:
-    """Digest of a log and of the configuration whose gains are expected."""
-    return hashlib.sha256(f"{paper.sha256} {file.config_sha256} {file.created}".encode()).hexdigest()
 
 
 def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site) -> Outcome:

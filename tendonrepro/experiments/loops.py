@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -200,8 +200,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
 def power_floor(resolution: Value, scale: float) -> Value:
     """``Law.power_floor`` with joint encoders of a resolution, rad, and angles in `scale` units a radian."""
     # Of a symbol, too: the page in a browser can move the resolution.
-    least: Any = np.maximum(resolution, RESOLVED_ANGLE)
-    floor: Value = least * scale
+    floor: Value = np.maximum(resolution, RESOLVED_ANGLE) * scale
     return floor
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, TypeAlias, cast
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def model_of(config: CompareConfig) -> SimpleNamespace:
     )
 
 
-UserFunction: TypeAlias = Callable[..., Any]
+UserFunction: TypeAlias = Callable[..., object]
 """What a user gives as a law: whether it is one shows when it is called."""
 
 

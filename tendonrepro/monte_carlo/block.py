@@ -11,6 +11,7 @@ from itertools import chain
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
@@ -151,5 +152,5 @@ def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
     if status == "diverged":
         return 0.0
     sizes = np.array([mae(variables["e"]), rmse(variables["e"])])
-    ours = np.array([batch.statistics[name][0] for name in ("mae", "rmse")])
+    ours = np.array([batch.statistics[name][0] for name in METRICS])
     return float(np.abs(ours / sizes - 1.0).max())

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -254,9 +254,7 @@ def _put_drive(arm: Section, draw: Draw) -> None:
 
 def switched(draw: Mapping[str, Value], row: str) -> Value:
     """Value of a row that may be off."""
-    acts: Any = draw[f"{row}_acts"]
-    value: Value = acts * draw[row]
-    return value
+    return draw[f"{row}_acts"] * draw[row]
 
 
 def _put_friction(friction: Section, draw: Draw) -> None:

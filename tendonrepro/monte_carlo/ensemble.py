@@ -312,7 +312,7 @@ def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]
 def _manifest(study: Study, seconds: float) -> dict[str, object]:
     manifest = make_manifest(study.loaded.base, seconds, "ensemble")
     config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
-    solver: dict[str, Any] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
+    solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
     if study.alone:
         solver["by_scipy"] = [law.name for law in study.alone]
     return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": solver, "config": config}

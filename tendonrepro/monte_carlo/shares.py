@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.summary import (
     Agreement,
@@ -34,7 +34,6 @@ from tendonrepro.monte_carlo.summary import (
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
-METRICS = ("mae", "rmse")
 QUANTILES: Mapping[QuantileName, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
@@ -344,7 +343,7 @@ def _shapes(
 
 def _printed_errors(metric: str, joints: Sequence[int]) -> Array:
     """Errors of every controller and joint in Table 2, deg."""
-    return np.array([published().per_joint(f"table2.{run}.{metric}", joints) for run in CONTROLLERS])
+    return np.array([published().per_joint(f"{row_of(run)}.{metric}", joints) for run in CONTROLLERS])
 
 
 def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) -> list[float]:

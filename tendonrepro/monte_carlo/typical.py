@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import floor, log10
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
@@ -29,7 +30,6 @@ from tendonrepro.simulation.batch import simulate_batch
 DRAWS = 1024
 """Samples of the preliminary run."""
 
-METRICS = ("mae", "rmse")
 SECTIONS = ("manipulator", "posture", "reference", "disturbance")
 """What a sample sets of a comparison as published."""
 
@@ -145,19 +145,19 @@ def _written(part: Node, *, angles: bool) -> Node:
     source = part.get("source", "")
     if not isinstance(source, str) or _DRAWN not in source:
         return {name: _written(item, angles=angles) for name, item in part.items()}
-    value: Any = part["value"]
-    unit = part["unit"]
+    value, unit = part["value"], part["unit"]
     if angles and unit == "rad":
-        value, unit = np.rad2deg(value).tolist(), "deg"
-    short: Node = [_short(item) for item in value] if isinstance(value, list) else _short(value)
+        value, unit = np.rad2deg(np.array(value)).tolist(), "deg"
     return {
-        "value": short,
+        "value": _short(value),
         "unit": unit,
         "source": source.replace(_DRAWN, "typical sample of the ranges"),
     }
 
 
-def _short(value: float) -> float:
+def _short(value: Node) -> Node:
     """Six digits; an integer where it is whole, which the schema wants counts to be."""
+    if isinstance(value, list):
+        return [_short(item) for item in value]
     short = float(f"{value:.6g}")
     return int(short) if short.is_integer() else short

@@ -10,12 +10,12 @@ from pathlib import Path
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
-from tendonrepro.evidence.figure_predictions import in_words as reading_in_words
+from tendonrepro.evidence.figure_predictions import interpretation_in_words
 from tendonrepro.reporting.answer import EnsembleAnswer, Orders, ReadingAnswer
-from tendonrepro.verdicts.entries import Entry
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
-from tendonrepro.verdicts.rules import VERDICTS, ByChoice, changing
+from tendonrepro.verdicts.rules import VERDICTS
+from tendonrepro.verdicts.verdict import Verdict
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -151,61 +151,52 @@ def percent(share: float | None) -> str:
     return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.2g} %"
 
 
-def named(entry: Entry) -> str:
+def named(judged: Verdict) -> str:
     """A claim in its words; a number by its name and value."""
-    if "." not in entry["id"]:
-        return in_words(entry["printed"])
-    return in_words(f"{number_in_words(entry['id'])}: {entry['printed']}{_unit(entry)}")
+    if "." not in judged.id:
+        return statement_in_words(judged.printed)
+    return statement_in_words(f"{number_in_words(judged.id)}: {judged.printed}{_unit(judged)}")
 
 
-def _unit(entry: Entry) -> str:
-    return _UNITS.get(entry["unit"] or "", "")
+def _unit(judged: Verdict) -> str:
+    return _UNITS.get(judged.unit or "", "")
 
 
-def ours(entry: Entry) -> str:
+def ours(judged: Verdict) -> str:
     """What came out here."""
-    evidence, value, unit = entry["evidence"], entry["ours"], _unit(entry)
+    evidence, value, unit = judged.evidence, judged.ours, _unit(judged)
     if evidence.get("missing"):
-        return in_words(f"missing: {evidence['missing']}")
-    if entry["unit"] == SHARE and value is not None:
+        return statement_in_words(f"missing: {evidence['missing']}")
+    if judged.unit == SHARE and value is not None:
         favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
         return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
     if box := evidence.get("box"):
         low, high = (f"{box[key]:.3g}".replace("-", "−") for key in ("low", "high"))
         return f"median {box['median']:.3g}{unit}, central 90 % {low} to {high}{unit}"
     if value is None:
-        return "yes" if entry["verdict"] in {"exact", "reproduced"} else "–"
+        return "yes" if judged.verdict in {"exact", "reproduced"} else "–"
     return f"{value:.4g}{unit}"
 
 
-def unless(entry: Entry) -> str:
-    """Motions and starts under which the verdict is another one, and which."""
-    choices = [ByChoice(**one) for one in entry.get("by_choice", ())]
-    found = changing(entry["verdict"], choices)
-    return ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in found)
-
-
-def unless_in_words(entry: Entry) -> str:
-    """The same for a reader who knows no name of the program."""
-    choices = [ByChoice(**choice) for choice in entry.get("by_choice", ())]
+def unless(judged: Verdict) -> str:
+    """Motions and starts under which the verdict is another one, and which, for a reader."""
     return "; ".join(
-        f"{VERDICTS[choice.verdict]} ({reading_in_words(choice.reading)})"
-        for choice in changing(entry["verdict"], choices)
+        f"{VERDICTS[choice.verdict]} ({interpretation_in_words(choice.reading)})" for choice in judged.unless
     )
 
 
-def in_words(statement: str) -> str:
+def statement_in_words(statement: str) -> str:
     """A statement with symbols and words for the program's names."""
     for name, word in _WORDS.items():
         statement = re.sub(rf"(?<![A-Za-z]){name}", word, statement)
     return statement
 
 
-def statements(entry: Entry) -> list[tuple[str, str]]:
+def statements(judged: Verdict) -> list[tuple[str, str]]:
     """Parts of a claim, and the share of plants on which each holds."""
-    evidence = entry["evidence"]
+    evidence = judged.evidence
     held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
-    return [(in_words(one["statement"]), percent(one["share"])) for one in held if one]
+    return [(statement_in_words(one["statement"]), percent(one["share"])) for one in held if one]
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:

@@ -23,7 +23,7 @@ from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, Stored, stored_under
 from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.report import MAIN, claim_in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
 _MARK = b'<meta name="generator" content="tendonrepro'
@@ -107,8 +107,8 @@ def page(stored: Stored) -> str:
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
     slots = contents.numbers(stored.summary)
-    entries = {entry["id"]: entry for entry in stored.ledger["claims"]}
-    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger["ensemble"])]
+    verdicts = stored.ledger.verdicts
+    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger.ensemble)]
     return environment.get_template("page.html").render(
         found=stored,
         version=__version__,
@@ -116,12 +116,10 @@ def page(stored: Stored) -> str:
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
         picture=orders_picture(stored),
-        main=[entries[name] for name in MAIN],
-        others=[
-            claim for claim in entries.values() if claim["repeats"] is None or claim["kind"] == "ensemble"
-        ],
+        main=[verdicts[name] for name in MAIN],
+        others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
-        in_words=in_words,
+        claim_in_words=claim_in_words,
         contents=contents,
         robustness=contents.robustness(stored.summary),
         parts=[part(name, folder) for name, folder in stored.parts.items()],

@@ -30,7 +30,7 @@ from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.entries import Ledger
+from tendonrepro.verdicts.verdict import Ledger, read_ledger
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
@@ -100,10 +100,10 @@ def stored_under(folder: Path) -> Stored:
     claims, ensemble = (sound[name] / file if name in sound else None for name, file in _FILES.items())
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
-    ledger: Ledger = _read(claims if claims is not None and judged else ours / "claims.json")
+    ledger = read_ledger(_read(claims if claims is not None and judged else ours / "claims.json"))
     summary: EnsembleAnswer = _read(ours / "ensemble.json")
     own = False
-    if judged and ledger["ensemble"]["source"] == "local" and ensemble is not None and ensemble.exists():
+    if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
         whole = _read(ensemble)
         # A study of a user's own may call its populations otherwise.
         own = whole["of_paper"] and "box" in whole["populations"] and by_name(whole).keys() >= _SHOWN

@@ -16,14 +16,19 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import AXES
-from tendonrepro.configuration.published import COMPARED, PrintedText, coupling_of, published, table_1
+from tendonrepro.configuration.published import (
+    COMPARED,
+    METRICS,
+    PrintedText,
+    coupling_of,
+    published,
+    row_of,
+    table_1,
+)
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
-
-METRICS = ("mae", "rmse")
-"""What Tables 2 and 3 print."""
 
 FITTED = "identified: (?:Tables 2 and 3|Controller 2 of Table 2), misfit"
 """How the source of a value begins that was fitted to the print."""
@@ -140,8 +145,7 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
         that are stable under all controllers, with the equations as printed (docs/verdicts.md). They are of
         whole runs that start on their reference.
     """
-    # What the paper prints twice is found where it stands first.
-    row = "table3.with_load" if trace.name == "controller_1_payload" else f"table2.{trace.name}"
+    row = row_of(trace.name)
     papers = of_paper(file, trace)
     as_printed = papers and not changed_readings(trace) and not _differs(trace)
     printed: dict[str, Array] = {}

@@ -7,10 +7,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, published
+from tendonrepro.configuration.published import METRICS, PrintedNumber, PrintedRatio, published
 from tendonrepro.physics.metrics import START
 from tendonrepro.results import summary
-from tendonrepro.results.paper import METRICS, beside, of_paper
+from tendonrepro.results.paper import beside, of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded

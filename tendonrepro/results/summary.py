@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.physics.metrics import START, mae, max_abs, mean, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
@@ -100,15 +101,17 @@ def _tracking_errors(trace: Trace) -> dict[str, Sizes]:
             spans[without_start_name(seconds)] = span
     errors = {name: sizes_deg(trace["e"][span]) for name, span in spans.items()}
     if trace.status == "diverged":
-        unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
-        errors |= {name: unknown for name in spans if not name.startswith("period")}
+        errors |= {name: _unknown(trace) for name in spans if not name.startswith("period")}
     return errors
 
 
 def table_errors(trace: Trace) -> Sizes:
     """Sizes of `e` in the window of the tables; NaN of a run that ended before it."""
-    unknown = dict.fromkeys(("mae", "rmse", "max"), np.full(len(trace.joint), np.nan))
-    return tracking_errors(trace).get(without_start_name(errors_from(trace)), unknown)
+    return tracking_errors(trace).get(without_start_name(errors_from(trace)), _unknown(trace))
+
+
+def _unknown(trace: Trace) -> Sizes:
+    return dict.fromkeys((*METRICS, "max"), np.full(len(trace.joint), np.nan))
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
@@ -209,7 +212,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, Ranking]]:
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
     result: dict[str, dict[str, Ranking]] = {}
-    for metric in ("mae", "rmse") if len(runs) > 1 else ():
+    for metric in METRICS if len(runs) > 1 else ():
         sizes = np.array([table_errors(trace)[metric] for trace in runs])
         for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]

@@ -51,11 +51,20 @@ def tune(
     """
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of
-    from tendonrepro.tuning.tuning import Effort, tuning
+    from tendonrepro.tuning.search import Effort
+    from tendonrepro.tuning.tuning import tuning
 
-    effort = Effort(plants, searches, generations, population)
-    effort.check()
     loaded = load_plants(config, spread, ranges, overrides=set)
     users, seed = laws_of(laws), seed or 0
-    tuned = tuning(loaded, users, effort, any_plant=any_plant, seed=seed, jobs=jobs, device=device, only=only)
+    tuned = tuning(
+        loaded,
+        users,
+        plants,
+        Effort(searches, generations, population),
+        any_plant=any_plant,
+        seed=seed,
+        jobs=jobs,
+        device=device,
+        only=only,
+    )
     return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

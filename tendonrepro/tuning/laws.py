@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -123,13 +123,12 @@ class TunedLaw:
         own = {_FIELDS.get(name, name): value for name, value in gains.items()}
         alpha = own.pop("alpha", self.alpha * published)
         estimate_filter = float(own.pop("estimate_filter", np.ones(1))[0])
-        fields: dict[str, Any] = {name: np.broadcast_to(own[name], base.M_bar.size) for name in own}
-        return base._replace(
-            **fields,
+        tuned = {name: np.broadcast_to(own[name], base.M_bar.size) for name in own}
+        return Law(**(base._asdict() | tuned))._replace(
             surface=int(self.surface),
             newest=self.newest,
             weights=estimator_weights(np.asarray(alpha)),
-            rate_gain=fields.get("eta", base.rate_gain),
+            rate_gain=tuned.get("eta", base.rate_gain),
             estimate_filter=estimate_filter,
         )
 
@@ -242,7 +241,7 @@ def _mistake_in(bounds: object) -> str:
 def user_law(own: UserLaw) -> TunedLaw:
     """A user's law, refused without bounds or if it asks for the plant."""
     function, _ = own.load()
-    bounds: Any = getattr(function, "bounds", None)
+    bounds = getattr(function, "bounds", {})
     if mistake := _mistake_in(bounds):
         names = ", ".join(sorted(_TUNABLE))
         hint = (

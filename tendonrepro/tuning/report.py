@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from itertools import groupby, product
 from operator import itemgetter
 
@@ -132,7 +133,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     data = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "tune",
-        "effort": dict(task.effort),
+        "effort": asdict(task.effort),
         "seed": task.seed,
         "physics_sha256": code_digest("physics"),
         "draws_looked_at": drawn[-1]["draw"] + 1,

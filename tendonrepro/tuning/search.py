@@ -89,27 +89,33 @@ def best(seen: Sequence[Seen], cap: float) -> Seen | None:
 
 
 @dataclass(frozen=True)
-class Tuning:
-    """Searches on one draw under caps on roughness, N m; infinity is none.
+class Effort:
+    """How hard to search: searches of each law and condition, generations of each, members of these."""
 
-    Effort is ``searches`` of each law and condition, their ``generations``, and the ``population`` of these.
-    """
+    searches: int
+    generations: int
+    population: int
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Searches on one draw under caps on roughness, N m; infinity is none."""
 
     laws: Mapping[str, TunedLaw]
     caps: Sequence[float]
     plants: Plants
-    effort: Mapping[str, int]
+    effort: Effort
     seed: tuple[int, int]
     places: dict[Key, list[Seen]] = field(default_factory=dict)
 
     def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[Key, list[Seen]]:
         """Search under conditions: what is known, and whether velocities are filtered."""
-        for law, condition, k in product(self.laws, conditions, range(self.effort["searches"])):
+        for law, condition, k in product(self.laws, conditions, range(self.effort.searches)):
             self.places[Key(law, *condition, k)] = []
         self._look([(key, unit) for key in self.places for unit in self._spread(key)])
         self._exchange()
         for half in (0, 1):
-            self._generations(half, (self.effort["generations"] + 1 - half) // 2)
+            self._generations(half, (self.effort.generations + 1 - half) // 2)
             self._exchange()
         return self.places
 
@@ -124,7 +130,7 @@ class Tuning:
         return [*self.seed, *half, zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
 
     def _generations(self, half: int, count: int) -> None:
-        size, strategies = self.effort["population"], {}
+        size, strategies = self.effort.population, {}
         for (key, seen), (k, cap) in product(self.places.items(), enumerate(self.caps)):
             generator = np.random.default_rng([*self._seed(key, half), k])
             start = seen[costs(seen, cap).argmin()].unit
@@ -188,7 +194,7 @@ class Task:
 
     loaded: LoadedEnsemble
     laws: Mapping[str, TunedLaw]
-    effort: Mapping[str, int]
+    effort: Effort
     seed: int
     device: DeviceName = "cpu"
 

@@ -33,25 +33,13 @@ from tendonrepro.studies.study import Site
 from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
-from tendonrepro.tuning.search import Row, Task
+from tendonrepro.tuning.search import Effort, Row, Task
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How much is tuned: plants, searches of each law and plant, generations of each, members of these."""
-
-    plants: int
-    searches: int
-    generations: int
-    population: int
-
-    def check(self) -> None:
-        """Raise a UsageError for too little: the scatter of a law is that of two searches at least."""
-        for name, least in {"plants": 1, "searches": 2, "generations": 2, "population": 4}.items():
-            if (value := getattr(self, name)) < least:
-                raise UsageError(f"must be at least {least}, found {value}", where=f"--{name}")
+# The scatter of a law is that of two searches at least.
+LEAST = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
 
 
 @dataclass(frozen=True)
@@ -82,6 +70,7 @@ class Tuned:
 def tuning(
     loaded: LoadedEnsemble,
     users: Sequence[UserLaw],
+    plants: int,
     effort: Effort,
     *,
     any_plant: bool,
@@ -99,23 +88,25 @@ def tuning(
     UsageError
         For too little effort, or a law that has no bounds or cannot run on lanes.
     """
-    effort.check()
+    asked = {"plants": plants, **asdict(effort)}
+    for name, least in LEAST.items():
+        if asked[name] < least:
+            raise UsageError(f"must be at least {least}, found {asked[name]}", where=f"--{name}")
     require(device)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    of_search = {name: value for name, value in asdict(effort).items() if name != "plants"}
-    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, of_search, seed, device)
+    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed, device)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
     others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
-    inputs = [loaded.sha256, base.sha256, of_search, seed, effort.plants, any_plant, *others]
+    inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     base = replace(base, sha256=identity, origin=loaded.origin)
-    return Tuned(task, base, effort.plants, any_plant, jobs if device == "cpu" else 1)
+    return Tuned(task, base, plants, any_plant, jobs if device == "cpu" else 1)
 
 
 def _chosen(only: str) -> dict[str, TunedLaw]:

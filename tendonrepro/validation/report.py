@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias, TypedDict
 import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import COMPARED, Published, published
+from tendonrepro.configuration.published import COMPARED, METRICS, Published, published, row_of
 from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
@@ -28,11 +28,11 @@ from tendonrepro.verdicts.measured import Measured, measured_of
 from tendonrepro.verdicts.rules import Evidence, Judged
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
-    "table2": {name: f"table2.{name}" for name in CONTROLLERS},
-    "table3": {"no_load": "table2.controller_1", "with_load": "table3.with_load"},
+    "table2": {run: row_of(run) for run in CONTROLLERS},
+    "table3": {load: row_of(run) for load, run in LOADS.items()},
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
-_METRICS, _WHAT = ("mae", "rmse"), ("measured", "printed", "agree")
+_WHAT = ("measured", "printed", "agree")
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is told of."""
 
@@ -176,7 +176,7 @@ def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, 
     for row, start in _ROWS[table].items():
         for joint in COMPARED if any(name.startswith(start) for name in tried.sizes) else ():
             sizes: dict[str, object] = {"row": row, "joint": joint}
-            for metric in _METRICS:
+            for metric in METRICS:
                 name = f"{start}.{metric}.joint_{joint}"
                 size = tried.sizes.get(name)
                 sizes |= {f"{metric}_measured": size, f"{metric}_printed": paper.number(name)}
@@ -194,7 +194,7 @@ def table_data(tried: Tried, paper: Published) -> TableData:
     for table, rows in data.items():
         for row in size_rows(tried, paper, table):
             cells = rows.setdefault(str(row["row"]), {what: {} for what in _WHAT})
-            for metric, what in product(_METRICS, _WHAT):
+            for metric, what in product(METRICS, _WHAT):
                 cells[what].setdefault(f"{metric}_deg", []).append(row[f"{metric}_{what}"])
     return data
 

@@ -23,6 +23,7 @@ from tendonrepro.configuration.published import (
     Published,
     exact,
     rounding,
+    row_of,
     table_1,
 )
 from tendonrepro.physics.control import polynomial
@@ -53,8 +54,7 @@ class ErrorOf(NamedTuple):
     @property
     def id(self) -> str:
         """Id in ``published.yaml``; Table 3 without load is Controller 1 of Table 2."""
-        table = "table3.with_load" if self.run == LOADED else f"table2.{self.run}"
-        return f"{table}.{self.metric}.joint_{self.joint}"
+        return f"{row_of(self.run)}.{self.metric}.joint_{self.joint}"
 
     def __str__(self) -> str:
         return f"{self.run}, joint {self.joint}"

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import PrintedNumber, PrintedRatio, PrintedText, Published, published
+from tendonrepro.configuration.published import (
+    METRICS,
+    PrintedNumber,
+    PrintedRatio,
+    PrintedText,
+    Published,
+    published,
+)
 from tendonrepro.configuration.shown import is_choice
 from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
@@ -20,9 +27,10 @@ from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import FROM_THE_PRINT, ErrorOf, formula_of
 from tendonrepro.verdicts.measured import measured_of
 from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Evidence, Judged, changing, missing
+from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Judged, missing
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
+from tendonrepro.verdicts.verdict import Verdict
 
 SCHEMA_VERSION = 1
 SHARE = "share of the box"
@@ -36,37 +44,6 @@ class Sources:
     compare: TraceFile | None = None
     ensemble: EnsembleData | None = None
     measured: TraceFile | None = None
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One line of the ledger, with the keys of ``claims --json``.
-
-    `ours` is a claim's share, or the number of the nominal run, else its median over the box. What `repeats`
-    another entry is not counted. `shipped` is from the package's ensemble. `by_choice` has the verdict under
-    each other choice of motion, starts, reference and friction of a run that was run.
-    """
-
-    id: str
-    where: str
-    kind: str
-    printed: str
-    ours: float | None
-    unit: str | None
-    rule: str
-    verdict: str
-    borderline: bool
-    evidence: Evidence
-    depends_on: tuple[str, ...]
-    readings_that_change_it: tuple[str, ...]
-    repeats: str | None = None
-    shipped: bool = False
-    by_choice: tuple[ByChoice, ...] = ()
-
-    @property
-    def unless(self) -> tuple[ByChoice, ...]:
-        """Choices with another verdict, each with no more in it than that takes."""
-        return changing(self.verdict, self.by_choice)
 
 
 def judge_all(
@@ -174,7 +151,7 @@ def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, f
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
         whole = tracking_errors(trace)["whole"]
-        for metric in ("mae", "rmse"):
+        for metric in METRICS:
             for joint, size in zip(trace.joint, whole[metric], strict=True):
                 sizes[ErrorOf(run, metric, joint).id] = float(size)
     values = {}

@@ -20,12 +20,12 @@ from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.verdicts.entries import Entry, Ledger, Origin
-from tendonrepro.verdicts.judge import Sources, Verdict, changed, judge_all
+from tendonrepro.verdicts.judge import Sources, changed, judge_all
 from tendonrepro.verdicts.measured import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, claims_table, details_text, table_text
-from tendonrepro.verdicts.rules import EDITION, FAILURES, ByChoice
+from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings
+from tendonrepro.verdicts.verdict import Ledger, Origin, Verdict, read_ledger
 
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
@@ -122,7 +122,7 @@ def judged(
         known = {"draws": len(ensemble.draws), "rules_edition": EDITION}
         return sources, verdicts, _origin("local", read_manifest(out / ENSEMBLE) | known)
     shipped = shipped_ledger()
-    return sources, with_shipped(verdicts, shipped), shipped["ensemble"]
+    return sources, with_shipped(verdicts, shipped), shipped.ensemble
 
 
 def _found(out: Path, measured: Path | None, talk: Talk) -> Sources:
@@ -158,8 +158,8 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
 def shipped_ledger() -> Ledger:
     """Read the ``claims.json`` of the package."""
     path = shipped("docs/results") / "claims.json"
-    stored: Ledger = json.loads(path.read_text(encoding="utf-8"))
-    return {**stored, "ensemble": _origin("shipped", stored["ensemble"])}
+    stored = read_ledger(json.loads(path.read_text(encoding="utf-8")))
+    return replace(stored, ensemble=_origin("shipped", stored.ensemble))
 
 
 def _origin(source: str, known: Mapping[str, object]) -> Origin:
@@ -169,34 +169,32 @@ def _origin(source: str, known: Mapping[str, object]) -> Origin:
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:
     """Take from a ledger what waits for an ensemble, if its text and rule are the same."""
-    entries = {entry["id"]: entry for entry in ledger["claims"]}
 
     def or_taken(verdict: Verdict) -> Verdict:
-        entry = entries.get(verdict.id)
+        stored = ledger.verdicts.get(verdict.id)
         waits = verdict.kind == "ensemble" and verdict.verdict == "not_testable"
-        if entry is None or not waits or not _same_question(verdict, entry):
+        if stored is None or not waits or not _same_question(verdict, stored):
             return verdict
-        return _taken(verdict, entry, ledger["ensemble"])
+        return _taken(verdict, stored, ledger.ensemble)
 
     return [or_taken(verdict) for verdict in verdicts]
 
 
-def _same_question(verdict: Verdict, entry: Entry) -> bool:
-    theirs = entry["kind"], entry["rule"], entry["printed"]
-    return (verdict.kind, verdict.rule, verdict.printed) == theirs
+def _same_question(one: Verdict, other: Verdict) -> bool:
+    return (one.kind, one.rule, one.printed) == (other.kind, other.rule, other.printed)
 
 
-def _taken(waiting: Verdict, entry: Entry, origin: Origin) -> Verdict:
+def _taken(waiting: Verdict, stored: Verdict, origin: Origin) -> Verdict:
     # The run of the shipped plant and the measurement are those that are here, or none.
     here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
-    evidence = {**entry["evidence"], **here, "ensemble": origin}
+    evidence = {**stored.evidence, **here, "ensemble": origin}
     return replace(
         waiting,
-        ours=entry["ours"] if here["shipped_run"] is None else waiting.ours,
-        verdict=entry["verdict"],
-        borderline=entry["borderline"],
+        ours=stored.ours if here["shipped_run"] is None else waiting.ours,
+        verdict=stored.verdict,
+        borderline=stored.borderline,
         evidence={name: value for name, value in evidence.items() if value is not None},
-        readings_that_change_it=tuple(entry["readings_that_change_it"]),
-        by_choice=tuple(ByChoice(**choice) for choice in entry.get("by_choice", ())),
+        readings_that_change_it=stored.readings_that_change_it,
+        by_choice=stored.by_choice,
         shipped=True,
     )

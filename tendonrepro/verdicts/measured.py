@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import COMPARED, Published
+from tendonrepro.configuration.published import COMPARED, METRICS, Published
 from tendonrepro.dataset.motion import Reference, derivatives, recover, timing_of
 from tendonrepro.dataset.windows import PrintedTables, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
@@ -33,7 +33,7 @@ _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
 
-_SIGNALS = dict.fromkeys(("mae", "rmse", "max"), ("e", "deg")) | {
+_SIGNALS = dict.fromkeys((*METRICS, "max"), ("e", "deg")) | {
     "s": ("s or e", "deg_per_s"),
     "torque": ("tau_m", "N_m"),
     "H": ("H_hat", "N_m"),
@@ -111,7 +111,7 @@ class OneArm:
     def statistic(self, run: str, _reading: str, name: str) -> Array:
         """One statistic, SI, (1, 2)."""
         trace = self._trace(run)
-        of_tables = name in ("mae", "rmse")
+        of_tables = name in METRICS
         sizes = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)
         _, unit = _SIGNALS[name.partition("_")[0]]
         shown = sizes if unit == "N_m" else np.rad2deg(sizes)

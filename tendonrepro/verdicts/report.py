@@ -11,10 +11,10 @@ from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
-from tendonrepro.verdicts.entries import Origin
 from tendonrepro.verdicts.from_ensemble import COMMAND
-from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, Verdict, summary
+from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
+from tendonrepro.verdicts.verdict import Origin, Verdict
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
@@ -54,7 +54,7 @@ _NUMBERS = {
 }
 
 
-def in_words(identifier: str) -> str:
+def claim_in_words(identifier: str) -> str:
     """A claim in few words, or what a number is of."""
     return published().entries[identifier].short or number_in_words(identifier)
 
@@ -105,7 +105,13 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
         for claim in under:
             verdict = f"{VERDICTS[claim.verdict]}{_marks(claim)}"
             rows.append(
-                [f"  {in_words(claim.id)}", _ours(claim), verdict, claim.id, _measured(claim) or NOTHING]
+                [
+                    f"  {claim_in_words(claim.id)}",
+                    _ours(claim),
+                    verdict,
+                    claim.id,
+                    _measured(claim) or NOTHING,
+                ]
             )
             rows += [
                 [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], "", ""]

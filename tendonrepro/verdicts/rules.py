@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import FEW, MOST, Ends, Share, Spread
 
 HEADINGS: Mapping[str, Mapping[str, str]] = {
@@ -48,7 +49,7 @@ NO_POWER = 0.5
 """Power from which on a range that holds a number says nothing."""
 
 Mask: TypeAlias = NDArray[np.bool_]
-Evidence: TypeAlias = dict[str, Any]
+Evidence: TypeAlias = Json
 """What a verdict rests on; its keys differ from rule to rule."""
 Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 

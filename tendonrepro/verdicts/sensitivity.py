@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import Published, published
+from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
@@ -116,7 +116,7 @@ def rankings(data: EnsembleData) -> dict[str, Ranking]:
 
     rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), ("mae", "rmse"))}
+        logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), METRICS)}
         mae = logs[FIRST, "mae"]
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import factorial
-from typing import Any
 
 import numpy as np
 
@@ -70,9 +69,19 @@ def findings_of(plants: Plants, paper: Published, rule: str) -> Findings:
         return CLAIMS[rule](plants, paper)
 
 
-def _over(plants: Plants, runs: Sequence[str], statements: Sequence[Statement], **more: Any) -> Findings:
+def _over(
+    plants: Plants,
+    runs: Sequence[str],
+    statements: Sequence[Statement],
+    *,
+    remarks: Sequence[str] = (),
+    opposite: Statement | None = None,
+    beside: Sequence[Statement] = (),
+    chance: tuple[float, float] | None = None,
+) -> Findings:
     """Judge statements where some runs are ``ok``, and rank these runs."""
-    return Findings(statements, plants.ok(*runs), plants.rankable(*runs), **more)
+    judged, rankable = plants.ok(*runs), plants.rankable(*runs)
+    return Findings(statements, judged, rankable, remarks, opposite, beside, chance)
 
 
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:

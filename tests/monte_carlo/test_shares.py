@@ -22,9 +22,8 @@ from support.made_ensemble import (
     random_errors,
 )
 
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.monte_carlo.shares import (
-    METRICS,
     QUANTILES,
     RATIOS,
     agreement,

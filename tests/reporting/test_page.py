@@ -16,7 +16,7 @@ from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.page import page, pictures, plate
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.report import MAIN, in_words
+from tendonrepro.verdicts.report import MAIN, claim_in_words
 from tendonrepro.verdicts.rules import VERDICTS
 
 PARTS = "answer why decouple compare claims inconsistencies questions assumptions again"
@@ -29,7 +29,7 @@ def plain(text):
 
 @pytest.fixture(scope="module")
 def ledger(found):
-    return {entry["id"]: entry for entry in found.ledger["claims"]}
+    return found.ledger.verdicts
 
 
 def test_the_parts_stand_in_order(made, results):
@@ -57,17 +57,17 @@ def test_the_ten_claims(made, ledger):
     assert len(head) == 3
     assert len(rows) == len(MAIN) == 10
     for row, name in zip(rows, MAIN, strict=True):
-        said = [f"{in_words(name)} {ledger[name]['where']}", contents.ours(ledger[name])]
+        said = [f"{claim_in_words(name)} {ledger[name].where}", contents.ours(ledger[name])]
         assert [plain(cell) for cell in row[:2]] == said
-        assert row[2].startswith(VERDICTS[ledger[name]["verdict"]])
+        assert row[2].startswith(VERDICTS[ledger[name].verdict])
 
 
 def test_every_verdict_stands_once_with_its_evidence(made, ledger):
-    entries = [entry for entry in ledger.values() if entry["repeats"] is None or entry["kind"] == "ensemble"]
+    entries = [entry for entry in ledger.values() if entry.repeats is None or entry.kind == "ensemble"]
     verdicts, evidence = made.one(id="claims").all("details")
     _, *rows = verdicts.one("table").cells()
     assert [plain(row[1]) for row in rows] == [contents.ours(entry) for entry in entries]
-    shares = [percent(part["share"]) for part in ledger["C1"]["evidence"]["statements"]]
+    shares = [percent(part["share"]) for part in ledger["C1"].evidence["statements"]]
     assert [share for _, share in contents.statements(ledger["C1"])][:-1] == shares
     assert len(evidence.all("table")) == sum(bool(contents.statements(entry)) for entry in entries)
 

@@ -15,7 +15,7 @@ from tendonrepro.physics.control import Surface
 from tendonrepro.tuning import search
 from tendonrepro.tuning.bench import Candidate, Measured, Plants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Seen, Tuning, _lost, best, costs
+from tendonrepro.tuning.search import Effort, Seen, Tuning, _lost, best, costs
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -44,7 +44,7 @@ def _on_the_unit_mass(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def searched(cap: float, generations: int = 40) -> list[list[Seen]]:
     plants: Any = SimpleNamespace(alpha=np.zeros(2))
-    effort = {"searches": 4, "generations": generations, "population": 8}
+    effort = Effort(searches=4, generations=generations, population=8)
     return [*Tuning({"pd": PD}, [cap], plants, effort, (1, 0)).run([("none", False)]).values()]
 
 

@@ -93,15 +93,15 @@ class TestFreshClone:
     """The shipped verdicts stand in for an ensemble."""
 
     def test_every_claim_has_the_stored_verdict(self, ledger):
-        stored, found = entries(shipped_ledger()), entries(ledger.data)
+        stored, found = shipped_ledger().verdicts, entries(ledger.data)
         shipped = {name for name, entry in found.items() if entry["shipped"]}
         assert shipped == {name for name, entry in found.items() if entry["kind"] == "ensemble"}
         for name in shipped:
             for key in ("verdict", "ours", "borderline", "rule", "printed", "unit"):
-                assert found[name][key] == stored[name][key], name
+                assert found[name][key] == getattr(stored[name], key), name
 
     def test_it_says_of_which_ensemble_they_are(self, ledger):
-        origin = shipped_ledger()["ensemble"]
+        origin = shipped_ledger().ensemble
         assert ledger.data["ensemble"] == origin
         assert origin["source"] == "shipped"
         for key in ("draws", "tendonrepro_version", "created"):
@@ -123,7 +123,7 @@ def test_numbers_of_a_run_here_go_before_the_stored_ones(tmp_path):
     (without,) = judge_all(Sources(compare=make_compare_file(step=0.05)), only=[name])
     entry = entries(claimed(tmp_path, [name]).data)[name]
     assert entry["ours"] == pytest.approx(without.ours)
-    assert entry["evidence"]["box"] == entries(shipped_ledger())[name]["evidence"]["box"]
+    assert entry["evidence"]["box"] == shipped_ledger().verdicts[name].evidence["box"]
 
 
 def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
@@ -142,8 +142,9 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("key", ["rule", "printed", "kind"])
 def test_a_verdict_by_another_rule_does_not_count(key):
-    stored = shipped_ledger()
-    entries(stored)["C2"][key] = "another"
+    shipped = shipped_ledger()
+    other = replace(shipped.verdicts["C2"], **{key: "another"})
+    stored = replace(shipped, verdicts={**shipped.verdicts, "C2": other})
     left, taken = with_shipped(judge_all(Sources(), only=["C2", "E1"]), stored)
     assert (left.verdict, left.shipped) == ("not_testable", False)
     assert taken.shipped
@@ -152,8 +153,8 @@ def test_a_verdict_by_another_rule_does_not_count(key):
 def test_what_was_run_or_measured_elsewhere_is_not_told_here():
     name = "table2.controller_1.mae.joint_2"
     stored = shipped_ledger()
-    entry = entries(stored)[name]
-    entry["evidence"] |= {"shipped_run": 1.0, "measured": {"verdict": "reproduced", "ours": 1.0}}
+    entry = stored.verdicts[name]
+    entry.evidence.update({"shipped_run": 1.0, "measured": {"verdict": "reproduced", "ours": 1.0}})
     (found,) = with_shipped(judge_all(Sources(), only=[name]), stored)
     assert found.evidence.keys().isdisjoint({"shipped_run", "measured"})
-    assert found.ours == entry["ours"]
+    assert found.ours == entry.ours

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES, replaced
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.published import published
-from tendonrepro.configuration.quantity import Moving, Physical, Scalar, to_si
+from tendonrepro.configuration.published import METRICS, published, row_of
+from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
 from tendonrepro.experiments.rig import start_angles
@@ -39,7 +39,7 @@ from tendonrepro.reporting.live.controls import (
     knobs_of,
 )
 from tendonrepro.reporting.live.model import Code, law_code, motion_code, plant_code
-from tendonrepro.results.paper import METRICS, compares_as_paper
+from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS, PAYLOAD
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.parts import is_noisy, plant_needs
@@ -272,7 +272,7 @@ def _control(
     root = config if run is None else config.runs[run]
     *above, last = knob.key.split(".")
     section = attrgetter(".".join(above))(root) if above else root
-    quantity: Any = getattr(section, last) or absent(config, entry, knob.unit)
+    quantity: Quantity = getattr(section, last) or absent(config, entry, knob.unit)
     factor = 1.0 if quantity.unit == knob.unit else to_si(1.0, quantity.unit) / to_si(1.0, knob.unit)
     value = quantity.value if entry is None else quantity.value[entry]
     field = type(section).model_fields[last]
@@ -368,10 +368,11 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
     steps = {name: int(rule.max()) for name, rule in zip(loops, _steps(places), strict=True)}
     runs = []
     for name, run in config.runs.items():
-        row = "table3.with_load" if name == RUNS[-1] else f"table2.{name}"
         printed = None
         if papers and name in RUNS:
-            printed = {metric: published().per_joint(f"{row}.{metric}", config.joints) for metric in METRICS}
+            printed = {
+                metric: published().per_joint(f"{row_of(name)}.{metric}", config.joints) for metric in METRICS
+            }
         enough = steps[name] or STEPS[-1]
         runs.append(
             {
