@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.published import METRICS, Published, row_of
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
@@ -25,8 +25,6 @@ from tendonrepro.results.paper_tables import COLUMNS
 from tendonrepro.results.summary import tracking_errors, without_start_name
 from tendonrepro.results.traces import read_traces
 
-METRICS = ("mae", "rmse")
-
 Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
 """Runs whose published numbers are fitted."""
@@ -34,7 +32,6 @@ FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "
 Window: TypeAlias = Literal["whole", "late", "settled"]
 """What errors average: the whole run, all after its first period, or all after `metrics.START`."""
 
-_TABLE = {run: f"table2.{run}" for run in RUNS} | {"controller_1_payload": "table3.with_load"}
 _ROUNDED = 6
 """Digits behind the point up to which a number of a table counts as rounded; longer ones are exact."""
 _LONG = ("metric", "value_deg", "half_deg")
@@ -93,7 +90,7 @@ class Goal:
 def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all") -> Goal:
     """Tables 2 and 3 of the paper; of them all numbers or those of Controller 2 are fitted."""
     names = [
-        f"{_TABLE[run]}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in joints
+        f"{row_of(run)}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in joints
     ]
     numbers, shape = [paper.digits(name) for name in names], (len(RUNS), len(METRICS), len(joints))
     fitted = np.array([run in FITTED[fit] for run in RUNS])

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import Reading
-from tendonrepro.identification.goal import METRICS, Goal, Window
+from tendonrepro.configuration.published import METRICS
+from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import DataMissingError
-from tendonrepro.identification.goal import METRICS, Goal, Window
+from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.misfit import SUFFIX, Simulated, log_misfit
 from tendonrepro.monte_carlo.data import EnsembleData
 

@@ -12,11 +12,12 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
 from tendonrepro.identification.answer import KnownRow, ParameterRow, SearchAnswer, nearest_search
-from tendonrepro.identification.goal import METRICS, Goal
+from tendonrepro.identification.goal import Goal
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space

@@ -7,8 +7,8 @@ import numpy as np
 from support.other_print import with_numbers
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import published
-from tendonrepro.identification.goal import METRICS, printed_numbers
+from tendonrepro.configuration.published import METRICS, published, row_of
+from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
@@ -64,8 +64,9 @@ def _size(loop):
 
 def paper_with(errors, decimals=None):
     """The paper with these errors, (4, 2, 2) in degrees, in Tables 2 and 3."""
-    tables = ["table3.with_load" if run == "controller_1_payload" else f"table2.{run}" for run in RUNS]
-    names = [f"{table}.{metric}.joint_{joint}" for table in tables for metric in METRICS for joint in (2, 3)]
+    names = [
+        f"{row_of(run)}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in (2, 3)
+    ]
     return with_numbers(published(), dict(zip(names, np.ravel(errors), strict=True)), decimals)
 
 
