@@ -144,10 +144,10 @@ def take_closest(folder: Path) -> None:
     found = read(folder / "identify.json")
     found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
     budget = {key: found[key] for key in BUDGET}
-    begun_at = "draw" if "from_draws_of" in found else "arm"
+    place = "draw" if "from_draws_of" in found else "arm"
     kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
     fresh = [
-        {"physics_sha256": code_digest("physics"), "begun_at": begun_at}
+        {"physics_sha256": code_digest("physics"), "begun_at": place}
         | {key: reading[key] for key in kept}
         | {
             "unknowns": len(reading["rows_searched"]),
@@ -167,17 +167,32 @@ def take_closest(folder: Path) -> None:
     of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
     store("identify.json", of_all | by_nearness(list(searches.values())))
     best = nearest(stored("identify")["readings"], KEPT)
-    if best and (best["name"], best["begun_at"]) in {(search["name"], begun_at) for search in fresh}:
+    if best and (best["name"], best["begun_at"]) in {(search["name"], place) for search in fresh}:
         text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
         CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
 
 
 def by_nearness(searches: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
     """The nearest search of each interpretation, and the others: a search begins at the arm, or at a draw."""
-    ordered = sorted(searches, key=lambda search: search["misfit_log"])
-    best = {search["name"]: search for search in reversed(ordered)}
-    farther = [search for search in ordered if search is not best[search["name"]]]
+    best: dict[str, Mapping[str, Any]] = {}
+    farther = []
+    for search in sorted(searches, key=lambda search: search["misfit_log"]):
+        if search["name"] in best:
+            farther.append(search)
+        else:
+            best[search["name"]] = search
     return {"readings": list(best.values()), "farther": farther}
+
+
+def begun_at(place: str) -> Column:
+    """The misfit of the search of an interpretation that began at a place, if one did."""
+
+    def column(held: Mapping[str, Any]) -> str:
+        searches = [*stored("identify")["readings"], *stored("identify")["farther"]]
+        found = [search for search in searches if (search["name"], search["begun_at"]) == (held["name"], place)]
+        return off(found[0]["misfit_log"]) if found else ""
+
+    return column
 
 
 def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Mapping[str, Any] | None:
@@ -473,10 +488,11 @@ CLAIMS: Mapping[str, Column] = {
 NUMBERS = {**CLAIMS, "the paper": lambda judged: contents.named(judged).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
-    "nearest draw": lambda held: off(stored("draws")["misfit_log"][held["name"]]),
     "misfit": lambda held: off(held["misfit_log"]),
-    "begun at": lambda held: f"the {held['begun_at']}",
-    "of its searches": lambda held: " to ".join(off(pick(held["misfit_by_seed"])) for pick in (min, max)),
+    "begun at the arm": begun_at("arm"),
+    "at the nearest draw": begun_at("draw"),
+    "that draw itself": lambda held: off(stored("draws")["misfit_log"][held["name"]]),
+    "of its seeds": lambda held: " to ".join(off(pick(held["misfit_by_seed"])) for pick in (min, max)),
     "unknowns": lambda held: str(len(held["rows_searched"])),
     "at a bound": lambda held: ", ".join(f"`{name}` {end}" for name, end in held["at_bound"].items()) or "none",
     "order in MAE, joint 2 / 3": lambda held: shapes(held, "ours_order_mae"),
