@@ -18,7 +18,8 @@ from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import QUIET
 from tendonrepro.evidence.fit import equally_good
 from tendonrepro.evidence.hypotheses import Log
-from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, recovered
+from tendonrepro.evidence.recover import recovered
+from tendonrepro.evidence.recovered import NONE, RECOVERED, UNTOLD
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.arm import gravity_torque

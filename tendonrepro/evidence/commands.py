@@ -36,7 +36,7 @@ def predict(
         Comma-separated names [default: the main ones].
     """
     from tendonrepro.configuration.plants import load_study_plants
-    from tendonrepro.evidence.predict import asked_for, default_readings_on, predict_outcome
+    from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_outcome
     from tendonrepro.simulation.device import require
 
     loaded = load_study_plants(config, spread, ranges, overrides=set, seed=seed)
@@ -62,7 +62,7 @@ def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> St
         Trace file, or results folder with one.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.evidence.recover import recover_outcome
+    from tendonrepro.evidence.recover_report import recover_outcome
     from tendonrepro.results.traces import read_traces
 
     file, paper = read_traces(Path(log)), load_config(None, "compare")

@@ -16,7 +16,7 @@ from tendonrepro.configuration.published import COMPARED, METRICS, Published, pu
 from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
-from tendonrepro.evidence.recover import controllers_of
+from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows

@@ -20,16 +20,9 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
-from tendonrepro.evidence.recover import (
-    NONE,
-    RECOVERED,
-    UNTOLD,
-    Recovered,
-    _data,
-    _tables,
-    read_logs,
-    recovered,
-)
+from tendonrepro.evidence.recover import read_logs, recovered
+from tendonrepro.evidence.recover_report import _data, _tables
+from tendonrepro.evidence.recovered import NONE, RECOVERED, UNTOLD, Recovered
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 

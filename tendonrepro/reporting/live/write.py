@@ -9,7 +9,10 @@ from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_existing, write_atomically
-from tendonrepro.reporting.live.page import Library, build_page, preset, shipped_presets
+from tendonrepro.reporting.live.library import Library
+from tendonrepro.reporting.live.page import build_page
+from tendonrepro.reporting.live.preset import preset
+from tendonrepro.reporting.live.story import shipped_presets
 
 PAGE = "live.html"
 """Name of the page."""

@@ -1,0 +1,132 @@
+"""What ``tendonrepro predict`` asks for by default, and shows: JSON, tables and picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.evidence.bench_runs import Experiment, experiments_on
+from tendonrepro.evidence.predict import (
+    LEAST,
+    Gaps,
+    Prediction,
+    gaps_between,
+    never_told_apart,
+    predictions,
+    told_apart,
+)
+from tendonrepro.monte_carlo.around import draws_rows, readings_around
+from tendonrepro.monte_carlo.plan import MOST_DRAWS
+from tendonrepro.results.tables import Table
+from tendonrepro.simulation.device import DeviceName
+from tendonrepro.studies.outcome import Outcome
+
+SCHEMA_VERSION = 1
+READINGS = (
+    "printed,Delta_unit=deg,gain_unit=phi_in_degrees,phi_branch=power,weights=extrapolating,"
+    "weights=extrapolating+Delta_unit=deg,stored_torque=applied+torque_step=0.016,"
+    "Delta_unit=deg+stored_torque=applied+torque_step=0.016,feedback=motor,"
+    "reference_acceleration=absent,motion=ramp,starts=apart,"
+    "reference_acceleration=absent+starts=apart,motion=ramp+starts=apart"
+)
+"""Interpretations whose predictions are asked for unless others are named."""
+
+
+def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
+    """Raise a UsageError for too few or many draws, or an unknown interpretation."""
+    if not LEAST <= draws <= MOST_DRAWS:
+        raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
+    _chosen(loaded, readings)
+
+
+def predict_outcome(
+    loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk, device: DeviceName = "cpu"
+) -> Outcome:
+    """Predict every experiment under interpretations, their names with commas between."""
+    from tendonrepro.evidence.figure_predictions import draw_predictions
+
+    if draws & (draws - 1):
+        even = 1 << draws.bit_length()
+        talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
+    chosen, joints, experiments_run = _chosen(loaded, readings), loaded.compare.joints, experiments_on(loaded)
+    predicted = list(predictions(loaded, chosen, draws, talk, device))
+    names = [reading.name for reading in chosen]
+    gaps = gaps_between(predicted, names)
+    told, never = told_apart(gaps), never_told_apart(gaps, names)
+    experiments = [
+        {
+            "name": experiment.name,
+            "about": experiment.about,
+            "judged_pairs": len(gaps[experiment.name]),
+            "told_apart": [*map(list, told[experiment.name])],
+            "gaps": [*told[experiment.name].values()],
+            "ratios": [vars(row) for row in predicted if row.experiment == experiment.name],
+        }
+        for experiment in experiments_run
+    ]
+    around = loaded.around
+    data = {
+        "schema_version": SCHEMA_VERSION,
+        "draws": draws,
+        **({"around": around.as_data()} if around else {}),
+        "joints": list(joints),
+        "readings": names,
+        "never_told_apart": never,
+        "experiments": experiments,
+    }
+    where = around.told if around else ""
+    on = f"{draws} plants {where}".strip()
+    figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
+    return Outcome(data, _tables(predicted, gaps, never, on, experiments_run), figures)
+
+
+def _chosen(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm those that its comparison can be run under."""
+    return readings_around(loaded, names) if loaded.around else named_readings(names)
+
+
+def default_readings_on(loaded: LoadedEnsemble) -> str:
+    """Names of the readings that are asked for unless others are named."""
+    if not loaded.around:
+        return READINGS
+    return ",".join(name for name in READINGS.split(",") if not draws_rows(parse_reading(name)))
+
+
+def _tables(
+    predicted: Sequence[Prediction],
+    gaps: Mapping[str, Gaps],
+    never: Sequence[Sequence[str]],
+    on: str,
+    experiments: Sequence[Experiment],
+) -> list[Table | str]:
+    told = told_apart(gaps)
+    telling = sorted(experiments, key=lambda experiment: -max(told[experiment.name].values(), default=0.0))
+    rows = []
+    for experiment in telling:
+        # Where no pair could be judged, zeros would be findings.
+        apart = [*told[experiment.name].values()] if gaps[experiment.name] else None
+        rows.append(
+            {
+                "experiment": experiment.about,
+                "widest_gap": None if apart is None else max(apart, default=0.0),
+                "narrowest_gap": None if apart is None else min(apart, default=0.0),
+                "pairs_told_apart": None if apart is None else len(apart),
+            }
+        )
+    caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
+    ratios = [vars(row) for experiment in telling for row in predicted if row.experiment == experiment.name]
+    about = f"Ratio of mean errors, median and central 90 % of the stable ones of {on}."
+    pairs = never if any(gaps.values()) else [(None, None)]
+    untold = [{"interpretation": a, "and": b} for a, b in pairs]
+    few = sum(row.plants < LEAST for row in predicted)
+    ranges = f"{few} of {len(predicted)} ranges"
+    remark = f"{ranges} have fewer than {LEAST} stable plants, and tell nothing: more --draws"
+    return [
+        *([remark] if few else []),
+        Table("experiments", caption, rows),
+        Table("never_told_apart", "Interpretations that no experiment tells apart.", untold),
+        Table("predictions", about, ratios, terminal=()),
+    ]
