@@ -155,7 +155,7 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, boo
     weights = "extrapolating" if "extrapolating" in name else "interpolating"
     true = estimator_weights(published.config.control.gains.alpha.si, weights)
     for place, one in enumerate(recovered(file, published, QUIET)):
-        names = {fit.hypothesis.name for fit in equally_good(one.found)} if one.found else set()
+        names = {fit.hypothesis.name for fit in equally_good(one.fits)} if one.fits else set()
         found, holds = one.answer, None
         if one.prints_weights and name not in FOREIGN:
             apart = np.abs(one.best.parameters[:2] - true[:, place])

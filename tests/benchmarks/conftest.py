@@ -37,3 +37,8 @@ def baseline(scripts: None) -> ModuleType:  # noqa: ARG001
 @pytest.fixture
 def compiled(scripts: None) -> ModuleType:  # noqa: ARG001
     return import_module("baseline_numba")
+
+
+@pytest.fixture
+def recovery(scripts: None) -> ModuleType:  # noqa: ARG001
+    return import_module("recovery")
