@@ -283,7 +283,9 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
     blocks = study.blocks(draws)
-    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.populations}
+    populations = {
+        name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
+    }
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
     summary: Any = {
         "schema_version": SCHEMA_VERSION,
