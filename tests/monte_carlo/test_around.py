@@ -110,7 +110,16 @@ def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "ranges", [["links.mass"], ["mass=0.5,2"], ["links.mass=2,0.5"], ["links.mass=0,2"], ["links.mass=1,2,3"]]
+    "ranges",
+    [
+        ["links.mass"],
+        ["mass=0.5,2"],
+        ["links.mass=2,0.5"],
+        ["links.mass=0,2"],
+        ["links.mass=1,2,3"],
+        ["links.mass=0.5,2", "links.mass=0.9,1.1"],
+        ["tensioner.force=0.5,2"],  # off on this arm
+    ],
 )
 def test_a_range_that_is_none(compare: Path, ranges: list[str]) -> None:
     with pytest.raises(UsageError):
