@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from queue import Empty, Queue
 from typing import Protocol, TypeVar
 
-from tendonrepro.errors import TendonreproError
+from tendonrepro.errors import TendonreproError, UsageError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -113,6 +113,13 @@ def _can_fork() -> bool:
     except (AttributeError, OSError, ValueError):
         return False
     return sys.platform == "linux" and threading.active_count() == 1
+
+
+def check_jobs(jobs: int) -> None:
+    """Raise a UsageError unless there is a process at least, or -1 for one for each of `processors`."""
+    if jobs < 1 and jobs != -1:
+        message = f"must be a number of processes, or -1 for one for each processor, found {jobs}"
+        raise UsageError(message, where="--jobs")
 
 
 def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Iterator[Result]:

@@ -41,8 +41,8 @@ def figures(explanation: Explanation) -> dict[str, Callable[[], Drawing]]:
     laws = {view.law_name for pair in view_pairs(explanation.views) for view in pair[1:]}
     if laws and laws <= explanation.loads.error.keys():
         caption = (
-            "Error that a load on a joint leaves, one controller's over the next one's; below the line the "
-            "first has the smaller error"
+            "Error that a load on a joint leaves, by the load's frequency: one controller's over the next "
+            "one's; below the line the first has the smaller error"
         )
         drawn["explain_loads"] = draw_loads, caption
     return {
@@ -73,8 +73,7 @@ def draw_margins(explanation: Explanation) -> Figure:
         for number, (run, (hertz, channels)) in enumerate(explanation.curves.items(), start=1):
             stroke, value = stroke_of(number), channels[k]
             _line(gain, hertz, np.abs(value), stroke, run)
-            # Of -G, continuous from between -180 and 180 at the lowest frequency.
-            _line(phase, hertz, np.rad2deg(np.unwrap(np.angle(-value))), stroke, run)
+            _line(phase, hertz, _loop_phase(value), stroke, run)
             place = explanation.margins[run].joints[k].gain_margin_hz
             if np.isfinite(place):
                 height = np.exp(np.interp(np.log(place), np.log(hertz), np.log(np.abs(value))))
@@ -93,6 +92,15 @@ def draw_margins(explanation: Explanation) -> Figure:
     grid[1, 0].set_ylabel("Loop phase (deg)")
     _legend(figure, grid[0, 0], [_sample("o", "gain margin")])
     return figure
+
+
+def _loop_phase(value: Array) -> Array:
+    """Phase of -G, deg, continuous; above -270 and up to 90 at the lowest frequency.
+
+    A slow load is countered with -90 to -180 deg and a little more, which must not wrap to 170.
+    """
+    phase = np.rad2deg(np.unwrap(np.angle(-value)))
+    return np.asarray(phase - 360.0 * np.ceil((phase[0] - 90.0) / 360.0))
 
 
 def draw_map(explanation: Explanation) -> Figure:
@@ -134,8 +142,9 @@ def draw_loads(explanation: Explanation) -> Figure:
         for number, (_, a, b) in enumerate(view_pairs(explanation.views), start=1):
             ratio = responses.error[a.law_name][k] / responses.error[b.law_name][k]
             _line(axes, responses.hertz, ratio, stroke_of(number), f"{a.law_name} over {b.law_name}")
-        axes.set(xscale="log", xlim=responses.hertz[[0, -1]], xlabel="frequency of the load (Hz)")
-    grid[0, 0].set_ylabel("error of one over the other")
+        # Below six panels there is no room for more words.
+        axes.set(xscale="log", xlim=responses.hertz[[0, -1]], xlabel="Frequency (Hz)")
+    grid[0, 0].set_ylabel("Error of one over the other")
     letter_panels(grid[0], [f"Joint {joint}" for joint in explanation.joints])
     _legend(figure, grid[0, 0], columns=4)
     return figure

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from functools import reduce
+from typing import Any, TypeAlias
 
+import numpy as np
 from pydantic import ValidationError
 
 from tendonrepro.configuration.models.experiment import CompareConfig
@@ -38,6 +40,9 @@ SHARED: Mapping[str, str] = {
     "actuator.torque_limit": "torque_limit",
 }
 """Rows that all joints share, by the arm's keys; what an arm has off stays off."""
+
+_OF = {"friction.link.stribeck_velocity": "friction.link.coulomb"}
+"""Keys that are of an effect whose size is another one."""
 
 MOST = 10.0
 """Largest factor on a value of an arm, and its inverse the smallest."""
@@ -93,7 +98,7 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
     Raises
     ------
     UsageError
-        For another form, a key that does not vary, or ends that are none.
+        For another form, a key that does not vary or is given twice, or ends that are none.
     """
     if isinstance(ranges, Mapping):
         given = [(key, [float(end) for end in ends]) for key, ends in ranges.items()]
@@ -105,6 +110,9 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
         if key not in known:
             message = f"no key {key!r} varies around an arm{did_you_mean(key, known)}"
             raise UsageError(message, where="--range", hint=f"There are: {', '.join(known)}")
+        if key in checked:
+            message, hint = f"{key} is given twice", "name each key once"
+            raise UsageError(message, where="--range", hint=hint)
         if len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:
             shown = ",".join(f"{end:g}" for end in ends)
             message = (
@@ -113,6 +121,18 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
             raise UsageError(message, where="--range", hint=f"{key}=0.5,2 is half to twice the arm's value")
         checked[key] = (ends[0], ends[1])
     return checked
+
+
+def refuse_off(config: CompareConfig, keys: Iterable[str]) -> None:
+    """Raise a UsageError for a key on which nothing depends, because the arm has its effect off."""
+    moving = slice(-len(config.joints), None)
+    for key in keys:
+        owner = _OF.get(key, key)
+        quantity: Any = reduce(getattr, owner.split("."), config.manipulator)
+        if not np.any(np.atleast_1d(quantity.si)[moving]):
+            message = f"{owner} is 0 on {config.manipulator.name}, so nothing depends on {key}"
+            hint = f"give the arm a {owner} above 0, or leave this range out"
+            raise UsageError(message, where="--range", hint=hint)
 
 
 def _read(text: str) -> tuple[str, list[float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tendonrepro.configuration.around import Around, Ranges, ranges_of, spread_of
+from tendonrepro.configuration.around import Around, Ranges, ranges_of, refuse_off, spread_of
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.load import Source, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig
@@ -26,7 +26,7 @@ def load_around(
     Raises
     ------
     UsageError
-        For a spread or ranges that are none.
+        For a spread or ranges that are none, or of what the arm has off.
     ConfigError
         If the comparison has not the three laws that are compared.
     """
@@ -37,6 +37,7 @@ def load_around(
     if missing:
         words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
         raise ConfigError(words, where=base.origin)
+    refuse_off(base.config, own)
     shipped = load_ensemble(None, seed=seed)
     content = {"ranges": shipped.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
     return replace(

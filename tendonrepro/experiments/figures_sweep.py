@@ -16,6 +16,12 @@ from tendonrepro.results.figures.style import Look
 GONE = ("diverged", "unresolved")
 """Statuses of runs whose errors cannot be compared."""
 
+_BESIDE = 2
+"""So many labels of keys have room beside each other."""
+
+_TEXTS = 12
+"""And so many of values, slanted."""
+
 _SPREAD = 7.5
 """From this ratio of the largest to the smallest value on, an axis is logarithmic."""
 
@@ -61,7 +67,10 @@ def _set_values(panel: Axes, sweep: Sweep, k: int) -> tuple[Sequence[int], Array
     """Places of the points along the axis, numbers in order or words side by side; and where they stand."""
     axes, points = sweep.grid.axes, sweep.grid.points
     labels = (axis.key + ("" if axis.unit in (None, "1") else f" ({axis.unit})") for axis in axes)
-    panel.set_xlabel(", ".join(labels))
+    joints = len(sweep.grid.joints)
+    # Many joints leave no room for the keys below each panel.
+    if joints <= _BESIDE or k == (joints - 1) // 2:
+        panel.set_xlabel(", ".join(labels))
     panel.margins(x=0.06)
     if len(axes) == 1 and axes[0].numbers is not None:
         numbers = np.array([row[k] for row in axes[0].numbers])
@@ -73,7 +82,10 @@ def _set_values(panel: Axes, sweep: Sweep, k: int) -> tuple[Sequence[int], Array
         for point in points
     ]
     x = np.arange(len(points), dtype=np.float64)
-    panel.set_xticks(x, texts, rotation=25.0, ha="right")
+    if len(points) * joints <= _TEXTS:
+        panel.set_xticks(x, texts, rotation=25.0, ha="right")
+    else:
+        panel.set_xticks(x, texts, rotation=90.0)
     return range(len(points)), x
 
 

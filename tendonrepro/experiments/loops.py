@@ -31,6 +31,7 @@ from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface,
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.metrics import Status, status_of
+from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.physics.trajectory import Motion, Shape
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
@@ -195,6 +196,13 @@ def build_law(config: CompareConfig, name: str) -> Law:
         motor_side=readings.feedback == "motor",
         feed_forward=0.0 if readings.reference_acceleration == "absent" else 1.0,
     )
+
+
+def slow_error_ratio(config: CompareConfig, pair: Sequence[str]) -> Array:
+    """Error of one of ``control.laws`` over that of another under a slow load, (n,); see `error_ratio`."""
+    one, other = (build_law(config, name) for name in pair)
+    delay = int(config.manipulator.actuator.output_delay.si)
+    return error_ratio(one, other, float(np.deg2rad(TYPICAL_ERROR_DEG)), delay)
 
 
 def power_floor(resolution: Value, scale: float) -> Value:

@@ -190,12 +190,15 @@ def survey(loaded: LoadedConfig) -> Survey:
 
 
 def _value_or_box(configured: float, row: str) -> tuple[float, str]:
-    """A value and its source; where the configuration has it off, the nominal of the box."""
+    """A value and its source; where the configuration has it off, one of the paper's arm's ranges."""
     if configured > 0.0:
         return configured, "as configured"
     values = dict(load_ensemble(None).config.box)[row]
     assert isinstance(values, BoxRange)
-    return values.nominal, f"off in the configuration; nominal of the box, {values.low:g} to {values.high:g}"
+    return (
+        values.nominal,
+        f"assumed, for the configuration has none; plausible are {values.low:g} to {values.high:g}",
+    )
 
 
 def _payload(config: Config) -> tuple[float, str]:
@@ -203,7 +206,7 @@ def _payload(config: Config) -> tuple[float, str]:
     heaviest = max((run.payload for run in config.runs.values()), key=lambda payload: payload.si)
     if heaviest.si > 0.0:
         return heaviest.si, heaviest.source
-    return published().number("hardware.payload"), "printed: section 5.4"
+    return published().number("hardware.payload"), "assumed, for no run has one: that of the paper"
 
 
 def mechanism(config: Config, course: str) -> Mechanism:

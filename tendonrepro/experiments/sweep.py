@@ -19,9 +19,8 @@ from tendonrepro.configuration.overrides import Overrides, override, overrides_o
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.experiments.loops import all_loops, build_law
+from tendonrepro.experiments.loops import all_loops, slow_error_ratio
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
@@ -307,6 +306,4 @@ def _predicted(point: Point, pair: Sequence[str]) -> Array:
     """Ratio of two runs' errors under a slow load, (n,)."""
     config = point.loaded.config
     assert isinstance(config, CompareConfig)
-    one, other = (build_law(config, config.runs[run].law) for run in pair)
-    delay = int(config.manipulator.actuator.output_delay.si)
-    return error_ratio(one, other, float(np.deg2rad(TYPICAL_ERROR_DEG)), delay)
+    return slow_error_ratio(config, [config.runs[run].law for run in pair])

@@ -17,11 +17,12 @@ from tendonrepro.configuration.around import PER_JOINT, SHARED, Around, drawn_co
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import BoxRange
-from tendonrepro.configuration.models.readings import Reading, named_readings, under
+from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.loops import build_loops, build_reference
+from tendonrepro.experiments.loops import build_loops, build_reference, slow_error_ratio
 from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops, own_loops
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 from tendonrepro.simulation.sampled import CommandFunction
 
@@ -123,6 +124,11 @@ class AroundArm:
             scaled = np.array(value) * (factors if isinstance(value, list) else factors[0])
             quantity |= {"value": scaled.tolist(), "source": f"assumed: draw {self.around.told}"}
         return drawn_config(tree, self.around)
+
+    def slow_ratio(self, reading: str) -> Array:
+        """Ratio C1/C2 of slowly changing errors under a reading, (n,); it is the same on all arms."""
+        config = under(parse_reading(reading), self.loaded.compare, {})
+        return slow_error_ratio(config, CONTROLLERS[:2])
 
     @cached_property
     def motion(self) -> DesiredMotion:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 import zlib
 from collections.abc import Collection, Mapping
 from copy import deepcopy
@@ -20,6 +19,7 @@ from tendonrepro.configuration.models.readings import AXES, UNDER_READINGS, as_p
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, Value, to_si
 from tendonrepro.configuration.strict_yaml import Node, Section
+from tendonrepro.monte_carlo.around import sobol
 from tendonrepro.physics.trajectory import trapezoid_times
 
 GRID = 0.01
@@ -127,19 +127,10 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
     Each depends on its number, seed and replicate alone. Rows that act under some readings alone are
     scrambled after the others, and so do not move them.
     """
-    from scipy.stats import qmc
-
-    always, columns = len(box.names) - len(UNDER_READINGS), []
-    for key, rows in (([seed, replicate], slice(0, always)), ([seed, replicate, 1], slice(always, None))):
-        dimensions = len(box.names[: rows.stop])
-        engine = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(key))
-        if first > 0:
-            engine.fast_forward(first)
-        with warnings.catch_warnings():
-            # A block is a part of a power of two, not one itself.
-            warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
-            columns.append(engine.random(count)[:, rows])
-    return np.concatenate(columns, axis=1)
+    always = len(box.names) - len(UNDER_READINGS)
+    held = sobol(always, [seed, replicate], first, count)
+    under_readings = sobol(len(box.names), [seed, replicate, 1], first, count)[:, always:]
+    return np.concatenate([held, under_readings], axis=1)
 
 
 def evolution(

@@ -18,6 +18,7 @@ from tendonrepro.configuration.around import Around, Ranges
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import Source
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.plants import load_study_plants
@@ -42,9 +43,9 @@ from tendonrepro.monte_carlo.mixed import MOST_DRAWS_ALONE, Simulate
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, Study, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
-from tendonrepro.parallel import Item, Result, as_ready
+from tendonrepro.parallel import Item, Result, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.store import make_manifest, take_over
+from tendonrepro.results.store import take_over
 from tendonrepro.simulation import stepper
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
@@ -169,9 +170,7 @@ def ensemble_study(
     UsageError
         For impossible draws or jobs.
     """
-    if not jobs:
-        message = "must be a number of processes, or -1 for one for each processor, found 0"
-        raise UsageError(message, where="--jobs")
+    check_jobs(jobs)
     draws = min(draws, MOST_DRAWS_ALONE) if study.alone else draws
     blocks = study.blocks(draws)
     together = simulate or partial(simulate_batch, device=study.device)
@@ -182,6 +181,8 @@ def ensemble_study(
         talk, files = site.talk, site.files
         for law in study.alone:
             talk.note(f"{law.alone}. So it runs by SciPy, and the ensemble has {draws} arms.")
+        if seconds_out := errors_from(study.loaded.compare):
+            talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
         shards = files / SHARDS
         _take_over(earlier, shards, study, force=force)
         paths = {block: shards / block.file_name(study.identity) for block in blocks}
@@ -206,7 +207,7 @@ def ensemble_study(
             "resumed_from": resumed,
             "blocks": len(blocks),
         }
-        return replace(_outcome(study, draws, files, speed), manifest=_manifest(study, seconds))
+        return replace(_outcome(study, draws, files, speed), manifest=_manifest(study))
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
@@ -283,7 +284,9 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
 
 def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
     blocks = study.blocks(draws)
-    populations = {name: population_summary(read_ensemble(folder, name)) for name in study.populations}
+    populations = {
+        name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
+    }
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
     summary: Any = {
         "schema_version": SCHEMA_VERSION,
@@ -309,10 +312,16 @@ def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]
     return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 
 
-def _manifest(study: Study, seconds: float) -> dict[str, object]:
-    manifest = make_manifest(study.loaded.base, seconds, "ensemble")
-    config = manifest["config"] | {"sha256": study.identity, "ensemble_sha256": study.loaded.sha256}
+def _manifest(study: Study) -> dict[str, object]:
+    """What only an ensemble's manifest says."""
+    base = study.loaded.base
+    config = {"origin": base.origin, "sha256": study.identity, "tree": base.tree}
     solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
     if study.alone:
         solver["by_scipy"] = [law.name for law in study.alone]
-    return manifest | {"experiment": "ensemble", "seed": study.seed, "solver": solver, "config": config}
+    return {
+        "experiment": "ensemble",
+        "seed": study.seed,
+        "solver": solver,
+        "config": config | {"ensemble_sha256": study.loaded.sha256},
+    }

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.arm_report import pair_rows
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.monte_carlo.summary import PopulationSummary, ReadingSummary, Summary
@@ -21,10 +23,15 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 
 
-def population_summary(data: EnsembleData) -> PopulationSummary:
-    """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
+def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> PopulationSummary:
+    """What there is to say about one population; ``laws`` counts statuses under the printed reading.
+
+    Around an `arm` of a user's own, theory follows the gains and readings of its comparison.
+    """
     readings: Any = [
-        reading_summary(data, name) | {"theory": _slow_ratio(data, name)} for name in data.readings
+        reading_summary(data, name)
+        | {"theory": _by_joint(data, arm.slow_ratio(name) if arm else _slow_ratio(data, name))}
+        for name in data.readings
     ]
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
@@ -39,18 +46,19 @@ def population_summary(data: EnsembleData) -> PopulationSummary:
     return {**population, "pairs": [*pair_rows(data)]} if data.around else population
 
 
-def _slow_ratio(data: EnsembleData, name: str) -> dict[str, float]:
-    """Ratio C1/C2 of slowly changing errors per joint, docs/theory.md; NaN where a drawn number enters."""
+def _by_joint(data: EnsembleData, values: Array) -> dict[str, float]:
+    return {f"joint_{joint}": float(value) for joint, value in zip(data.joints, values, strict=True)}
+
+
+def _slow_ratio(data: EnsembleData, name: str) -> Array:
+    """Ratio C1/C2 of slowly changing errors (n,), docs/theory.md; NaN where a drawn number enters."""
     settings = dict(parse_reading(name).settings)
     applied, drawn = settings.get("stored_torque") == "applied", settings.get("hardware") == "drawn"
     waited = float(settings.get("output_delay", 0)) if applied else 0.0
     if settings.get("estimate_filter") == "estimate" or (applied and drawn):
         waited = float("nan")
     ages = (1.0, 2.0) @ estimator_weights(np.array(data.alpha), settings.get("weights", "interpolating"))
-    return {
-        f"joint_{joint}": float(age)
-        for joint, age in zip(data.joints, (ages + waited) / (1.0 + waited), strict=True)
-    }
+    return np.asarray((ages + waited) / (1.0 + waited))
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, object]:

@@ -29,7 +29,7 @@ Changes: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, object] | None,
     Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
 ]
-Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all noise.")]
+Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all random numbers.")]
 Controllers: TypeAlias = Annotated[
     str | Sequence[int] | None, Word(metavar="1,3", help="Run only these controllers.")
 ]
@@ -53,7 +53,7 @@ Ranges: TypeAlias = Annotated[
         help="Factors on one value of your own arm, as links.mass=0.5,2; repeatable.",
     ),
 ]
-Jobs: TypeAlias = Annotated[int, Word(help="Processes; -1 is one for each processor.")]
+Jobs: TypeAlias = Annotated[int, Word(help="Processes, 1 or more; -1 is one for each processor.")]
 On: TypeAlias = Annotated[
     Literal["cpu", "gpu"], Word(help="What runs the simulations; gpu needs one of NVIDIA's, and CuPy.")
 ]

@@ -24,6 +24,7 @@ from tendonrepro.physics.dynamics import Plant, load_at_rest
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
@@ -77,26 +78,36 @@ class Plants(NamedTuple):
     """One draw as loops to run in, and what laws are made of.
 
     Loops are without payload, with it, and without it at `LESS_DAMPING`; then with the held-out payload and
-    motion. `law` is Controller 2 and `alpha` (n,) Controller 1's, as published; `newest` is the weight of the
-    newest value where velocities are filtered.
+    motion. `controllers` are 1 to 3 with the gains and readings of the configuration, `law` is the second of
+    them and `alpha` (n,) the weight of the first; `newest` is the weight of the newest value where velocities
+    are filtered.
     """
 
     loops: tuple[Loop, ...]
-    law: Law
+    controllers: Mapping[str, Law]
     alpha: Array
     newest: float
     known: Known
     limits: StatusLimits
     device: DeviceName = "cpu"
 
+    @property
+    def law(self) -> Law:
+        """Controller 2."""
+        return self.controllers["controller_2"]
+
 
 class Candidate(NamedTuple):
-    """A law with gains and knowledge, its velocities filtered or not."""
+    """A law with gains and knowledge, its velocities filtered or not.
+
+    Where it is one of the configuration, `given` is all of it.
+    """
 
     law: TunedLaw
     knows: str
     filtered: bool
     gains: Gains
+    given: Law | None = None
 
 
 class Measured(NamedTuple):
@@ -116,7 +127,11 @@ def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
 
 
 def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
-    """A configuration with the motions and loads of the tuning; its own motion is not looked at."""
+    """A configuration with the motions and loads of the tuning; its own motion is not looked at.
+
+    Nor is its ``errors_from``, which speaks of that motion: errors are of the whole of these.
+    """
+    config = config.model_copy(update={"errors_from": None})
     n, most = len(config.joints), _largest_stroke(config)
     motions = [
         _motion(shape(most), period, config.sampling_period.si, n) for shape, period in (TUNING, HELD_OUT)
@@ -129,7 +144,7 @@ def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
     filtering = under(parse_reading("error_rate=low_pass"), config, {})
     return Plants(
         loops=(*loops, replace(own, plant=other, reference=motions[1])),
-        law=build_law(config, "controller_2"),
+        controllers={name: build_law(config, name) for name in CONTROLLERS},
         alpha=config.control.gains.alpha.si,
         newest=build_law(filtering, "controller_2").rate_filter,
         known=known_along(bare, motions),
@@ -176,7 +191,7 @@ def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Lo
 
 
 def _law_of(plants: Plants, candidate: Candidate) -> Law:
-    law = candidate.law.law(plants.law, candidate.gains, plants.alpha)
+    law = candidate.given or candidate.law.law(plants.law, candidate.gains, plants.alpha)
     weight = plants.newest if candidate.filtered else 1.0
     _, to_joint = plants.known[candidate.knows, False]
     from_joint = np.asarray(np.linalg.inv(to_joint), dtype=np.float64)
@@ -214,13 +229,15 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
 
 
 def published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
-    """Controllers 1 to 3 with their published gains."""
-    laws = [LAWS[name] for name in ("alpha_published", "ntsm", "tsm")]
-    gains = [{gain: getattr(plants.law, gain) for gain in law.gains} for law in laws]
-    parts = enumerate(zip(laws, gains, strict=True), start=1)
-    return {f"controller_{k}": Candidate(law, knows, filtered, own) for k, (law, own) in parts}
+    """Controllers 1 to 3 with the gains and readings of the configuration, as published or a user's."""
+    candidates = {}
+    for name, kind in zip(CONTROLLERS, ("alpha_published", "ntsm", "tsm"), strict=True):
+        law, given = LAWS[kind], plants.controllers[name]
+        gains = {gain: getattr(given, gain) for gain in law.gains}
+        candidates[name] = Candidate(law, knows, filtered, gains, given)
+    return candidates
 
 
 def usable(plants: Plants) -> bool:
-    """Whether the published gains are stable, with and without payload."""
+    """Whether these gains are stable, with and without payload."""
     return bool(measure(plants, [*published(plants).values()]).stable[:, :2].all())

@@ -45,9 +45,11 @@ def tune(
     laws
         Tune your own controller too; repeatable. FILE is executed.
     any_plant
-        Also plants where the published gains are unstable.
+        Also plants where the gains of the configuration are unstable.
     only : ntsm,alpha_free
         Tune only these controllers [default: all].
+    seed
+        Seed of the searches; it draws no other plants.
     """
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of

@@ -18,10 +18,12 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 
 @style.journal_style()
-def draw_tuning(laws: Sequence[Row], titles: Mapping[str, str], on: str = "the plants") -> style.Drawing:
+def draw_tuning(
+    laws: Sequence[Row], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
+) -> style.Drawing:
     """Draw medians of error against torque roughness: a column for what is known, a row for the velocity.
 
-    `on` says of which plants, for whoever made the picture.
+    `on` says of which plants, for whoever made the picture, and `gains` whose the untuned ones are.
     """
     figure = style.open_figure(style.PAGE_MM, 134.0)
     grid = figure.subplots(len(VELOCITY), len(KNOWN), sharex=True, sharey=True)
@@ -30,7 +32,7 @@ def draw_tuning(laws: Sequence[Row], titles: Mapping[str, str], on: str = "the p
     for panel, (filtered, knows) in zip(grid.flat, conditions, strict=True):
         condition = (knows, filtered)
         rows = [row for row in laws if (row["knows"], row["filtered"]) == condition]
-        _draw(panel, [row for row in rows if row["share_stable"] >= FEW], drawn)
+        _draw(panel, [row for row in rows if row["share_stable"] >= FEW], drawn, gains)
     for panel, name in zip(grid[:, 0], VELOCITY.values(), strict=True):
         panel.set_ylabel(f"{name}\nmean absolute error (deg)")
     for panel in grid[-1]:
@@ -47,7 +49,7 @@ def draw_tuning(laws: Sequence[Row], titles: Mapping[str, str], on: str = "the p
     )
 
 
-def _draw(panel: Axes, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
+def _draw(panel: Axes, rows: Sequence[Row], titles: Mapping[str, str], gains: str) -> None:
     def plot(own: Sequence[Row], look: style.Look) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
@@ -61,8 +63,8 @@ def _draw(panel: Axes, rows: Sequence[Row], titles: Mapping[str, str]) -> None:
     published = [row for row in rows if row["cap"] == "published"]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
     star = {"linestyle": "", "marker": "*", "color": "black", "markersize": 6}
-    plot(stars, {**star, "label": "published gains"})
-    plot(curve, {"color": "#BEBEBE", "linewidth": 2.2, "zorder": 1, "label": "published gains over α"})
+    plot(stars, {**star, "label": f"{gains} gains"})
+    plot(curve, {"color": "#BEBEBE", "linewidth": 2.2, "zorder": 1, "label": f"{gains} gains over α"})
     panel.set(xscale="log", yscale="log")
     panel.margins(0.06)
     for axis in (panel.xaxis, panel.yaxis):

@@ -118,7 +118,8 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     from tendonrepro.tuning.figure import draw_tuning
 
     joints = task.loaded.compare.joints
-    titles = {name: law.title for name, law in task.laws.items()}
+    gains = task.gains_told
+    titles = {name: law.title.replace("published", gains) for name, law in task.laws.items()}
     own = product((name for name in titles if name not in LAWS), ("ntsm", "pid"))
     rows, lost = (
         [{"draw": plant["draw"], **row} for plant in drawn for row in plant[part]]
@@ -151,10 +152,10 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     tables = [
         Table("questions", about, questions),
         Table("comparisons", "Error over error, paired by plant.", compared, terminal=()),
-        Table("laws", "Every law at its best, and as published.", at_best, terminal=()),
+        Table("laws", f"Every law at its best, and with {gains} gains.", at_best, terminal=()),
     ]
     told = [*_warnings(len(lost), scattered)]
-    return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on)})
+    return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on, gains)})
 
 
 def count_scattered(rows: Sequence[Row]) -> int:

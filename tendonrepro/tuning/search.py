@@ -20,6 +20,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
+from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.tuning.bench import (
     ALL_RUNS,
@@ -197,6 +198,12 @@ class Task:
     effort: Effort
     seed: int
     device: DeviceName = "cpu"
+
+    @property
+    def gains_told(self) -> str:
+        """Whose gains the search begins beside, in a word: a user's arm or comparison has its own."""
+        published = self.loaded.around is None and compares_as_paper(self.loaded.compare)
+        return "published" if published else "your own"
 
     def draw(self, number: int) -> Plants:
         """Draw of a number from the box, or around a user's arm."""

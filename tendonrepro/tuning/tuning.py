@@ -14,6 +14,7 @@ import numpy as np
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import (
@@ -25,7 +26,7 @@ from tendonrepro.experiments.user_law import (
 )
 from tendonrepro.files import digest_of, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.parallel import as_ready
+from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
@@ -60,6 +61,8 @@ class Tuned:
     def outcome(self, site: Site) -> Outcome:
         """Find usable plants, tune on them, and compare the laws."""
         task = self.task
+        if seconds := errors_from(task.loaded.compare):
+            site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
         numbers = _usable(task, self.plants, every=self.any_plant)
         drawn = _tuned(task, numbers, site.files / self.states, self.jobs, site.talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
@@ -86,12 +89,13 @@ def tuning(
     TendonreproError
         If no GPU can be used.
     UsageError
-        For too little effort, or a law that has no bounds or cannot run on lanes.
+        For too little effort, impossible jobs, or a law that has no bounds or cannot run on lanes.
     """
     asked = {"plants": plants, **asdict(effort)}
     for name, least in LEAST.items():
         if asked[name] < least:
             raise UsageError(f"must be at least {least}, found {asked[name]}", where=f"--{name}")
+    check_jobs(jobs)
     require(device)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
@@ -139,7 +143,7 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     usable_draws = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
     if len(usable_draws) < wanted:
         message = (
-            f"with the published gains stable plants are only {len(usable_draws)} of {len(numbers)} draws"
+            f"stable with {task.gains_told} gains are only {len(usable_draws)} of {len(numbers)} plants drawn"
         )
         narrower = ", or a smaller --spread" if task.loaded.around else ""
         hint = f"ask for fewer, or say --any-plant{narrower}"

@@ -1,6 +1,8 @@
 """The pictures of `explain`, by their artists."""
 
+from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.colors import to_hex
@@ -47,6 +49,28 @@ def test_loads_have_a_curve_for_each_pair_on_each_joint():
         (curve,) = (line for line in axes.lines if len(line.get_xdata()) == held.hertz.size)
         expected = held.error["controller_1"][k] / held.error["controller_2"][k]
         np.testing.assert_allclose(curve.get_ydata(), expected)
+
+
+def test_labels_of_six_joints_stay_apart():
+    held, n = found(), 6
+    error = {law: np.repeat(size[:1], n, axis=0) for law, size in held.loads.error.items()}
+    many = replace(held, joints=tuple(range(1, n + 1)), loads=replace(held.loads, error=error))
+    with journal_style():
+        figure = draw_loads(many)
+        figure.draw_without_rendering()
+    labels = [axes.xaxis.label.get_window_extent() for axes in figure.axes]
+    assert all(left.x1 < right.x0 for left, right in pairwise(labels))
+
+
+def test_a_phase_near_a_half_turn_does_not_leave_the_panel():
+    held = found()
+    hertz, channels = held.curves["controller_2"]
+    start = np.exp(1j * (np.deg2rad(170.0) - np.angle(-channels[:, :1])))
+    turned = replace(held, curves={"controller_2": (hertz, channels * start)})
+    with journal_style():
+        axes = draw_margins(turned).axes[2]
+    phase = axes.lines[-1].get_ydata()
+    np.testing.assert_allclose(phase[0], -190.0)
 
 
 class TestMap:

@@ -110,7 +110,16 @@ def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "ranges", [["links.mass"], ["mass=0.5,2"], ["links.mass=2,0.5"], ["links.mass=0,2"], ["links.mass=1,2,3"]]
+    "ranges",
+    [
+        ["links.mass"],
+        ["mass=0.5,2"],
+        ["links.mass=2,0.5"],
+        ["links.mass=0,2"],
+        ["links.mass=1,2,3"],
+        ["links.mass=0.5,2", "links.mass=0.9,1.1"],
+        ["tensioner.force=0.5,2"],  # off on this arm
+    ],
 )
 def test_a_range_that_is_none(compare: Path, ranges: list[str]) -> None:
     with pytest.raises(UsageError):
@@ -129,7 +138,8 @@ def test_an_impossible_arm_is_told(compare: Path) -> None:
 
 def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     """Its pairs follow from the stored errors; its loops are those of the drawn configuration."""
-    study = replace(load_study(compare, None, 5, "weights=extrapolating", 0.2), check_every=0)
+    older = ["control.readings.stored_torque=applied", "manipulator.actuator.output_delay=1"]
+    study = replace(load_study(compare, older, 5, "weights=extrapolating", 0.2), check_every=0)
     arm = study.arm
     assert arm is not None
     block = study.blocks(64)[3]
@@ -148,6 +158,9 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     assert not stored["of_paper"]
     assert (stored["around"]["arm"], stored["around"]["spread"]) == ("my arm", 0.2)
     assert stored["joints"] == [2, 3, 4]
+    # A sample of delay is in the age of both estimates, 1 ± 0.1 and 1.
+    theory = [entry["theory"]["joint_3"] for entry in stored["readings"]]
+    assert theory == pytest.approx([2.1 / 2.0, 1.9 / 2.0])
     assert not any(
         "printed" in joint for joint in stored["readings"][0]["ratio_c1_c2"]["all_ok"]["mae"].values()
     )

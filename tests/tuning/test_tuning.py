@@ -11,9 +11,12 @@ import pytest
 
 import tendonrepro as tr
 from tendonrepro.configuration.own_arm import init_arm
+from tendonrepro.configuration.plants import load_around
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
+from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.tuning import report, search, tuning
+from tendonrepro.tuning.bench import loops_of, posed, published
 from tendonrepro.tuning.laws import LAWS
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
@@ -109,6 +112,17 @@ def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     assert max(tuned) < min(published)
 
 
+def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None:
+    """With its readings; ``errors_from`` is beyond the end of the motion of the tuning, not of its own."""
+    init_arm(1, tmp_path)
+    asked = ["control.readings.weights=extrapolating", "errors_from=3"]
+    loaded = load_around(tmp_path / "compare.yaml", overrides=asked)
+    plants = posed(loaded, loaded.compare)
+    (loop,) = loops_of(plants, published(plants)["controller_1"], 1)
+    assert isinstance(loop.controller, TimeDelayController)
+    assert loop.controller.law.weights[:, 0] == pytest.approx([1.1, -0.1])
+
+
 def branching(*given: Any) -> tuple[Any, ...]:
     _, q, q_d, _, _, law = given
     e = q_d - q
@@ -135,6 +149,7 @@ class Counting:
     [
         {"plants": 0},
         {"searches": 1},
+        {"jobs": 0},
         {"only": "ntsm,alpha_tde"},
         {"spread": 0.2},  # without an arm of one's own
         {"laws": {"branching": branching}},

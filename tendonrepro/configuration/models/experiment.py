@@ -219,13 +219,14 @@ def _compare_misfits(config: CompareConfig) -> Mistakes:
         if run.law not in laws:
             yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
         if run.start_offset is not None:
-            yield from _beyond_range(config, ("runs", name, "start_offset", "value"), run.start_offset)
+            key = ("runs", name, "start_offset", "value")
+            yield from _beyond_range(config, key, run.start_offset)
     if not isinstance(reference, Sampled) and errors_from(config) >= reference.duration:
         yield ("errors_from", "value"), f"must be before the end of the motion, {reference.duration:g} s"
 
 
 def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:
-    """Links work between hanging and upright, at the start too."""
+    """Links work between hanging and upright, at the start too; and a run must not end where it starts."""
     if len(offset.si) == len(config.joints) and len(config.posture.si) == config.manipulator.joints:
         links = np.degrees(np.cumsum(config.posture.si)[-len(offset.si) :] + np.cumsum(offset.si))
         for joint, angle in zip(config.joints, links, strict=True):
@@ -233,6 +234,9 @@ def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:
                 start = f"would start link {joint} at {angle:.4g} deg from hanging"
                 yield key, f"{start}; links must stay between 0 and 180 deg"
                 return
+    limit = config.status.divergence_limit
+    if np.abs(offset.si).max(initial=0.0) > limit.si:
+        yield key, f"lies beyond status.divergence_limit, {limit}, so the run would end at its start"
 
 
 def _unfit(reference: ReferenceConfig, joints: tuple[int, ...], period: Scalar) -> Mistakes:
