@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from tendonrepro.dataset.arrays import FEWEST, Column, Columns
+from tendonrepro.dataset.arrays import FEWEST, Columns
 
 NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
 _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
@@ -123,8 +123,3 @@ def _of_durations(cells: pd.Series) -> pd.Series:
     full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
     found: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
     return found
-
-
-def only_numbers(values: Column) -> bool:
-    """Whether a column holds numbers."""
-    return values.dtype.kind == "f"

@@ -13,14 +13,13 @@ from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
-FIRST, SECOND, THIRD, LOADED = RUNS
 PUBLISHED_PERIOD = 1e-3
 """Sampling period, s, of which the doubled one is a variation."""
 

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -129,9 +130,9 @@ def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
     filtering = under(parse_reading("error_rate=low_pass"), config, {})
     return Plants(
         loops=(*loops, replace(own, plant=other, reference=motions[1])),
-        law=build_law(config, "controller_2"),
+        law=build_law(config, SECOND),
         alpha=config.control.gains.alpha.si,
-        newest=build_law(filtering, "controller_2").rate_filter,
+        newest=build_law(filtering, SECOND).rate_filter,
         known=known_along(bare, motions),
         limits=config.status,
     )

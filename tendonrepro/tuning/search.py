@@ -18,6 +18,7 @@ from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
 from tendonrepro.simulation.device import DeviceName
@@ -211,7 +212,7 @@ class Task:
     def tuned(self, number: int) -> Row:
         """Tune every law on one draw, as plain values."""
         plants = self.draw(number)
-        scale = measure(plants, [published(plants)["controller_2"]]).roughness[0]
+        scale = measure(plants, [published(plants)[SECOND]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
         tuning = Tuning(self.laws, [*caps.values()], plants, self.effort, (self.seed, number))
         best_seen: BestSeen = {}
@@ -239,9 +240,9 @@ def _as_published(plants: Plants) -> Iterator[Row]:
         for name, candidate in published(plants, *condition).items():
             yield _row(name, *condition, "published", candidate=candidate)
     for knows, alpha in product(CLASSES, ALPHAS):
-        gains = {**published(plants)["controller_2"].gains, "alpha": np.full_like(plants.alpha, alpha)}
+        gains = {**published(plants)[SECOND].gains, "alpha": np.full_like(plants.alpha, alpha)}
         moved = Candidate(LAWS["alpha_free"], knows, False, gains)
-        yield _row("controller_2", knows, False, "published", alpha=alpha, candidate=moved)
+        yield _row(SECOND, knows, False, "published", alpha=alpha, candidate=moved)
 
 
 def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
@@ -17,7 +18,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
-from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND, ErrorOf
+from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.plants import Plants
 
 if TYPE_CHECKING:
