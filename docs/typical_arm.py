@@ -25,7 +25,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import compute_block
 from tendonrepro.monte_carlo.box import configured
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -65,12 +65,12 @@ class Preliminary(NamedTuple):
         return np.asarray(self.values[place])
 
 
-def published_study() -> Study:
+def published_study() -> EnsembleStudy:
     """The shipped ranges, with the equations as published alone."""
     return replace(load_study(None, (), None, "printed"), check_every=0)
 
 
-def preliminary(study: Study) -> Preliminary:
+def preliminary(study: EnsembleStudy) -> Preliminary:
     """Run the first population of a study under its first reading."""
     first = next(iter(study.boxes))
     blocks = [block for block in study.blocks(DRAWS) if block.population == first]
@@ -88,7 +88,7 @@ def preliminary(study: Study) -> Preliminary:
     return Preliminary(np.concatenate([shard["draws"] for shard in shards]), logs, stable)
 
 
-def rounded(study: Study, values: Array) -> Array:
+def rounded(study: EnsembleStudy, values: Array) -> Array:
     """A sample (P,) of two significant digits in the unit that each range is written in."""
     rows = dict(study.loaded.config.box)
     box = next(iter(study.boxes.values()))
@@ -100,7 +100,7 @@ def _two_digits(value: float) -> float:
     return round(value, 1 - floor(log10(abs(value)))) if value else 0.0
 
 
-def typical_yaml(study: Study, sample: Preliminary) -> str:
+def typical_yaml(study: EnsembleStudy, sample: Preliminary) -> str:
     """A comparison with the typical plant and motion, rounded and checked again.
 
     Raises

@@ -214,7 +214,7 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
     return Measured(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
 
 
-def published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
+def as_published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
     """Controllers 1 to 3 with their published gains."""
     laws = [LAWS[name] for name in ("alpha_published", "ntsm", "tsm")]
     gains = [{gain: getattr(plants.law, gain) for gain in law.gains} for law in laws]
@@ -224,4 +224,4 @@ def published(plants: Plants, knows: str = "none", filtered: bool = False) -> di
 
 def usable(plants: Plants) -> bool:
     """Whether the published gains are stable, with and without payload."""
-    return bool(measure(plants, [*published(plants).values()]).stable[:, :2].all())
+    return bool(measure(plants, [*as_published(plants).values()]).stable[:, :2].all())
