@@ -7,6 +7,7 @@ from dataclasses import replace
 from tendonrepro.configuration.around import Around, Ranges, ranges_of, refuse_off, spread_of
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.load import Source, config_digest, find_source, load_config
+from tendonrepro.configuration.models.control import PRINTED_LAWS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_yaml import load
@@ -33,7 +34,7 @@ def load_around(
     spread, own = spread_of(spread), ranges_of(ranges)
     base = load_config(source, "compare", overrides=overrides)
     assert isinstance(base.config, CompareConfig)
-    missing = {"controller_1", "controller_2", "controller_3"} - base.config.control.laws.keys()
+    missing = PRINTED_LAWS.keys() - base.config.control.laws.keys()
     if missing:
         words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
         raise ConfigError(words, where=base.origin)
@@ -93,7 +94,7 @@ def load_study_plants(
     """
     loaded = load_plants(source, spread, ranges, overrides=overrides, seed=seed)
     runs = loaded.compare.runs
-    for name in ("controller_1", "controller_2", "controller_3"):
+    for name in PRINTED_LAWS:
         if name not in runs or runs[name].law != name:
             message = f"runs: needs a run {name} with the controller of that name, to compare them"
             raise ConfigError(message, where=loaded.origin)

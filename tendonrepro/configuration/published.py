@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, StrictInt
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import LOADED
 from tendonrepro.configuration.strict_model import Model, Number
 from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.files import shipped
@@ -177,7 +177,7 @@ def published() -> Published:
 
 def row_of(run: str) -> str:
     """How the ids of a run's errors begin; what Table 3 repeats of Table 2 is found there."""
-    return "table3.with_load" if run == RUNS[-1] else f"table2.{run}"
+    return "table3.with_load" if run == LOADED else f"table2.{run}"
 
 
 def exact(entry: PrintedNumber | PrintedRatio) -> Fraction:

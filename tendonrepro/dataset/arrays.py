@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Column: TypeAlias = NDArray[Any]
 """Values of a column, numbers or words."""
 
-Tree: TypeAlias = dict[str, Any]
+Nested: TypeAlias = dict[str, Any]
 """Arrays, `Columns` and further trees by name."""
 
 MOST_COLUMNS = 40
@@ -77,7 +77,7 @@ class Tables:
     left_out: list[str] = field(default_factory=list)
 
 
-def tables_of(tree: Tree) -> Tables:
+def tables_of(tree: Nested) -> Tables:
     """Tables with their paths: what lies together with as many rows, or one clock."""
     tables = Tables()
     apart: dict[str, list[str]] = {}
@@ -88,10 +88,10 @@ def tables_of(tree: Tree) -> Tables:
     return tables
 
 
-def _collect(tree: Tree, path: str, tables: dict[str, Columns], apart: dict[str, list[str]]) -> None:
+def _collect(tree: Nested, path: str, tables: dict[str, Columns], apart: dict[str, list[str]]) -> None:
     """Put what lies together into tables, and the rest into `apart`: why -> names."""
     groups: dict[tuple[int, bytes], Columns] = {}
-    inner: list[tuple[str, Tree]] = []
+    inner: list[tuple[str, Nested]] = []
     for name, value in tree.items():
         where = f"{path}.{name}" if path else name
         if isinstance(value, Series):
@@ -148,11 +148,11 @@ def _rows(values: Column) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield ",".join(told), column
 
 
-def read_hdf5(path: Path) -> Tree:
+def read_hdf5(path: Path) -> Nested:
     """Read the datasets of an HDF5 file, with their ``units``."""
     import h5py
 
-    tree: Tree = {}
+    tree: Nested = {}
 
     def visit(name: str, node: object) -> None:
         if not isinstance(node, h5py.Dataset):

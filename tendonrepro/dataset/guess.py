@@ -12,6 +12,7 @@ from typing import TypedDict
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
 from tendonrepro.dataset.digitised import is_digitised
@@ -350,7 +351,7 @@ def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, f
     controller = next((m.controller for m in telling if m.controller is not None), None)
     payload = next((m.payload for m in telling if m.payload is not None), None)
     if controller in (1, 2, 3):
-        return f"controller_{controller}{'_payload' if payload else ''}", payload
+        return f"controller_{controller}{PAYLOAD if payload else ''}", payload
     if any("decouple" in m.says for m in telling):
         return "decouple", payload
     return re.sub(r"\W+", "_", name).strip("_") or "run", payload

@@ -24,6 +24,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
+from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.dataset.words import FACTORS
@@ -192,7 +193,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         columns = tree.columns if entry.columns is None else entry.columns
         mass = entry.payload_mass_kg
         if mass is None:
-            mass = payload if run.endswith("_payload") else 0.0
+            mass = payload if run.endswith(PAYLOAD) else 0.0
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(document.place(("runs", run))) for run in runs}

@@ -12,7 +12,7 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Column, Columns, Tree, Unreadable
+from tendonrepro.dataset.arrays import Column, Columns, Nested, Unreadable
 from tendonrepro.dataset.simulink import as_object, as_structure
 
 with warnings.catch_warnings():
@@ -27,7 +27,7 @@ _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
 
 
-def read_matlab(path: Path) -> tuple[Tree, list[str]]:
+def read_matlab(path: Path) -> tuple[Nested, list[str]]:
     """Read the variables that can be read; for the others, lines that say why not.
 
     Raises
@@ -71,7 +71,7 @@ def _names(path: Path) -> list[str]:
     return list(matio.whosmat(str(path)))
 
 
-def _streams(path: Path) -> Tree:
+def _streams(path: Path) -> Nested:
     """Samples that Simulink streamed to the file, beside objects that do not name them."""
     if not h5py.is_hdf5(path):
         return {}
@@ -105,7 +105,7 @@ def _items(items: Sequence[object]) -> object:
     return items[0] if len(items) == 1 else {str(k): item for k, item in enumerate(items, start=1)}
 
 
-def _members(members: object) -> Tree:
+def _members(members: object) -> Nested:
     """Members of a struct, object or map."""
     if not isinstance(members, Mapping):
         return {}

@@ -177,7 +177,7 @@ def noise_peak(record: Recorded) -> float:
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
 
-def recover(file: TraceFile) -> Reference:
+def recover_reference(file: TraceFile) -> Reference:
     """Recover the reference from the first run with both joints' desired angles.
 
     Raises

@@ -8,14 +8,14 @@ from typing import TypeGuard
 
 import numpy as np
 
-from tendonrepro.dataset.arrays import Column, Columns, Series, Tree
+from tendonrepro.dataset.arrays import Column, Columns, Nested, Series
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
 _UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
 
 
-def as_object(kind: str, members: Tree) -> object:
+def as_object(kind: str, members: Nested) -> object:
     """Time series, elements and data sets of Simulink's logs; of other objects their members.
 
     Properties of a base class lie under ``any``.
@@ -33,7 +33,7 @@ def as_object(kind: str, members: Tree) -> object:
     return members
 
 
-def as_structure(members: Tree) -> Tree:
+def as_structure(members: Nested) -> Nested:
     """Name the signals of scopes, named blocks of columns and dSPACE's captures; others stay as they are."""
     if isinstance(members.get("signals"), dict) and isinstance(members.get("time"), np.ndarray):
         return _scope(members["time"], members["signals"])
@@ -45,7 +45,7 @@ def as_structure(members: Tree) -> Tree:
     return members if "values" in members else _named_block(members)
 
 
-def _named_block(members: Tree) -> Tree:
+def _named_block(members: Nested) -> Nested:
     """A structure with a block of columns and as many names."""
     named = next((texts(value) for key, value in members.items() if _NAMES.search(key)), [])
     for key, value in members.items():
@@ -73,7 +73,7 @@ def text(value: object) -> str:
     return value.strip() if isinstance(value, str) else ""
 
 
-def _element_name(members: Tree) -> str:
+def _element_name(members: Nested) -> str:
     """Name an element was logged by, else that of its signal, else of its block."""
     path = members.get("BlockPath")
     block = text(path.get("path")) if isinstance(path, dict) else ""
@@ -81,7 +81,7 @@ def _element_name(members: Tree) -> str:
     return next((name for name in own if name), "")
 
 
-def _dataset(members: Tree) -> Tree | Series | None:
+def _dataset(members: Nested) -> Nested | Series | None:
     """Signals of a data set by name; a storage within it holds the same."""
     for key in ("Elements", "Elements_", "Storage", "Storage_"):
         elements = members.get(key)
@@ -93,8 +93,8 @@ def _dataset(members: Tree) -> Tree | Series | None:
     return None
 
 
-def _elements(elements: Tree) -> Tree:
-    named: Tree = {}
+def _elements(elements: Nested) -> Nested:
+    named: Nested = {}
     for number, item in elements.items():
         # An element is its name and values; a bare time series has its own name.
         is_element = isinstance(item, dict) and len(item) == 1
@@ -129,10 +129,10 @@ def _named(series: Series, name: str) -> Series:
     return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
 
 
-def _scope(time: Column, signals: Tree) -> Tree:
+def _scope(time: Column, signals: Nested) -> Nested:
     """Signals of a structure with time, by label, or title and legend."""
     items = [signals] if "values" in signals else list(signals.values())
-    columns: Tree = {"time (s)": time} if time.size else {}
+    columns: Nested = {"time (s)": time} if time.size else {}
     for number, item in enumerate(items, start=1):
         if not isinstance(item, dict) or not isinstance(item.get("values"), np.ndarray):
             continue
@@ -152,14 +152,14 @@ def _scope(time: Column, signals: Tree) -> Tree:
     return columns
 
 
-def _capture(X: Tree, Y: Tree) -> Tree:
+def _capture(X: Nested, Y: Nested) -> Nested:
     """Signals of dSPACE's ControlDesk, each on its own raster."""
     clocks, signals = ([part] if "Data" in part else list(part.values()) for part in (X, Y))
     if not all(
         isinstance(part, dict) and isinstance(part.get("Data"), np.ndarray) for part in clocks + signals
     ):
         return {}
-    tables: Tree = {}
+    tables: Nested = {}
     for number, signal in enumerate(signals, start=1):
         index = signal.get("XIndex")
         place = int(np.ravel(index)[0]) - 1 if isinstance(index, np.ndarray) and index.size else 0
@@ -175,7 +175,7 @@ def _capture(X: Tree, Y: Tree) -> Tree:
     return tables
 
 
-def _timeseries(tree: Tree) -> Series | None:
+def _timeseries(tree: Nested) -> Series | None:
     members = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
     info, about, storage = (part if isinstance(part, dict) else {} for part in members)
     # Streamed logs lie elsewhere.

@@ -13,14 +13,13 @@ from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.physics.control import Law, polynomial
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
-FIRST, SECOND, THIRD, LOADED = RUNS
 PUBLISHED_PERIOD = 1e-3
 """Sampling period, s, of which the doubled one is a variation."""
 
@@ -30,7 +29,7 @@ Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
 
 
 @dataclass(frozen=True)
-class Experiment:
+class BenchExperiment:
     """``change`` makes the loop of the changed run; its error is divided by that of the run ``beside``.
 
     ``error`` names the statistic of both: of the whole run, or ``mae_settled`` of all after two seconds.
@@ -125,25 +124,25 @@ def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
 
 # Controller 2 is Controller 1 at alpha = 0, but for the reading that drops eta from its printed law.
 EXPERIMENTS = (
-    Experiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
-    Experiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
-    Experiment(
+    BenchExperiment("controllers_1_2", "Controller 1 over Controller 2", partial(_run, FIRST), SECOND),
+    BenchExperiment("controllers_2_3", "Controller 2 over Controller 3", partial(_run, SECOND), THIRD),
+    BenchExperiment(
         "controllers_1_2_late",
         "Controller 1 over Controller 2, first two seconds left out",
         partial(_run, FIRST),
         SECOND,
         "mae_settled",
     ),
-    Experiment(
+    BenchExperiment(
         "controllers_2_3_late",
         "Controller 2 over Controller 3, first two seconds left out",
         partial(_run, SECOND),
         THIRD,
         "mae_settled",
     ),
-    Experiment("repeat", "Controller 1 repeated from another start", _started_elsewhere),
+    BenchExperiment("repeat", "Controller 1 repeated from another start", _started_elsewhere),
     *(
-        Experiment(
+        BenchExperiment(
             f"alpha_{alpha:g}",
             f"Controller 1 with α = {alpha:g} over α = 0",
             partial(with_alpha, alpha),
@@ -151,18 +150,20 @@ EXPERIMENTS = (
         )
         for alpha in (0.1, 0.2, 0.3, 0.5)
     ),
-    Experiment("same_slope", "Controller 2 with η = 1.548 over Controller 3", _same_slope, THIRD),
-    Experiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
-    Experiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
-    Experiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
-    Experiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
-    Experiment("period_doubled", "Controller 1 with L doubled", _twice_the_period),
-    Experiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
-    Experiment("other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders),
+    BenchExperiment("same_slope", "Controller 2 with η = 1.548 over Controller 3", _same_slope, THIRD),
+    BenchExperiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
+    BenchExperiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
+    BenchExperiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
+    BenchExperiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
+    BenchExperiment("period_doubled", "Controller 1 with L doubled", _twice_the_period),
+    BenchExperiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
+    BenchExperiment(
+        "other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders
+    ),
 )
 
 
-def experiments_on(loaded: LoadedEnsemble) -> Sequence[Experiment]:
+def experiments_on(loaded: LoadedEnsemble) -> Sequence[BenchExperiment]:
     """Experiments that the arm of a comparison can make, named by its own joints and payload."""
     if not loaded.around:
         return EXPERIMENTS

@@ -15,7 +15,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
-from tendonrepro.evidence.bench_runs import Experiment, experiments_on
+from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box, configured, make_box
@@ -91,7 +91,7 @@ def _loops(loaded: LoadedEnsemble, plants: Box | AroundArm, row: Array, reading:
 
 
 def _ratios(
-    experiments: Sequence[Experiment],
+    experiments: Sequence[BenchExperiment],
     base: Sequence[str],
     errors: Mapping[str, Array],
     stable: NDArray[np.bool_],

@@ -8,7 +8,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.bench_runs import Experiment, experiments_on
+from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
 from tendonrepro.evidence.predict import (
     LEAST,
     Gaps,
@@ -100,7 +100,7 @@ def _tables(
     gaps: Mapping[str, Gaps],
     never: Sequence[Sequence[str]],
     on: str,
-    experiments: Sequence[Experiment],
+    experiments: Sequence[BenchExperiment],
 ) -> list[Table | str]:
     told = told_apart(gaps)
     telling = sorted(experiments, key=lambda experiment: -max(told[experiment.name].values(), default=0.0))

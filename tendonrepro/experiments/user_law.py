@@ -19,12 +19,12 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.rig import build_actuator, build_arm, coupling
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory
-from tendonrepro.results.summary import PAYLOAD
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction

@@ -7,12 +7,13 @@ from itertools import combinations, product
 
 import numpy as np
 
+from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import quantiles_of, share_of
 from tendonrepro.monte_carlo.summary import PairRow, PopulationSummary, Summary
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.summary import CONTROLLERS, PAYLOAD
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table, TableRows
 
 _FORMS = {"ratio": ".3g", "ratio_low": ".3g", "ratio_high": ".3g"} | dict.fromkeys(

@@ -17,7 +17,7 @@ from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.data import Arrays, Block, Stored, shard_image
 from tendonrepro.monte_carlo.mixed import Simulate, runs_alone, simulate_mixed
-from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
@@ -33,21 +33,21 @@ IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
 def make_blocks(
-    study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
+    study: EnsembleStudy, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[tuple[Block, bytes]]:
     """Compute blocks of one population as they are stored."""
     computed = compute_blocks(study, blocks, simulate)
     return [(block, shard_image(arrays)) for block, arrays in zip(blocks, computed, strict=True)]
 
 
-def compute_block(study: Study, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
+def compute_block(study: EnsembleStudy, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
     """Simulate every case of every draw of a block."""
     (arrays,) = compute_blocks(study, [block], simulate)
     return arrays
 
 
 def compute_blocks(
-    study: Study, blocks: Sequence[Block], simulate: Simulate = simulate_batch
+    study: EnsembleStudy, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[Arrays]:
     """Simulate every case of every draw of blocks of one population, across blocks together."""
     drawn_from, most = study.populations[blocks[0].population], DRAWS_AT_ONCE[study.device]
@@ -97,7 +97,7 @@ def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[t
     yield together
 
 
-def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
+def loops_of(study: EnsembleStudy, block: Block, rows: Array) -> list[list[Loop]]:
     """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
     drawn_from, loops = study.populations[block.population], []
     draws = (
@@ -117,9 +117,9 @@ def loops_of(study: Study, block: Block, rows: Array) -> list[list[Loop]]:
 
 
 def spot_check(
-    study: Study, block: Block, values: Array, simulate_together: Simulate = simulate_batch
+    study: EnsembleStudy, block: Block, values: Array, simulate_together: Simulate = simulate_batch
 ) -> dict[str, float | int | str | None]:
-    """Rerun one experiment of one block in `Study.check_every` with the SciPy stepper and an ideal encoder.
+    """Rerun one experiment of one block in ``check_every`` with the SciPy stepper and an ideal encoder.
 
     A hash chooses; other blocks give an empty answer. ``difference`` is the largest relative one of MAE and
     RMSE: 0 if both runs diverged or were not resolved, None where the steppers disagree on the status.
@@ -138,7 +138,7 @@ def spot_check(
     return {"run": run, "reading": case.name, "draw": at, "difference": difference}
 
 
-def _difference(loop: Loop, batch: Batch, study: Study) -> float | None:
+def _difference(loop: Loop, batch: Batch, study: EnsembleStudy) -> float | None:
     """The ``difference`` of :func:`spot_check`."""
     status = STATUSES[int(batch.status[0])]
     if status == "unresolved":

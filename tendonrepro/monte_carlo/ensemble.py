@@ -40,7 +40,7 @@ from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, sha
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.mixed import MOST_DRAWS_ALONE, Simulate
-from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, Study, code_digest
+from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.parallel import Item, Result, as_ready, check_jobs
@@ -53,8 +53,7 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
-from tendonrepro.studies.study import Site
-from tendonrepro.studies.study import Study as Runnable
+from tendonrepro.studies.study import Site, Study
 
 _STUB = 64
 """Samples in which it shows whether a law can run."""
@@ -68,7 +67,7 @@ def load_study(
     spread: float | None = None,
     ranges: Ranges = None,
     laws: Sequence[UserLaw] = (),
-) -> Study:
+) -> EnsembleStudy:
     """Read an ensemble's configuration, or a comparison around whose arm plants are drawn.
 
     `readings` are names with commas between. ``default`` stands for the text as printed, alternatives and the
@@ -84,7 +83,7 @@ def load_study(
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
-    return Study(
+    return EnsembleStudy(
         loaded,
         boxes={name: box.only(population.confidences) for name, population in config.populations.items()},
         shares={name: population.share.si for name, population in config.populations.items()},
@@ -96,13 +95,13 @@ def load_study(
     )
 
 
-def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequence[UserLaw]) -> Study:
+def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequence[UserLaw]) -> EnsembleStudy:
     for law in laws:
         if law.name in (*loaded.compare.runs, *RUNS):
             message = f"there is a run {law.name!r} already"
             raise UsageError(message, where="--law", hint="give the function another name")
     loaded = replace(loaded, base=with_user_laws(loaded.base, laws))
-    study = Study(
+    study = EnsembleStudy(
         loaded,
         boxes={},
         shares={ARMS: 1.0},
@@ -117,7 +116,7 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
     return replace(study, laws=tuple(_tried(study, law) for law in laws))
 
 
-def _tried(study: Study, law: UserLaw) -> UserLaw:
+def _tried(study: EnsembleStudy, law: UserLaw) -> UserLaw:
     """A law as it can run: on many arms together, else alone; an error where neither goes."""
     try:
         loop = _start_of(study, law)
@@ -132,7 +131,7 @@ def _tried(study: Study, law: UserLaw) -> UserLaw:
     return law
 
 
-def _start_of(study: Study, law: UserLaw) -> Loop:
+def _start_of(study: EnsembleStudy, law: UserLaw) -> Loop:
     """The first samples of a law on the arm itself."""
     study = replace(study, laws=(law,))
     assert study.arm is not None
@@ -144,14 +143,14 @@ def _start_of(study: Study, law: UserLaw) -> Loop:
 
 
 def ensemble_study(
-    study: Study,
+    study: EnsembleStudy,
     draws: int,
     *,
     jobs: int = 1,
     dask: str | None = None,
     simulate: Simulate | None = None,
     folder: Folder,
-) -> Runnable:
+) -> Study:
     """Prepare an ensemble: missing blocks are computed, then come tables and figures of all.
 
     Parameters
@@ -211,10 +210,10 @@ def ensemble_study(
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
-    return Runnable(base, run, folder, keep=SHARDS, stays=True, stored=True, numbers="summary", plan=plan)
+    return Study(base, run, folder, keep=SHARDS, stays=True, stored=True, numbers="summary", plan=plan)
 
 
-def _plan(study: Study, draws: int) -> dict[str, object]:
+def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
     """What ``--json`` of a dry run says."""
     blocks = study.blocks(draws)
     cost = study.cost(blocks)
@@ -231,7 +230,7 @@ def _plan(study: Study, draws: int) -> dict[str, object]:
     }
 
 
-def _parts(study: Study, blocks: Sequence[Block]) -> list[list[Block]]:
+def _parts(study: EnsembleStudy, blocks: Sequence[Block]) -> list[list[Block]]:
     """Blocks that are computed together: one, or as many of a population as fill a GPU."""
     each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
     of_population = [[block for block in blocks if block.population == name] for name in study.populations]
@@ -266,7 +265,7 @@ def on_cluster(
             raise TendonreproError(message, where="--dask") from error
 
 
-def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> None:
+def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool) -> None:
     """Begin with the blocks of an interrupted run and of the earlier result."""
     shards.mkdir(exist_ok=True)
     ours = shard_files(shards, study.identity)
@@ -282,7 +281,7 @@ def _take_over(earlier: Path, shards: Path, study: Study, *, force: bool) -> Non
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
-def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
+def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
     blocks = study.blocks(draws)
     populations = {
         name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
@@ -312,7 +311,7 @@ def _outcome(study: Study, draws: int, folder: Path, speed: Mapping[str, object]
     return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
 
 
-def _manifest(study: Study) -> dict[str, object]:
+def _manifest(study: EnsembleStudy) -> dict[str, object]:
     """What only an ensemble's manifest says."""
     base = study.loaded.base
     config = {"origin": base.origin, "sha256": study.identity, "tree": base.tree}

@@ -67,7 +67,7 @@ def _bare_code(path: Path) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class EnsembleStudy:
     """Everything that determines an ensemble's numbers but the number of draws.
 
     Claims are judged by the first of the populations `boxes`. Around an arm of a user's own there is the

@@ -158,7 +158,7 @@ class PopulationSummary(TypedDict):
     pairs: NotRequired[list[PairRow]]
 
 
-class AroundArm(TypedDict):
+class StoredAround(TypedDict):
     """Which arm plants lie around."""
 
     arm: str
@@ -172,7 +172,7 @@ class Summary(PopulationSummary):
     tendonrepro_version: str
     config_sha256: str
     of_paper: bool
-    around: NotRequired[AroundArm]
+    around: NotRequired[StoredAround]
     draws: int
     scramblings: int
     spot_check: dict[str, float | str | None]

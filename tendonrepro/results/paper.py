@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import shipped_folder
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import PAYLOAD, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import AXES
@@ -111,8 +111,8 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
         for name, ours in gains.items()
         if f"gain.{name}.joint_{COMPARED[0]}" in paper.entries
     )
-    loaded = paper.number("hardware.payload") if run.endswith("_payload") else 0.0
-    return law == run.removesuffix("_payload") and bool(np.isclose(payload, loaded)) and all(same)
+    loaded = paper.number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
+    return law == run.removesuffix(PAYLOAD) and bool(np.isclose(payload, loaded)) and all(same)
 
 
 @cache

@@ -11,6 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
+from tendonrepro.configuration.models.control import PAYLOAD as PAYLOAD  # noqa: PLC0414 (identification has it from here)
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import load
@@ -20,12 +22,9 @@ from tendonrepro.results.paper import FITTED, changed_readings, of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.simulation import streaming
 
-CONTROLLERS = ("controller_1", "controller_2", "controller_3")
+CONTROLLERS = (FIRST, SECOND, THIRD)
 """The compared runs, in the order in which the paper ranks them."""
-PAYLOAD = "_payload"
-"""End of the name of a run with payload."""
-
-LOADS: Mapping[str, str] = {"no_load": "controller_1", "with_load": "controller_1_payload"}
+LOADS: Mapping[str, str] = {"no_load": FIRST, "with_load": LOADED}
 """The rows of Table 3 and their runs."""
 
 USER_LAW = "user law "

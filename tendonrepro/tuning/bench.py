@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
@@ -146,7 +147,7 @@ def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
         loops=(*loops, replace(own, plant=other, reference=motions[1])),
         controllers={name: build_law(config, name) for name in CONTROLLERS},
         alpha=config.control.gains.alpha.si,
-        newest=build_law(filtering, "controller_2").rate_filter,
+        newest=build_law(filtering, SECOND).rate_filter,
         known=known_along(bare, motions),
         limits=config.status,
     )
@@ -228,7 +229,7 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
     return Measured(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
 
 
-def published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
+def as_published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
     """Controllers 1 to 3 with the gains and readings of the configuration, as published or a user's."""
     candidates = {}
     for name, kind in zip(CONTROLLERS, ("alpha_published", "ntsm", "tsm"), strict=True):
@@ -240,4 +241,4 @@ def published(plants: Plants, knows: str = "none", filtered: bool = False) -> di
 
 def usable(plants: Plants) -> bool:
     """Whether these gains are stable, with and without payload."""
-    return bool(measure(plants, [*published(plants).values()]).stable[:, :2].all())
+    return bool(measure(plants, [*as_published(plants).values()]).stable[:, :2].all())

@@ -18,6 +18,7 @@ from scipy.stats import gmean
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
 from tendonrepro.results.paper import compares_as_paper
@@ -27,10 +28,10 @@ from tendonrepro.tuning.bench import (
     CLASSES,
     Candidate,
     Plants,
+    as_published,
     measure,
     plants_of,
     posed,
-    published,
 )
 from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
 
@@ -218,13 +219,13 @@ class Task:
     def tuned(self, number: int) -> Row:
         """Tune every law on one draw, as plain values."""
         plants = self.draw(number)
-        scale = measure(plants, [published(plants)["controller_2"]]).roughness[0]
+        scale = measure(plants, [as_published(plants)[SECOND]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
         tuning = Tuning(self.laws, [*caps.values()], plants, self.effort, (self.seed, number))
         best_seen: BestSeen = {}
         for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
             best_seen.setdefault((*key[:3], name), []).append(best(seen, cap))
-        kept = [*self._best(best_seen, plants.alpha.size), *_as_published(plants)]
+        kept = [*self._best(best_seen, plants.alpha.size), *_published_rows(plants)]
         return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(best_seen)]}
 
     def _best(self, best_seen: BestSeen, n: int) -> Iterator[Row]:
@@ -240,15 +241,15 @@ def _row(law: str, knows: str, filtered: bool, cap: str, **more: object) -> Row:
     return {"law": law, "knows": knows, "filtered": filtered, "cap": cap, **more}
 
 
-def _as_published(plants: Plants) -> Iterator[Row]:
+def _published_rows(plants: Plants) -> Iterator[Row]:
     """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
     for condition in CONDITIONS:
-        for name, candidate in published(plants, *condition).items():
+        for name, candidate in as_published(plants, *condition).items():
             yield _row(name, *condition, "published", candidate=candidate)
     for knows, alpha in product(CLASSES, ALPHAS):
-        gains = {**published(plants)["controller_2"].gains, "alpha": np.full_like(plants.alpha, alpha)}
+        gains = {**as_published(plants)[SECOND].gains, "alpha": np.full_like(plants.alpha, alpha)}
         moved = Candidate(LAWS["alpha_free"], knows, False, gains)
-        yield _row("controller_2", knows, False, "published", alpha=alpha, candidate=moved)
+        yield _row(SECOND, knows, False, "published", alpha=alpha, candidate=moved)
 
 
 def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple, TypeAlias, TypedDict
+from typing import TypeAlias, TypedDict
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from tendonrepro.console import count_of
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.evidence.recover_report import controllers_of
+from tendonrepro.files import Json
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
@@ -66,6 +67,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
     numbers = {name: number for name, number in judged.items() if name not in JUDGED}
     windows, motion = tables.as_dict(), reference.as_dict() if reference else None
     controllers = controllers_of(measured.compare, site.talk, site.start)
+    told = [{name: row.get(name) for name in _CONTROLLERS} for row in controllers]
     missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
     status = {name: model.status for name, model in models.items()}
     data = {
@@ -92,20 +94,31 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
         "missing": missing,
     }
     figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
-    compared = Compared(
-        measured=str(path),
-        guesses=known.get("guesses", []),
-        doubts=known.get("doubts", []),
-        remark=str(windows["remark"]),
-        motion=[motion] if motion else [],
-        claims=claims,
-        residuals=rows,
-        coupling=coupling,
-        controllers=controllers,
-        missing=missing,
-    )
-    parts, manifest = list(_parts(compared, measured, paper)), {"experiment": "validate"}
-    return Outcome(data, parts, figures, manifest, diverged="diverged" in status.values())
+    parts: list[Table | str] = [
+        _about(path, known),
+        *measured_tables(measured, paper, str(path)),
+        str(windows["remark"]),
+        *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
+        claims_table(claims),
+        *shown("residuals", "Measured less simulated.", rows, _columns_of(rows)),
+        *shown("coupling", "Angles through the coupling.", coupling, ()),
+        *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
+        *(f"Missing: {what}" for what in missing),
+    ]
+    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged="diverged" in status.values())
+
+
+def _about(path: Path, known: Json) -> str:
+    """How many guesses a measurement rests on, and what of it is to be checked."""
+    guesses = count_of(len(known.get("guesses", [])), "guess", "guesses")
+    doubts = (f"check {doubt}" for doubt in known.get("doubts", []))
+    return "\n".join([f"{path}, resting on {guesses}", *doubts])
+
+
+def _columns_of(residuals: TableRows) -> Sequence[str]:
+    """Columns of residuals that the terminal shows; of curves read off a figure others."""
+    is_read_off = any("reading_error_deg" in row for row in residuals)
+    return (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
 
 
 class JudgedClaim(TypedDict):
@@ -132,39 +145,6 @@ def _judged_claims(judged: Mapping[str, Judged], paper: Published) -> list[Judge
         for name, claim in judged.items()
         if name in JUDGED
     ]
-
-
-class Compared(NamedTuple):
-    """What the terminal shows of a measurement beside print and model."""
-
-    measured: str
-    guesses: Sequence[str]
-    doubts: Sequence[str]
-    remark: str
-    motion: TableRows
-    claims: Sequence[JudgedClaim]
-    residuals: TableRows
-    coupling: TableRows
-    controllers: TableRows
-    missing: Sequence[str]
-
-
-def _parts(compared: Compared, measured: Measured, paper: Published) -> Iterator[Table | str]:
-    doubts = (f"check {doubt}" for doubt in compared.doubts)
-    guesses = count_of(len(compared.guesses), "guess", "guesses")
-    yield "\n".join([f"{compared.measured}, resting on {guesses}", *doubts])
-    yield from measured_tables(measured, paper, compared.measured)
-    yield compared.remark
-    yield from shown("motion", "The desired motion, sampled to run again.", compared.motion, _MOTION)
-    yield claims_table(compared.claims)
-    residuals = compared.residuals
-    is_read_off = any("reading_error_deg" in row for row in residuals)
-    columns = (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
-    yield from shown("residuals", "Measured less simulated.", residuals, columns)
-    yield from shown("coupling", "Angles through the coupling.", compared.coupling, ())
-    controllers = [{name: row.get(name) for name in _CONTROLLERS} for row in compared.controllers]
-    yield from shown("controllers", "Controllers of the runs, as recover finds.", controllers, _CONTROLLERS)
-    yield from (f"Missing: {what}" for what in compared.missing)
 
 
 TableData: TypeAlias = dict[str, dict[str, dict[str, dict[str, list[object]]]]]

@@ -8,13 +8,14 @@ from dataclasses import asdict
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
-from tendonrepro.verdicts.from_print import FIRST, PERCENTAGES, formula_of
+from tendonrepro.verdicts.from_print import PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, missing
 from tendonrepro.verdicts.statements import Findings, Statement, findings_of, smaller, together

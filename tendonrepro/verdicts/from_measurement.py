@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.errors import DataMissingError
@@ -15,7 +16,7 @@ from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import NUMBERS
-from tendonrepro.verdicts.from_print import FIRST, LOADED, PERCENTAGES, cut, formula_of
+from tendonrepro.verdicts.from_print import PERCENTAGES, cut, formula_of
 from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Judged, missing, of_model

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import (
     COMPARED,
     SIGN,
@@ -28,11 +29,8 @@ from tendonrepro.configuration.published import (
 )
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.results.summary import CONTROLLERS, LOADS
+from tendonrepro.results.summary import LOADS
 from tendonrepro.verdicts.rules import Bounds, Evidence, Judged, meets, of_arithmetic, of_model
-
-LOADED = LOADS["with_load"]
-FIRST, SECOND, _ = CONTROLLERS
 
 PERCENTAGES = ("share.", "increase.")
 """How the ids of the percentages of sections 5.3 and 5.4 begin."""

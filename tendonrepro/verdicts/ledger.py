@@ -180,8 +180,8 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:
     return [or_taken(verdict) for verdict in verdicts]
 
 
-def _same_question(one: Verdict, other: Verdict) -> bool:
-    return (one.kind, one.rule, one.printed) == (other.kind, other.rule, other.printed)
+def _same_question(first: Verdict, second: Verdict) -> bool:
+    return (first.kind, first.rule, first.printed) == (second.kind, second.rule, second.printed)
 
 
 def _taken(waiting: Verdict, stored: Verdict, origin: Origin) -> Verdict:

@@ -14,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, METRICS, Published
-from tendonrepro.dataset.motion import Reference, derivatives, recover, timing_of
+from tendonrepro.dataset.motion import Reference, derivatives, recover_reference, timing_of
 from tendonrepro.dataset.windows import PrintedTables, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.experiments.loops import build_law
@@ -82,7 +82,7 @@ def measured_of(file: TraceFile, paper: Published) -> Measured:
     """Recover the reference of a file and try every averaging window."""
     reference, unrecovered = None, ""
     try:
-        reference = recover(file)
+        reference = recover_reference(file)
     except DataMissingError as error:
         unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
     tables = try_windows(file.part("compare"), paper, timing_of(file, reference))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
@@ -17,7 +18,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
-from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND, ErrorOf
+from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.plants import Plants
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Influence(TypedDict):
     total: float | None
 
 
-class Ranking(TypedDict):
+class Influences(TypedDict):
     """Unknowns by their share of an outcome's variance, the largest first.
 
     ``noise_floor`` is the 95 % quantile over shuffles of the largest index; ``unexplained`` is what rows
@@ -69,14 +70,14 @@ class Ranking(TypedDict):
 
 def ranked(
     names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
-) -> Ranking | None:
+) -> Influences | None:
     """Rank unknowns by their share of an outcome's variance (N,), from draws (N, P).
 
     A `noise_floor` may be taken from another outcome on as many draws.
 
     Returns
     -------
-    Ranking or None
+    Influences or None
         None with too few outcomes, or too few that differ.
     """
     finite = np.isfinite(outcome)
@@ -106,11 +107,11 @@ def ranked(
     return {"rows": rows, "noise_floor": noise_floor, "unexplained": left, "draws": len(outcome)}
 
 
-def rankings(data: EnsembleData) -> dict[str, Ranking]:
+def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
 
-    def rank(values: Array, *runs: str, floor: float | None = None) -> Ranking | None:
+    def rank(values: Array, *runs: str, floor: float | None = None) -> Influences | None:
         kept = plants.ok(*runs)
         return ranked(data.names, data.draws[kept], values[kept], floor)
 
@@ -131,7 +132,7 @@ def rankings(data: EnsembleData) -> dict[str, Ranking]:
     return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
-def deciding(data: EnsembleData, paper: Published, identifier: str) -> Ranking | None:
+def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
         values, judged = outcome(Plants(data, PRINTED), paper, identifier)
@@ -176,7 +177,7 @@ def _largest_index(draws: Array, outcome: Array) -> float:
     return float(rbd_fast.unskew_S1(max(raw), _HARMONICS, len(outcome)))
 
 
-def draw_influences(rankings: Mapping[str, Ranking]) -> Drawing:
+def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
     """Draw the strongest unknowns' shares of each outcome's variance."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 

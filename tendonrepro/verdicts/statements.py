@@ -11,11 +11,11 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_print import FIRST, LOADED, SECOND
 from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 

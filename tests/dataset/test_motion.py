@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonrepro.dataset import motion
-from tendonrepro.dataset.motion import recorded, recover
+from tendonrepro.dataset.motion import recorded, recover_reference
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.trajectory import Motion
@@ -46,7 +46,7 @@ def made(kind, step=0.01, delay=0.0, rounded=False):
 @pytest.mark.parametrize(("step", "delay"), [(0.001, 1.234), (0.01, 0.5), (0.01, 2.0)])
 @pytest.mark.parametrize("rounded", [False, True])
 def test_begin_and_period_are_recovered(kind, step, delay, rounded):
-    found = recover(file_of(made(kind, step, delay, rounded)))
+    found = recover_reference(file_of(made(kind, step, delay, rounded)))
     assert found.begin == pytest.approx(delay, abs=0.1 if rounded else 0.02)
     assert found.period == pytest.approx(CYCLE[kind], abs=0.02 if rounded else 2e-3)
     assert found.record.start_angle == pytest.approx(np.deg2rad([12.0, -5.0]), abs=COUNT)
@@ -100,7 +100,7 @@ def test_a_sine_that_is_blended_in_repeats_after_one_period(cycles, period, nois
 def test_a_motionless_or_hardly_recorded_reference_is_missing(count):
     q = np.where(np.arange(100)[:, np.newaxis] < count, np.zeros((100, 2)), np.nan)
     with pytest.raises(DataMissingError):
-        recover(file_of(trace(0.01 * np.arange(100), q)))
+        recover_reference(file_of(trace(0.01 * np.arange(100), q)))
 
 
 def test_a_record_that_pauses_or_begins_in_mid_motion_is_refused():
@@ -108,10 +108,10 @@ def test_a_record_that_pauses_or_begins_in_mid_motion_is_refused():
     for speed in (1.0, 0.2):
         q = np.repeat(np.sin(time + np.arccos(speed))[:, np.newaxis], 2, axis=1)
         with pytest.raises(DataMissingError, match="mid-motion"):
-            recover(file_of(trace(time, q)))
+            recover_reference(file_of(trace(time, q)))
     time[1000:] += 1e9
     with pytest.raises(DataMissingError, match="pauses"):
-        recover(file_of(trace(time, q)))
+        recover_reference(file_of(trace(time, q)))
 
 
 @pytest.mark.parametrize("step", [0.001, 0.01])
@@ -138,14 +138,14 @@ def test_a_run_that_starts_later_is_timed_by_its_own_start():
     early = made("minimum_jerk", delay=0.5)
     late = replace(made("minimum_jerk", delay=1.5), name="controller_2")
     file = file_of(early, late)
-    timing = motion.timing_of(file, recover(file))
+    timing = motion.timing_of(file, recover_reference(file))
     assert timing["controller_1"].start == pytest.approx(3.5, abs=0.02)
     assert timing["controller_2"].start - timing["controller_1"].start == pytest.approx(1.0, abs=1e-3)
     assert timing["controller_2"].period == pytest.approx(7.0, abs=2e-3)
-    assert recover(file_of(replace(late, name="controller_1_payload"), early)).run == "controller_1"
+    assert recover_reference(file_of(replace(late, name="controller_1_payload"), early)).run == "controller_1"
     stated = replace(late, attributes={**late.attributes, "reference_period": 3.5})
     told = file_of(early, stated)
-    assert motion.timing_of(told, recover(told))["controller_2"].period == 3.5
+    assert motion.timing_of(told, recover_reference(told))["controller_2"].period == 3.5
 
 
 def test_recorded_derivatives_are_taken_and_others_made():

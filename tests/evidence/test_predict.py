@@ -13,7 +13,7 @@ from support.command import answer
 import tendonrepro as tr
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
 from tendonrepro.configuration.own_arm import init_arm
@@ -22,15 +22,7 @@ from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import bench_runs, predict, predict_report
-from tendonrepro.evidence.bench_runs import (
-    EXPERIMENTS,
-    FIRST,
-    SECOND,
-    THIRD,
-    experiments_on,
-    law_of,
-    with_alpha,
-)
+from tendonrepro.evidence.bench_runs import EXPERIMENTS, experiments_on, law_of, with_alpha
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome

@@ -15,12 +15,12 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import Box, configured, scrambled_sobol
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.plan import Study
+from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.plants import Draws
 
 
 @cache
-def study() -> Study:
+def study() -> EnsembleStudy:
     return load_study(None, (), None, "default")
 
 

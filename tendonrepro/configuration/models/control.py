@@ -10,9 +10,14 @@ from pydantic import Field
 from tendonrepro.configuration.quantity import Moving, Physical, Scalar, nonneg, positive
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model
 
-RUNS = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
-ALPHA = ("controller_1", "controller_1_payload")
-TERMINAL = ("controller_1", "controller_2", "controller_1_payload")  # runs whose surface holds phi
+RUNS = FIRST, SECOND, THIRD, LOADED = ("controller_1", "controller_2", "controller_3", "controller_1_payload")
+"""Runs of the comparison: the paper's controllers, and the first of them with payload."""
+
+PAYLOAD = "_payload"
+"""End of the name of a run with payload."""
+
+ALPHA = (FIRST, LOADED)
+TERMINAL = (FIRST, SECOND, LOADED)  # runs whose surface holds phi
 
 FILTERED = ("low_pass", "acceleration", "estimate")
 """Values of readings that need a cutoff."""
@@ -33,9 +38,9 @@ class Gains(Model):
 
 
 PRINTED_LAWS = {
-    "controller_1": ("ntsm", "alpha_tde"),
-    "controller_2": ("ntsm", "tde"),
-    "controller_3": ("tsm", "tde"),
+    FIRST: ("ntsm", "alpha_tde"),
+    SECOND: ("ntsm", "tde"),
+    THIRD: ("tsm", "tde"),
 }
 """Surface and estimator of the paper's controllers, section 5.4; under their names nothing else runs."""
 
@@ -82,7 +87,7 @@ class Readings(Model):
     Delta_unit: Annotated[Literal["rad", "deg"], At("Section 5.3", TERMINAL)] = "rad"
     """Whether Δ, printed without a unit, is in rad or in deg; gains in degrees have it in degrees."""
 
-    eta_in_controller_2: Annotated[Literal["kept", "dropped"], At("Section 5.3", ("controller_2",))]
+    eta_in_controller_2: Annotated[Literal["kept", "dropped"], At("Section 5.3", (SECOND,))]
     """Whether Controller 2 keeps the η that its printed law lacks."""
 
     torque_coordinates: Annotated[Literal["joint", "winch", "motor_shaft"], At("Eqs. (3), (17)")]

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar, get_args
 import numpy as np
 
 from tendonrepro.arrays import Array, Numeric
-from tendonrepro.configuration.models.control import RUNS, At, Readings
+from tendonrepro.configuration.models.control import RUNS, SECOND, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.reference import Ramp
 from tendonrepro.configuration.published import COMPARED
@@ -105,10 +105,8 @@ AXES: Mapping[str, ReadingAxis] = _LAW | {axis.name: axis for axis in (_HARDWARE
 """The axes of readings, by name."""
 
 _WHAT_IFS = (
-    ReadingAxis(
-        "sampling_period", "1ms", ["0.5ms", "2ms"], At("Remark 2", ("controller_2",)), "L of the law."
-    ),
-    ReadingAxis("M_bar", "printed", ["halved"], At("Section 4.2", ("controller_2",)), "M_bar of the law."),
+    ReadingAxis("sampling_period", "1ms", ["0.5ms", "2ms"], At("Remark 2", (SECOND,)), "L of the law."),
+    ReadingAxis("M_bar", "printed", ["halved"], At("Section 4.2", (SECOND,)), "M_bar of the law."),
 )
 _EVERY_AXIS: Mapping[str, ReadingAxis] = {**AXES, **{axis.name: axis for axis in _WHAT_IFS}}
 
@@ -198,8 +196,8 @@ def _scalar(value: float, unit: str, row: str = "") -> Scalar:
     return Scalar.model_construct(value=value, unit=unit, source=_of_row(row) if row else _SOURCE)
 
 
-def _vector(values: Sequence[float], unit: str, row: str) -> Vector:
-    return Moving.model_construct(value=tuple(values), unit=unit, source=_of_row(row))
+def _angles(values: Sequence[float], row: str) -> Vector:
+    return Moving.model_construct(value=tuple(values), unit="rad", source=_of_row(row))
 
 
 def _of_row(row: str) -> str:
@@ -239,7 +237,7 @@ def _inertia(_: str, config: CompareConfig, __: Mapping[str, float]) -> dict[str
 
 def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
     """Two periods of straight strokes of both joints, with the draw's amplitude and times."""
-    amplitude = _vector([draw["amplitude"]] * len(COMPARED), "rad", "amplitude")
+    amplitude = _angles([draw["amplitude"]] * len(COMPARED), "amplitude")
     rise, hold = (_scalar(round(draw[name], 2), "s", name) for name in ("rise", "hold"))
     periods = _scalar(2.0, "1")
     ramp = Ramp.model_construct(
@@ -253,7 +251,7 @@ def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str
     posture = np.cumsum(config.posture.si)[-len(COMPARED) :]
     runs = dict(config.runs)
     for run in RUNS:
-        offset = _vector(start_offset(posture, draw, run).tolist(), "rad", f"offset_{run}")
+        offset = _angles(start_offset(posture, draw, run).tolist(), f"offset_{run}")
         runs[run] = runs[run].model_copy(update={"start_offset": offset})
     return {"runs": runs}
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import PAYLOAD, RUNS
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import METRICS, published, row_of
@@ -33,7 +33,7 @@ from tendonrepro.reporting.live.controls import (
 )
 from tendonrepro.reporting.live.library import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
-from tendonrepro.results.summary import LOADS, PAYLOAD
+from tendonrepro.results.summary import LOADS
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.parts import is_noisy, plant_needs
 from tendonrepro.simulation.resolution import STEPS, TOLERANCE

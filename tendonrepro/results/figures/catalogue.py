@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
@@ -168,7 +169,7 @@ FIGURES: dict[str, FigureSpec] = {
         paper.draw_motors,
         "Motor angles, S_inv times the joint angles of the encoders and the expected ones; their difference.",
         ("q_encoder", "q_d"),
-        ("controller_1",),
+        (FIRST,),
         plant=("S_inv",),
         of_paper="The paper does not say with which controller: here Controller 1.",
     ),
@@ -194,7 +195,7 @@ FIGURES: dict[str, FigureSpec] = {
         "Controller 1 without and with a payload at the end-effector: joint angles, with the desired ones, "
         f"and tracking errors. {_ERRORS} Table 3 has the mean errors.",
         ("q_encoder", "e"),
-        ("controller_1", "controller_1_payload"),
+        (FIRST, LOADED),
         some=True,
     ),
     paper.RAW: FigureSpec(

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.ticker import MultipleLocator
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
 from tendonrepro.physics.tendon_path import TendonPath, path_points
 from tendonrepro.results.figures.arm import (
@@ -237,7 +238,7 @@ def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
     for run in that_hold(runs, "epsilon", joint):
         # Of a measured run the gains are not known.
         gains = run.trace.attributes["gains"]
-        if run.trace.name == "controller_1" and "lam" in gains:
+        if run.trace.name == FIRST and "lam" in gains:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
             bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]

@@ -2,39 +2,44 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import Any
+
 import numpy as np
 import pytest
+from support.pages import DOCS, NEEDS_DOCS
 
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.typical import (
-    SECTIONS,
-    Preliminary,
-    preliminary,
-    published_study,
-    rounded,
-    typical_yaml,
-)
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
 
+pytestmark = NEEDS_DOCS
 
-def test_it_is_the_stable_sample_nearest_to_the_medians() -> None:
+
+@pytest.fixture
+def typical(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """docs/typical_arm.py."""
+    monkeypatch.syspath_prepend(DOCS)
+    return importlib.import_module("typical_arm")
+
+
+def test_it_is_the_stable_sample_nearest_to_the_medians(typical: Any) -> None:
     sizes = np.array([1.0, 10.0, 100.0, 9.0, 1e-3])
     stable = np.array([True, True, True, True, False])
     logs = np.log(sizes[:, np.newaxis] * np.ones(16))
-    found = Preliminary(np.arange(5.0)[:, np.newaxis], logs, stable)
+    found = typical.Preliminary(np.arange(5.0)[:, np.newaxis], logs, stable)
     assert found.typical() == [3.0], "the median of 1, 9, 10 and 100 in logarithms is 9.5"
     assert found.distances(logs)[0] == pytest.approx(np.log(np.sqrt(90.0)))
-    assert Preliminary(found.values, logs, ~stable).typical() == [4.0]
+    assert typical.Preliminary(found.values, logs, ~stable).typical() == [4.0]
 
 
-def test_samples_are_rounded_in_the_unit_of_their_range() -> None:
-    study = published_study()
+def test_samples_are_rounded_in_the_unit_of_their_range(typical: Any) -> None:
+    study = typical.published_study()
     box = study.boxes["box"]
     values = box.low + 0.123456 * (box.high - box.low)
-    found = dict(zip(box.names, rounded(study, values), strict=True))
+    found = dict(zip(box.names, typical.rounded(study, values), strict=True))
     assert np.rad2deg(found["amplitude"]) == pytest.approx(14.0)
     assert found["rotor_inertia"] == pytest.approx(4.3e-6)
     assert found["reference_lag"] == pytest.approx(2.5e-3)
@@ -50,11 +55,11 @@ def test_the_shipped_one_is_stable_and_uses_nothing_of_the_paper_s_results() -> 
 
 
 @pytest.mark.slow
-def test_the_shipped_one_is_found_again() -> None:
-    study = published_study()
-    tree = load(typical_yaml(study, preliminary(study)), "typical").tree
+def test_the_shipped_one_is_found_again(typical: Any) -> None:
+    study = typical.published_study()
+    tree = load(typical.typical_yaml(study, typical.preliminary(study)), "typical").tree
     shipped = load_config(None, "compare").tree
-    for name in SECTIONS:
+    for name in typical.SECTIONS:
         assert without_sources(tree[name]) == without_sources(shipped[name]), name
 
 
