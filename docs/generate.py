@@ -390,8 +390,8 @@ def the_closest(found: Mapping[str, Any]) -> str:
     if budget := found.get("budget"):
         effort = (
             f"Each interpretation had {budget['evaluations']:,} evaluations in {budget['seeds']} searches, over at most "
-            f"{budget['unknowns']} unknowns. What was not searched stayed as the shipped arm has it. `make figures` draws the "
-            "first plant (`--config closest`)."
+            f"{budget['unknowns']} unknowns. What was not searched stayed as it was where the search began. `make figures` draws "
+            "the first plant (`--config closest`)."
         )
     else:
         lengths = [held["evaluations"] for held in found["readings"]]
