@@ -30,6 +30,8 @@ _ROW_MM = 1.7
 """Distance of two bars where there is room."""
 _ABOUT = 30
 """Letters of a line that says what an experiment is."""
+_ROOMY = 3
+"""So many panels side by side have room for every tick."""
 
 WORDS = {
     "phi_negative=even": "φ even for negative errors",
@@ -68,10 +70,10 @@ WORDS = {
 """What a reader calls the settings of an interpretation; others keep their names."""
 
 
-def interpretation_in_words(reading: str) -> str:
-    """An interpretation's name in words."""
+def interpretation_in_words(reading: str, *, own: bool = False) -> str:
+    """An interpretation's name in words; the first of a user's `own` comparison is what that says."""
     if reading == PRINTED:
-        return "as published"
+        return "as in your comparison" if own else "as published"
     return ", ".join(WORDS.get(setting, setting) for setting in reading.split("+"))
 
 
@@ -108,10 +110,10 @@ def draw_predictions(
                 mark_cut(panel, (low, high), y, (_LOWEST, _HIGHEST), colour)
         panel.set_xscale("log")
         panel.set_xlim(_LOWEST, _HIGHEST)
-        ticks = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
+        ticks = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0) if len(joints) <= _ROOMY else (0.25, 1.0, 4.0)
         panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         panel.minorticks_off()
-        panel.set_xlabel("ratio of mean absolute errors")
+        panel.set_xlabel("ratio of MAE")
     middle = 0.5 * (len(readings) - 1)
     panels[0].set_yticks(
         [group * step + middle for group in range(len(experiments))],
@@ -120,13 +122,13 @@ def draw_predictions(
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
     handles = [
-        Line2D([], [], label=interpretation_in_words(reading), **_look(place))
+        Line2D([], [], label=interpretation_in_words(reading, own=bool(told)), **_look(place))
         for place, reading in enumerate(readings)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     caption = (
         "What experiments on a bench would give under several ways to understand the paper. Ratio of mean "
-        "errors, median and central 90 % of the plants on which both runs are stable. "
+        "absolute errors (MAE), median and central 90 % of the plants on which both runs are stable. "
         "An arrow at the edge means that the range goes on."
     )
     origin = f"Simulated, plants {told}" if told else "Simulated, tendonrepro predict"

@@ -7,6 +7,7 @@ from functools import partial
 
 from matplotlib.axes import Axes
 
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.monte_carlo.figures import ratio_axis, ratio_bar, rows_figure
 from tendonrepro.monte_carlo.summary import PopulationSummary, Summary
 from tendonrepro.results.figures.style import Drawing
@@ -46,7 +47,11 @@ def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
         "Cross: what errors that change slowly would give."
     )
     alone = len({reading for reading, _ in rows}) == 1
-    names = [f"joint {joint}" if alone else f"joint {joint},\n{reading}" for reading, joint in rows]
+    words = {PRINTED: "as in your comparison"}
+    names = [
+        f"joint {joint}" if alone else f"joint {joint},\n{words.get(reading, reading)}"
+        for reading, joint in rows
+    ]
     titles = [f"{_short(first)}/{_short(over)}" for first, over in pairs]
     origin = f"Simulated, {population['plants']} arms {told}"
     return rows_figure("pairs", titles, names, draw, caption, origin)
