@@ -46,7 +46,7 @@ from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.monte_carlo.report import work_text
-from tendonrepro.parallel import as_ready, processors
+from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.traces import TRACES
@@ -200,7 +200,8 @@ def identification(
     DataMissingError
         Where the ensemble is absent, or lacks a reading.
     """
-    check_at_least_one(**asdict(effort), unknowns=unknowns, jobs=abs(jobs))
+    check_at_least_one(**asdict(effort), unknowns=unknowns)
+    check_jobs(jobs)
     require(device)
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
