@@ -23,7 +23,7 @@ import tendonrepro as tr
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.results.figures.style import NOTEBOOK_DPI
-from tendonrepro.results.store import read_manifest
+from tendonrepro.results.store import read_manifest, replaced
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
@@ -107,6 +107,29 @@ def test_a_study_is_a_result(tmp_path: Path) -> None:
     found = tr.statics()
     assert found.tables["statics"]["course"].unique().tolist() == list(found.data["courses"])
     assert (found.save(tmp_path / "statics") / "statics.json").exists()
+
+
+def test_a_study_opened_again_is_saved_with_the_figures_that_it_has(tmp_path: Path) -> None:
+    with replaced(tmp_path / "first", "a", command="statics") as made:
+        for name in ("statics.json", "figures/statics.png", "figures/statics.txt"):
+            made.write(name, "{}")
+        made.manifest = {"command": "statics", "config": {"sha256": "a"}, "figure_formats": ["png"]}
+    opened = tr.open(tmp_path / "first")
+    files = {"statics.json", "figures/statics.png", "figures/statics.txt"}
+    cases: list[tuple[dict[str, Any], set[str], list[str]]] = [
+        ({}, files, ["png"]),
+        ({"formats": "png"}, files, ["png"]),
+        ({"figures": False}, {"statics.json"}, []),
+    ]
+    for options, kept, formats in cases:
+        folder = opened.save(tmp_path / f"saved{len(options)}{len(kept)}", **options)
+        assert read_manifest(folder)["outputs"].keys() == kept
+        assert read_manifest(folder)["figure_formats"] == formats
+        again = tr.open(folder).save(tmp_path / f"again{len(options)}{len(kept)}")
+        assert read_manifest(again)["outputs"].keys() == kept
+    with pytest.raises(UsageError):
+        opened.save(tmp_path / "pdf", formats="pdf")
+    assert not (tmp_path / "pdf").exists()
 
 
 def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:

@@ -85,6 +85,9 @@ class UserLaw:
         if not callable(law := module.get(self.name)):
             message = f"there is no function {self.name!r} that can be called"
             raise UsageError(message, where=self.spec)
+        if isinstance(law, type):
+            message = f"is the class {law.__name__}, and a law is called as it stands"
+            raise UsageError(message, where=self.spec, hint=f"give an object of it: {law.__name__}()")
         return law, getattr(law, "setup", module.get("setup"))
 
     @contextmanager
@@ -109,9 +112,12 @@ def laws_of(given: Sequence[str] | Mapping[str, UserFunction] | None) -> list[Us
     own = given if isinstance(given, Mapping) else {}
     for spec in () if own else given or ():
         file, _, name = spec.rpartition(":")
-        if not name.isidentifier() or not Path(file).is_file():
+        if not file or not name.isidentifier():
             message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
             raise UsageError(message, where="--law")
+        if not Path(file).is_file():
+            hint = "paths of --law begin in the current folder"
+            raise UsageError("there is no such file", where=file, hint=hint)
         laws.append(UserLaw(name, Path(file)))
     laws += [UserLaw(name, given=law) for name, law in own.items()]
     for law in laws:
@@ -243,6 +249,10 @@ def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
             message = f"must return tau, or tau, H_hat, s and de, each real numbers of shape {q.shape}"
             raise TendonreproError(message, where=law.spec)
         tau, H_hat, s, de = (part.astype(float) for part in parts)
+        if np.isnan(tau).any() and np.isfinite(q).all():
+            message = f"the law {law.name} gave a torque that is not a number, {tau}, at the angles {q} rad"
+            hint = "look for 0/0, or the root or a fractional power of a negative number"
+            raise TendonreproError(message, where=law.spec, hint=hint)
         return tau, H_hat, s, de
 
     return command

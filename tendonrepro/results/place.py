@@ -192,10 +192,25 @@ def _keep_access(old: Path, new: Path) -> None:
 
 @contextmanager
 def locked(path: Path, folder: Path) -> Iterator[None]:
-    """Hold a lock file while the block writes into a folder, or raise a UsageError: another one does."""
+    """Hold a lock file while the block writes into a folder.
+
+    Raises
+    ------
+    UsageError
+        If another process holds it.
+    OSError
+        If it cannot be made.
+    """
     lock = FileLock(path)
     try:
-        lock.acquire(timeout=0)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            if path.exists():
+                raise
+            # Whoever held it is just gone, or no file can be made here, which this says by its OSError.
+            path.touch()
+            lock.acquire(timeout=0)
     except Timeout as error:
         message = "another tendonrepro is writing here"
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from itertools import count
@@ -24,6 +24,7 @@ from tendonrepro.files import Json, refuse_file, sha256_of, to_json
 from tendonrepro.results.place import files_in, only_writer
 
 MANIFEST = "manifest.json"
+_DERIVED = ("traces.csv", "traces.parquet", "traces.mat", "*.gif")
 _LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
@@ -102,6 +103,7 @@ def replaced(
                 result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
             for before, now in _set_aside(place.target, made):
                 talk.note(f"your own {before} is now {now.name}: the result has a file of that name")
+            _tell_outdated(folder, digest, command, talk)
             place.put()
     except OSError as error:
         message = f"cannot write the result: {error.strerror or error}"
@@ -184,22 +186,49 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
 
 def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path, str]]:
     """What a replacement would lose: where, and why it is not this result's."""
-    if (folder / MANIFEST).exists():
-        manifest = read_manifest(folder)
-        identities = {
-            "configuration": (digest, manifest["config"]["sha256"]),
-            "version": (__version__, manifest["tendonrepro_version"]),
-            "command": (command, manifest.get("command", "")),
-        }
-        for what, (mine, theirs) in identities.items():
-            if mine != theirs:
-                yield folder, f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
+    for message in _other_identities(folder, digest, command):
+        yield folder, message
+    derived = derived_files(folder)
     for name in own_files(folder):
-        if not name.startswith("."):
+        if not name.startswith(".") and name not in derived:
             yield folder / name, f"is not a file of this result: no {MANIFEST} lists it"
     for name, sha256 in _outputs(folder).items():
         if (folder / name).exists() and sha256_of(folder / name) != sha256:
             yield folder / name, "was changed since tendonrepro wrote it"
+
+
+def _other_identities(folder: Path, digest: str, command: str) -> Iterator[str]:
+    """By what the result in a folder, if there is one, is another than that of a command."""
+    if not (folder / MANIFEST).exists():
+        return
+    manifest = read_manifest(folder)
+    identities = {
+        "configuration": (digest, manifest["config"]["sha256"]),
+        "version": (__version__, manifest["tendonrepro_version"]),
+        "command": (command, manifest.get("command", "")),
+    }
+    for what, (mine, theirs) in identities.items():
+        if mine != theirs:
+            yield f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
+
+
+def derived_files(folder: Path) -> list[str]:
+    """Files that `export` and `animate` made from the traces of a result, under their usual names.
+
+    They are the user's own, and stay. A result of the same configuration need not ask about them.
+    """
+    listed = _outputs(folder)
+    usual = [path.name for pattern in _DERIVED for path in folder.glob(pattern) if path.is_file()]
+    return sorted(name for name in usual if "traces.h5" in listed and name not in listed)
+
+
+def _tell_outdated(folder: Path, digest: str, command: str, talk: Talk) -> None:
+    """Name files made from traces that another result now replaces."""
+    with suppress(DataMissingError):
+        derived = derived_files(folder)
+        if derived and any(_other_identities(folder, digest, command)):
+            for name in derived:
+                talk.note(f"{folder / name} was made from the result that is replaced: make it again")
 
 
 def made_here(command: str, digest: str) -> Json:

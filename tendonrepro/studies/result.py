@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from tendonrepro.console import count_of
@@ -120,8 +120,8 @@ class Result:
         Parameters
         ----------
         formats : str or sequence of str, optional
-            Of figures, ``png``, ``pdf`` or ``svg``; else all three. A command that wrote its own folder has
-            drawn its figures.
+            Of figures, ``png``, ``pdf`` or ``svg``; else all three. Of a command that wrote its own folder
+            those that it drew.
         figures : bool
             Whether to draw any.
 
@@ -131,20 +131,31 @@ class Result:
             When there is a file of that name, or, without `force`, a folder that holds anything else; for a
             format that is not there.
         """
-        kinds = formats_of(formats, figures=figures)
-        if self._folder is not None and kinds != FORMATS:
-            message = f"the figures of this result were drawn when {self.command} ran"
-            raise UsageError(message, where="formats", hint=f"say formats= or figures= to {self.command}")
+        kinds = self._formats(formats_of(formats, figures=figures), asked=formats is not None)
         target = Path(folder)
         with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
             self._write(result, kinds)
-            drawn = {} if self._folder is not None else figure_formats(kinds)
-            result.manifest = self.manifest | drawn
+            result.manifest = self.manifest | figure_formats(kinds)
         return target
+
+    def _formats(self, formats: Sequence[str], *, asked: bool) -> Sequence[str]:
+        """Formats of figures that can be saved: of a result in a folder those that are drawn."""
+        if self._folder is None:
+            return formats
+        drawn = self.manifest.get("figure_formats", FORMATS)
+        missing = [name for name in formats if name not in drawn]
+        if missing and asked:
+            message = f"{self.command} drew its figures as {', '.join(drawn) or 'no files'}, not {missing[0]}"
+            raise UsageError(message, where="formats", hint=f"say formats= to {self.command}")
+        return [name for name in formats if name in drawn]
 
     def _write(self, result: NewResult, formats: Sequence[str]) -> None:
         if self._folder is not None:
-            take_over(self._folder, result.path, read_manifest(self._folder)["outputs"])
+            # A caption belongs to its figure, in whatever format that is.
+            figures = {*formats, "txt"} if formats else set()
+            names = map(PurePosixPath, read_manifest(self._folder)["outputs"])
+            kept = (n for n in names if n.parts[0] != "figures" or n.suffix.removeprefix(".") in figures)
+            take_over(self._folder, result.path, map(str, kept))
             return
         self._outcome.write(result, self.command)
         for _ in begin_drawing([(self._outcome, result.path)], formats):

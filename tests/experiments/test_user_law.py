@@ -42,6 +42,7 @@ def called(path, text, *given):
         (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
         (LAW.format(body="return q[:1]"), None, "must return tau"),
         (LAW.format(body="return q + 0j"), None, "must return tau"),
+        (LAW.format(body="return q * math.nan"), None, "[nan nan]"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
         ("import sys\nsys.exit(3)\n", 2, "SystemExit"),
     ],
@@ -52,6 +53,22 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
         called(Path("own.py"), text)
     assert words in caught.value.message
     assert caught.value.where == f"own.py:{line or 'mine'}"
+
+
+def test_a_torque_of_a_run_that_left_all_numbers_is_its_runs_matter(tmp_path):
+    lost = np.full((4, 2), np.nan)
+    assert np.isnan(called(tmp_path / "own.py", LAW.format(body="return q"), *lost)[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("spec", "where"), [("nofile.py:mine", "nofile.py"), ("own.py:Own", "own.py:Own"), ("own.py", "--law")]
+)
+def test_a_law_that_cannot_be_one_is_named(tmp_path, monkeypatch, spec, where):
+    monkeypatch.chdir(tmp_path)
+    Path("own.py").write_text("class Own:\n    def __call__(self, *given):\n        return given[1]\n")
+    with pytest.raises(UsageError) as caught:
+        laws_of([spec])[0].load()
+    assert caught.value.where == where
 
 
 class Stateless:

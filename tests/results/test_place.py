@@ -117,6 +117,14 @@ def test_no_other_process_comes_between_any_two_steps(
     assert [one.name for one in tmp_path.iterdir()] == ["mine"]
 
 
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder in which nobody can make a file")
+def test_a_place_that_cannot_be_written_is_not_another_process() -> None:
+    with pytest.raises(TendonreproError) as caught:
+        make(Path("/proc/mine"))
+    assert caught.value.exit_code == 1
+    assert caught.value.where == "/proc/mine"
+
+
 def test_what_is_new_comes_what_is_old_goes_and_what_is_the_users_stays(folder: Path) -> None:
     (folder / "notes.txt").write_text("mine")
     (folder / "figures" / "mine.svg").write_text("mine")

@@ -97,6 +97,42 @@ def test_own_files_are_refused_and_kept_under_force(tmp_path: Path, name: str) -
     assert name not in read_manifest(folder)["outputs"]
 
 
+DERIVED = ("traces.csv", "traces.mat", "controller_1.gif")
+
+
+def make_with_traces(folder: Path, digest: str = "a", **options: object) -> None:
+    with replaced(folder, digest, command="compare", **options) as result:  # type: ignore[arg-type]
+        result.write("traces.h5", digest)
+        head = {"tendonrepro_version": __version__, "command": "compare", "config": {"sha256": digest}}
+        result.manifest = head
+
+
+def test_exports_and_films_of_the_same_result_hinder_nothing_and_stay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "mine"
+    make_with_traces(folder)
+    for name in DERIVED:
+        (folder / name).write_text("of a")
+    make_with_traces(folder)
+    assert capsys.readouterr().err == ""
+    with pytest.raises(UsageError):
+        make_with_traces(folder, "b")
+    make_with_traces(folder, "b", force=True)
+    told = capsys.readouterr().err.splitlines()
+    assert {line.split()[0] for line in told} == {str(folder / name) for name in DERIVED}
+    assert {(folder / name).read_text() for name in DERIVED} == {"of a"}
+
+
+@pytest.mark.parametrize("name", ["traces.csv", "film.gif"])
+def test_such_names_beside_no_traces_are_a_users(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "mine"
+    make(folder)
+    (folder / name).write_text("mine")
+    with pytest.raises(UsageError, match=name):
+        make(folder)
+
+
 def test_a_folder_without_a_manifest_is_somebody_elses(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("mine")

@@ -23,6 +23,9 @@ def test_the_page_is_small_and_asks_nobody(tmp_path: Path) -> None:
     assert re.search(r"Content-Security-Policy\" content=\"default-src 'none'", text)
     assert re.findall(r"""\b(?:src|href)=["'](?!data:)""", text) == []
     assert "MIT License" in text
+    assert "--law FILE:NAME" in text
+    # What a change does is read aloud, not the order alone.
+    assert re.findall(r'<p id="(\w+)" role="status">', text) == ["order", "change", "state"]
     assert tr.live(out=path).read_text(encoding="utf-8") == text
 
 
