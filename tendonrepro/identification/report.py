@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import dump
@@ -22,7 +23,6 @@ from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.results.summary import PAYLOAD
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
 

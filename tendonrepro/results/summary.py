@@ -11,8 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
-from tendonrepro.configuration.models.control import PAYLOAD as PAYLOAD  # noqa: PLC0414 (identification has it from here)
+from tendonrepro.configuration.models.control import FIRST, LOADED, PAYLOAD, SECOND, THIRD
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import load
