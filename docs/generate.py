@@ -87,7 +87,21 @@ def take(reports: Path) -> None:
         store("predict_starts.json", read(reports / "predict" / "predict.json"))
     if (reports / "tune").exists():
         found = read(reports / "tune" / "tune.json")
-        store("tune.json", {key: value for key, value in found.items() if key != "by_plant"})
+        kept = {key: value for key, value in found.items() if key != "by_plant"}
+        store("tune.json", kept | {"tuned_over_published": tuned_over_published(found["by_plant"])})
+
+
+def tuned_over_published(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """Controller 2 tuned, over itself as published on the same arm: median error and roughness, by cap."""
+    plain = [row for row in rows if row["stable"] and not row["filtered"] and row["knows"] == "none" and "alpha" not in row]
+    published = {row["draw"]: row for row in plain if row["law"] == "controller_2"}
+    found = {}
+    for cap in ("none", "1/3"):
+        pairs = [(row, published[row["draw"]]) for row in plain
+                 if (row["law"], row["cap"]) == ("ntsm", cap) and row["draw"] in published]
+        found[cap] = {key: float(np.median([ours[key] / theirs[key] for ours, theirs in pairs]))
+                      for key in ("error", "roughness")}
+    return found
 
 
 SAMPLED = "encoder=ideal"

@@ -214,6 +214,49 @@ def test_searches_that_began_at_a_draw() -> None:
             assert of_arm == (f"{100 * from_arm:.1f} %" if from_arm < 1.0 else "none stable")
 
 
+def test_numbers_of_the_tuning() -> None:
+    """Of tune.md, and of the paragraph of findings."""
+    found = stored("tune")
+    alpha = [
+        row for row in found["questions"] if row["law"].startswith("α-TDE") and row["over"] == "TDE and NTSM"
+    ]
+    least = min(row["no_difference"] for row in alpha)
+    assert {row["verdict"] for row in alpha} == {"no difference"}
+    conditions = {sum(row[key] for key in ("smaller_error", "no_difference", "undecided")) for row in alpha}
+    ratios = {(row["law"], row["over"]): row["median_ratio"] for row in found["questions"]}
+    alike = sum(row["no_difference"] for row in found["questions"])
+    free, third = (found["tuned_over_published"][cap] for cap in ("none", "1/3"))
+    errors = [
+        row["error_deg"]
+        for row in found["laws"]
+        if row["cap"] == "published"
+        and row["knows"] == "none"
+        and not row["filtered"]
+        and row["alpha"] is None
+    ]
+    both = f"{100 * free['error']:.1f} % of its"
+    pairs = [
+        ("docs/tune.md", f"within 10 % under at least {least} of {conditions.pop()} conditions"),
+        ("docs/tune.md", f"In {found['without_difference_but_scattered']} of the {alike} cases without"),
+        ("docs/tune.md", f"err by {min(errors):.2f}° to {max(errors):.2f}°"),
+        ("docs/tune.md", f"these are {found['plants']} of the first {found['draws_looked_at']} samples"),
+        ("docs/tune.md", f"errs by {100 / ratios['TDE and NTSM', 'TDE and TSM'] - 100:.0f} % more than NTSM"),
+        ("docs/tune.md", f"errs {ratios['Super-twisting', 'PID']:.1f} times as much as PID"),
+        ("docs/findings.md", f"within 10 % under at least {least} of"),
+        *(
+            (page, words)
+            for page in ("docs/tune.md", "docs/findings.md")
+            for words in (
+                both,
+                f"torque {free['roughness']:.1f} times as rough",
+                f"it leaves {100 * third['error']:.0f} %.",
+            )
+        ),
+    ]
+    for page, phrase in pairs:
+        assert phrase in text_of(page), f"{page}: {phrase}"
+
+
 def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> None:
     """What stands in words: a third, two thirds, nearly all, most, almost none."""
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
