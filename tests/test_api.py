@@ -241,7 +241,7 @@ def test_reproduce_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
     ("command", "arguments", "named"),
     [
         ("compare", {"set": "no_such_key=1"}, "no_such_key"),
-        ("compare", {"laws": "no_such_file.py:law"}, "no_such_file.py:law"),
+        ("compare", {"laws": "no_such_file.py:law"}, "no_such_file.py"),
         ("compare", {"controllers": 9}, "9"),
         ("sweep", {"over": "no_such_key=1,2"}, "no_such_key"),
     ],

@@ -16,7 +16,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.tuning import report, search, tuning
-from tendonrepro.tuning.bench import loops_of, posed, published
+from tendonrepro.tuning.bench import as_published, loops_of, posed
 from tendonrepro.tuning.laws import LAWS
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
@@ -118,7 +118,7 @@ def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None
     asked = ["control.readings.weights=extrapolating", "errors_from=3"]
     loaded = load_around(tmp_path / "compare.yaml", overrides=asked)
     plants = posed(loaded, loaded.compare)
-    (loop,) = loops_of(plants, published(plants)["controller_1"], 1)
+    (loop,) = loops_of(plants, as_published(plants)["controller_1"], 1)
     assert isinstance(loop.controller, TimeDelayController)
     assert loop.controller.law.weights[:, 0] == pytest.approx([1.1, -0.1])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from tendonrepro import __version__
@@ -28,12 +29,13 @@ def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
         else preset
         for preset in presets
     ]
+    knobs = [_changes(knob, before) for before, knob in pairwise([{}, *library.knobs])]
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
         "STYLE": _compact("page.css"),
         "ENGINE": f"{_compact('engine.js')}\n{library.source()}",
         "UPLOT_CODE": f"/*\n{_file('uplot-LICENSE')}*/\n{_file('uplot.js')}",
-        "DATA": _script_json({"knobs": library.knobs, "presets": short}),
+        "DATA": _script_json({"knobs": knobs, "presets": short}),
         "PAGE_CODE": _compact("page.js"),
         "VERSION": __version__,
     }
@@ -41,7 +43,7 @@ def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
 
 
 def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[str, object]:
-    """What to lay over another configuration for this one; None takes a key away."""
+    """What to lay over another mapping for this one; None takes a key away."""
     changes: dict[str, object] = {key: None for key in first if key not in tree}
     for key, value in tree.items():
         before = first.get(key)

@@ -30,6 +30,9 @@ Place: TypeAlias = tuple[str, int]
 LONGEST = 300
 """Characters of an expression after which its value gets a name."""
 
+RANKS = {"+": 1, "-": 1, "*": 2, "/": 2}
+"""How tightly an operator binds; those of one rank are carried out from left to right."""
+
 ALPHABET = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -178,18 +181,28 @@ class _Printer:
             return f"{array}[{int(place)}]"
         if operation == "choose":
             condition, then, otherwise = operands
-            return f"({self._condition(condition)}?{self.value(then)}:{self.value(otherwise)})"
-        words = [self.value(operand) for operand in operands]
+            return f"({self._condition(condition)}?{self._part(then, 1)}:{self._part(otherwise, 1)})"
         if operation in COMPARISONS:
             return f"({self._dialect.truth.format(comparison=self._compared(operation, operands))})"
-        if operation in ("+", "-", "*", "/"):
-            return f"({words[0]}{operation}{words[1]})"
+        if operation in RANKS:
+            first, second = operands
+            rank = RANKS[operation]
+            return f"({self._part(first, rank)}{operation}{self._part(second, rank + 1)})"
         if operation == "negative":
-            return f"(-{words[0]})"
-        return self._call(operation, words)
+            return f"(-{self.value(*operands)})"
+        return self._call(operation, [self._part(operand, 1) for operand in operands])
+
+    def _part(self, operand: str | float, rank: int) -> str:
+        """Text of an operand, without parentheses where it binds as tightly as a rank: pages are sent."""
+        text = self.value(operand)
+        if isinstance(operand, str) and operand not in self._names:
+            operation, _ = self._lines[operand]
+            if RANKS.get(operation, 0) >= rank:
+                return text[1:-1]
+        return text
 
     def _compared(self, operation: str, operands: tuple[str | float, ...]) -> str:
-        left, right = map(self.value, operands)
+        left, right = (self._part(operand, 1) for operand in operands)
         return f"({left}{operation}{right})"
 
     def _condition(self, operand: str | float) -> str:

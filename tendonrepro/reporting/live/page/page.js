@@ -25,11 +25,11 @@ const unitOf = ({ unit }) => UNITS[unit] ?? unit;
 
 // A preset's control from what all presets say of it and its own value; the file says where that comes from.
 function controlOf(tree, [knob, value, factor]) {
-  const said = PAGE.knobs[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
+  const said = KNOBS[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
   const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
   return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
-// Configurations are written as what they change in the first one; null takes a key away.
+// Configurations are written as what they change in the first one, controls in the one before; null takes a key away.
 const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 function overlaid(first, changes) {
   const found = { ...first };
@@ -39,6 +39,8 @@ function overlaid(first, changes) {
   }
   return found;
 }
+let before = {};
+const KNOBS = PAGE.knobs.map((changes) => (before = overlaid(before, changes)));
 const { tree: FIRST } = PAGE.presets.find((one) => one.tree);
 const PRESETS = PAGE.presets.map((one) => {
   if (one.of) return one;
