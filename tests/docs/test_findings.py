@@ -365,7 +365,7 @@ def test_readme_table_of_errors(claims: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_readme_row_of_the_fitted_arm() -> None:
-    said = cells_of("README.md", "fitted to the paper's tables: straight ramps, runs start apart, motor encoders")
+    said = cells_of("README.md", "fitted to the paper's tables: ramps, starts apart, motor encoders")
     assert said == [f"{mae[0]:.3f}" for mae in errors_of("closest")]
     in_map = np.array([row["mae_deg"] for row in stored("closest")]).reshape(-1, 2)
     assert in_map == pytest.approx(np.array(errors_of("closest")), rel=1e-3)
