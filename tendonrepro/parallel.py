@@ -168,7 +168,11 @@ def _processes(jobs: int) -> Iterator[Executor]:
             # Python 3.12 counts the threads of OpenBLAS too, which ends them before a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
             executor.submit(int)
-        yield executor
+        with warnings.catch_warnings():
+            # A worker that has grown by 300 MB ends after its task, and another one takes its place. As an
+            # error the warning would end the thread that collects results, and all would wait for ever.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            yield executor
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
         hint = "look at free memory, and at what ulimit -a shows; where a command has --jobs, fewer need less"

@@ -223,3 +223,30 @@ def test_an_interrupt_waits_for_the_end_of_a_block() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert done
+
+
+GROWING = """
+import os, time
+from tendonrepro.parallel import as_ready
+
+def grown(size):
+    os.kept = b"x" * size  # a module of the worker, so it outlives the task
+    time.sleep(1.1)  # loky looks at the memory of a worker once a second
+    return os.getpid()
+
+if __name__ == "__main__":
+    sizes = [1, 1, *[400_000_000] * 4, 1, 1]
+    print(*as_ready(grown, sizes, 2))
+"""
+
+
+@pytest.mark.slow
+def test_a_worker_that_has_grown_is_replaced_without_a_word(tmp_path: Path) -> None:
+    """Its warning, as the error that warnings are in tests, made all wait for ever."""
+    script = tmp_path / "growing.py"
+    script.write_text(GROWING, encoding="utf-8")
+    command = [sys.executable, "-W", "error", str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stderr == ""
+    assert len(done.stdout.split()) == 8
+    assert len(set(done.stdout.split())) > 2
