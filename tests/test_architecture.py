@@ -160,6 +160,15 @@ def test_public_functions_say_what_they_take_and_give() -> None:
             assert function.name.startswith("_") or "Any" not in names, f"{file}: {function.name}"
 
 
+def test_parameters_are_called_by_what_they_are() -> None:
+    """Not by words that fit anything."""
+    for file in INNER:
+        functions = [node for node in ast.walk(tree_of(file)) if isinstance(node, ast.FunctionDef)]
+        for function in functions if room_of(file) not in UNTYPED else ():
+            names = {node.arg for node in ast.walk(function.args) if isinstance(node, ast.arg)}
+            assert not names & {"found", "held", "one"}, f"{file}: {function.name}"
+
+
 def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
     assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 16

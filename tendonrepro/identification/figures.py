@@ -12,9 +12,9 @@ from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
 
 
-def draw_numbers(held: SearchAnswer, word: str, origin: str) -> Drawing:
+def draw_numbers(search: SearchAnswer, word: str, origin: str) -> Drawing:
     """Every number over the printed or given one, of the best plant and of the seeds that come near."""
-    numbers = held["numbers"]
+    numbers = search["numbers"]
     runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
     names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]
 
@@ -34,7 +34,8 @@ def draw_numbers(held: SearchAnswer, word: str, origin: str) -> Drawing:
         panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
     caption = (
-        f"Errors over the {word} ones under the reading {held['name']}: best plant (circle) and the range "
-        f"of the {held['near_count']} seeds that miss what was fitted by at most {held['near_limit']:.3g}."
+        f"Errors over the {word} ones under the reading {search['name']}: best plant (circle) and the range "
+        f"of the {search['near_count']} seeds that miss what was fitted by at most "
+        f"{search['near_limit']:.3g}."
     )
     return rows_figure("identify_numbers", [""], names, draw, caption, f"Simulated, fitted to {origin}")

@@ -79,11 +79,11 @@ def outcome(
     return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
 
 
-def _gathered(key: str, found: Mapping[str, TableRows], goal: Goal) -> Table:
+def _gathered(key: str, by_reading: Mapping[str, TableRows], goal: Goal) -> Table:
     """Rows of every reading as one table."""
-    rows = [{"reading": reading, **row} for reading, of_reading in found.items() for row in of_reading]
+    rows = [{"reading": reading, **row} for reading, of_reading in by_reading.items() for row in of_reading]
     caption = _CAPTIONS[key].format(Numbers=f"{goal.word.capitalize()} numbers")
-    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(found) == 1 else ()
+    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(by_reading) == 1 else ()
     return Table(f"identify_{key.removeprefix('best_')}", caption, rows, terminal=shown)
 
 
@@ -96,9 +96,9 @@ def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
     return f"{answer} {goal.told}{_under(first, goal)}: best misfit {size}."
 
 
-def _under(held: SearchAnswer, goal: Goal) -> str:
+def _under(search: SearchAnswer, goal: Goal) -> str:
     """Which interpretation of the paper, in words; none of a comparison as it is."""
-    return f" under {held['name']}" if goal.of_paper or held["name"] != PRINTED else ""
+    return f" under {search['name']}" if goal.of_paper or search["name"] != PRINTED else ""
 
 
 def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
@@ -121,34 +121,35 @@ def write_config(
     space: Space,
     goal: Goal,
     head: Json,
-    held: SearchAnswer,
+    search: SearchAnswer,
 ) -> None:
     """Write the best plant under a reading as a configuration, and read it back as a check."""
-    source = f"identified: {goal.name}, misfit {held['misfit_log']:.2g}"
-    tree = space.sourced(config, source, held["rows_searched"])
+    source = f"identified: {goal.name}, misfit {search['misfit_log']:.2g}"
+    tree = space.sourced(config, source, search["rows_searched"])
     tree["title"] = f"{config.title}, plant fitted to {goal.name}"
     path.parent.mkdir(exist_ok=True)
-    write_atomically(path, _heading(goal, head, held, space.within) + dump(tree))
+    write_atomically(path, _heading(goal, head, search, space.within) + dump(tree))
     load_config(path, "compare")
 
 
-def _heading(goal: Goal, head: Json, held: SearchAnswer, within: str) -> str:
-    bounds = [f"{row['name']} ({row['at_bound']})" for row in held["parameters"] if row["at_bound"]]
-    under = f" under the reading {held['name']}" if _under(held, goal) else ""
+def _heading(goal: Goal, head: Json, search: SearchAnswer, within: str) -> str:
+    bounds = [f"{row['name']} ({row['at_bound']})" for row in search["parameters"] if row["at_bound"]]
+    under = f" under the reading {search['name']}" if _under(search, goal) else ""
+    start = "that draw" if "from_draws_of" in head else "the arm"
     return f"""\
 # Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
-# by {_command(goal, head, held)}.
-# Misfit {held["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
+# by {_command(goal, head, search)}.
+# Misfit {search["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
-# Searched, the other rows of {within} kept what the arm has: {", ".join(held["rows_searched"])}.
+# Searched, the other rows of {within} kept what {start} has: {", ".join(search["rows_searched"])}.
 # At a bound of {within}: {", ".join(bounds) or "none of them"}.
 
 """
 
 
-def _command(goal: Goal, head: Json, held: SearchAnswer) -> str:
+def _command(goal: Goal, head: Json, search: SearchAnswer) -> str:
     """What makes the search again, on lines of a heading."""
-    asked = [*goal.asked, f"--window {head['window']}", f"--readings {held['name']}"]
+    asked = [*goal.asked, f"--window {head['window']}", f"--readings {search['name']}"]
     names = ("generations", "population", "seeds", "unknowns")
     effort = [f"--{name} {head[name]}" for name in names]
     rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []

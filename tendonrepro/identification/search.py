@@ -74,7 +74,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Best points (S, P) and misfits (S,) of S seeds, and the closest, polished.
 
     `seen` (M, P) are all points that were looked at, with `seen_misfits` (M,).
@@ -146,7 +146,7 @@ def search(
     effort: Effort,
     seed: int,
     known: Array | None = None,
-) -> Found:
+) -> SearchResult:
     """Search from M starts of each seed, and polish the best of them, or a known point if that is better.
 
     Parameters
@@ -180,7 +180,7 @@ def search(
         looks.append(look)
     misfits, points = (np.array(column) for column in zip(*best, strict=True))
     seen, seen_misfits = (np.concatenate(parts) for parts in zip(*(one.seen for one in looks), strict=True))
-    return Found(closest[1], closest[0], points, misfits, seen, seen_misfits)
+    return SearchResult(closest[1], closest[0], points, misfits, seen, seen_misfits)
 
 
 def _settled(

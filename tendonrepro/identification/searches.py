@@ -34,8 +34,8 @@ from tendonrepro.identification.misfit import Bench, rounding_misfit
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.identification.search import (
     Effort,
-    Found,
     Plants,
+    SearchResult,
     held_unit,
     search,
 )
@@ -302,11 +302,11 @@ def _plan(task: Task, head: Json) -> Json:
     }
 
 
-def _outcome(task: Task, head: Json, found: Results, files: Path) -> Outcome:
+def _outcome(task: Task, head: Json, results: Results, files: Path) -> Outcome:
     """Numbers, tables and figures, and the best plant's configuration as a file."""
     loaded = task.loaded
-    searches = [found[reading.name][0] for reading in task.readings]
-    _write_plants(files, found, nearest_search(searches)["name"], head, task)
+    searches = [results[reading.name][0] for reading in task.readings]
+    _write_plants(files, results, nearest_search(searches)["name"], head, task)
     config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
     manifest = {
         "experiment": "identify",
@@ -320,11 +320,11 @@ def _outcome(task: Task, head: Json, found: Results, files: Path) -> Outcome:
     return replace(outcome, manifest=manifest)
 
 
-def _write_plants(folder: Path, found: Results, first: str, head: Json, task: Task) -> None:
+def _write_plants(folder: Path, results: Results, first: str, head: Json, task: Task) -> None:
     """The best plant under each reading as a configuration, and the best of all, that of the `first`."""
-    paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in found]
+    paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in results]
     for path, name in [*paths, (folder / report.CONFIG, first)]:
-        reading, best = found[name]
+        reading, best = results[name]
         report.write_config(path, best, task.bench.space, task.goal, head, reading)
 
 
@@ -354,17 +354,17 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     threads = jobs if processes == 1 else 1
     simulate = partial(simulate_batch, threads=threads, device=task.device)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
-    found: Results = {}
+    results: Results = {}
     talk.note(f"at most {work_text(*task.cost().values())}")
     with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)
         with closing(as_ready(work, range(len(cases)), processes)) as stream:
-            for one in stream:
-                found |= one
+            for of_case in stream:
+                results |= of_case
                 if processes > 1:
                     progress(task.effort.evaluations)
-    return found
+    return results
 
 
 def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
@@ -413,29 +413,29 @@ def _named_rows(text: str, box: Box) -> tuple[str, ...]:
 
 
 def _reading_data(
-    task: Task, bench: Bench, case: Reading, held: Reading, found: Found
+    task: Task, bench: Bench, case: Reading, reading: Reading, searched: SearchResult
 ) -> tuple[SearchAnswer, CompareConfig]:
     """Values of one reading, and its best plant."""
-    limit = max(NEAR, 2.0 * found.misfit)
-    units = np.vstack([found.closest, found.points[found.misfits <= limit]])
-    goal, config = task.goal, bench.config(units[0], held)
-    ours, shown = bench.measure(units, held, goal.runs), bench.space.shown(config)
+    limit = max(NEAR, 2.0 * searched.misfit)
+    units = np.vstack([searched.closest, searched.points[searched.misfits <= limit]])
+    goal, config = task.goal, bench.config(units[0], reading)
+    ours, shown = bench.measure(units, reading, goal.runs), bench.space.shown(config)
     of_runs = [goal.runs.index(run) for run in task.fitted]
-    near = np.vstack([found.closest, found.seen[found.seen_misfits <= limit]])
-    known = report.known_rows(bench.box, near, goal.numbers, fits=found.misfit <= NEAR)
+    near = np.vstack([searched.closest, searched.seen[searched.seen_misfits <= limit]])
+    known = report.known_rows(bench.box, near, goal.numbers, fits=searched.misfit <= NEAR)
     for row in known:
         if row["name"] in shown:
             row["value"], row["value_unit"] = shown[row["name"]]
     data: SearchAnswer = {
-        "name": held.name,
+        "name": reading.name,
         "search": case.name,
-        "misfit_log": found.misfit,
+        "misfit_log": searched.misfit,
         "misfit_rounding": rounding_misfit(ours.sizes[0, of_runs], goal.sought),
-        "fits": found.misfit <= NEAR,
+        "fits": searched.misfit <= NEAR,
         "near_limit": limit,
         "near_count": len(units) - 1,
-        "misfit_by_seed": found.misfits.tolist(),
-        "seeds_agree": found.agree,
+        "misfit_by_seed": searched.misfits.tolist(),
+        "seeds_agree": searched.agree,
         "rows_searched": np.array(bench.box.names)[bench.box.free].tolist(),
         "best_shape": report.shape_rows(ours, goal),
         "numbers": report.number_rows(ours, goal),

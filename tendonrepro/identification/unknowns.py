@@ -63,8 +63,8 @@ def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
     those chosen before, in a linear fit within the ranges. None is added that explains next to nothing.
     Backwards then: the one goes without which the others explain most.
     """
-    held, free = held_unit(box), np.flatnonzero(box.free).tolist()
-    place = _nearest(look, held[np.newaxis])
+    resting, free = held_unit(box), np.flatnonzero(box.free).tolist()
+    place = _nearest(look, resting[np.newaxis])
     chosen: list[int] = []
     while len(chosen) < min(most + _MORE, len(free)) and not (chosen and place.misfit < _ENOUGH):
         moves = _moved_alone(box, place.point, look, free)
@@ -81,14 +81,14 @@ def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
             tried[:, row] = target[row]
         place = min(place, _nearest(look, tried), key=lambda one: one.misfit)
     while len(chosen) > most:
-        place = _without_the_least(box, look, place, chosen, held)
+        place = _without_the_least(box, look, place, chosen, resting)
     return Chosen(np.isin(np.arange(len(box.names)), chosen), place.point)
 
 
-def _without_the_least(box: Box, look: Misfit, place: _Place, chosen: list[int], held: Array) -> _Place:
+def _without_the_least(box: Box, look: Misfit, place: _Place, chosen: list[int], resting: Array) -> _Place:
     """Take the row out of `chosen` that the others make up for best, and go where they do."""
     starts = np.tile(place.point, (len(chosen), 1))
-    starts[np.arange(len(chosen)), chosen] = held[chosen]
+    starts[np.arange(len(chosen)), chosen] = resting[chosen]
     residuals = _worse(look(starts))
     moves = _moved_alone(box, place.point, look, chosen)
     fits = [
@@ -112,11 +112,11 @@ def _ranges(box: Box, rows: Iterable[int]) -> list[int]:
     return [row for row in rows if not box.choices[row].size]
 
 
-def _worse(found: Evaluated) -> Array:
+def _worse(seen: Evaluated) -> Array:
     """Residuals (N, K), larger where a run ended badly, so that their size is the misfit."""
-    size = np.sqrt(np.mean(found.residuals**2, axis=1))
-    worse = np.maximum(found.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
-    return np.asarray(found.residuals * worse[:, np.newaxis])
+    size = np.sqrt(np.mean(seen.residuals**2, axis=1))
+    worse = np.maximum(seen.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
+    return np.asarray(seen.residuals * worse[:, np.newaxis])
 
 
 def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _Moves:

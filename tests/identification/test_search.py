@@ -8,7 +8,7 @@ from support.made_plants import Killed, loaded
 
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench
-from tendonrepro.identification.search import Effort, Evaluated, Found, Plants, held_unit, search
+from tendonrepro.identification.search import Effort, Evaluated, Plants, SearchResult, held_unit, search
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.held import held_at, values_of
@@ -113,7 +113,9 @@ def test_killed_and_resumed_ends_the_same(tmp_path):
 
 
 def test_seeds_agree_to_five_per_cent():
-    found = [Found(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most]), OPTIMUM, OPTIMUM) for most in (1.04, 1.06)]
+    found = [
+        SearchResult(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most]), OPTIMUM, OPTIMUM) for most in (1.04, 1.06)
+    ]
     assert [one.agree for one in found] == [True, False]
 
 
