@@ -641,7 +641,7 @@ function put(tree, one, value, n) {
   }
   // A run without a start offset starts on its reference.
   const held = (node[last] ??= { value: Array(n).fill(0), unit: one.unit }), inUnit = (number) => (held.unit === one.unit ? number : number * one.factor);
-  if (one.entry === null) held.value = value;
+  if (one.entry === undefined) held.value = value;
   else held.value = held.value.map((number, k) => (k === one.entry ? value : inUnit(number)));
   held.unit = one.unit;
   held.source = "assumed: set by hand in the page of tendonrepro live";
