@@ -189,7 +189,11 @@ def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path
 
 @pytest.mark.parametrize(
     ("options", "suffixes"),
-    [({"figures": False}, []), ({"formats": "svg"}, ["svg"]), ({"formats": ["png", "svg"]}, ["svg", "png"])],
+    [
+        ({"figures": False}, []),
+        pytest.param({"formats": "svg"}, ["svg"], marks=pytest.mark.slow),
+        pytest.param({"formats": ["png", "svg"]}, ["svg", "png"], marks=pytest.mark.slow),
+    ],
 )
 def test_a_result_is_saved_in_the_formats_asked_for(
     alone: tr.Result, tmp_path: Path, options: dict[str, Any], suffixes: list[str]

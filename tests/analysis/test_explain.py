@@ -164,6 +164,7 @@ class TestFiles:
         outputs = json.loads((tmp_path / "manifest.json").read_text())["outputs"]
         assert {"figures/explain_map.pdf", "explain.json", "tables/explain.csv"} <= outputs.keys()
 
+    @pytest.mark.slow
     def test_a_motion_at_rest_has_no_bandwidth(self):
         rest = explain(loaded("reference.amplitude=0"))
         assert rest.loads.motion_hz == 0.0

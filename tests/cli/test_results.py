@@ -94,6 +94,7 @@ def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> Non
     assert all(name in text and name in page for name in folders)
 
 
+@pytest.mark.slow
 def test_a_report_of_one_result_lies_beside_it_and_not_in_it(place: Path) -> None:
     results_of("statics", place)
     told = answer("report", "statics", cwd=place)

@@ -374,7 +374,7 @@ def test_readme_row_of_the_fitted_arm() -> None:
 @pytest.mark.parametrize(
     ("row", "overrides"),
     [
-        ("plain arm", []),
+        pytest.param("plain arm", [], marks=pytest.mark.slow),
         pytest.param("… weights (1 + α, −α)", [EXTRAPOLATING], marks=pytest.mark.slow),
         pytest.param("… Δ of 0.2 degrees", [DEGREES], marks=pytest.mark.slow),
         pytest.param("… both changes", [EXTRAPOLATING, DEGREES], marks=pytest.mark.slow),

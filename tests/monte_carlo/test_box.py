@@ -151,6 +151,7 @@ def test_every_other_draw_builds_its_loops():
         assert shortest - 1e-6 <= duration <= longest + 1e-6
 
 
+@pytest.mark.slow
 def test_every_fourth_draw_takes_every_reading():
     choices = default_readings(ensemble().config.pairs) + VARIATIONS
     for k in range(0, DRAWS, 4):

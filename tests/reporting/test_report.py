@@ -15,6 +15,7 @@ from tendonrepro.reporting.page import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
 
+@pytest.mark.slow
 def test_a_report_is_replaced_and_nothing_else_is(results, tmp_path):
     folder = tmp_path / "reports"
     shutil.copytree(results, folder)

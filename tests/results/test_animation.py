@@ -106,6 +106,7 @@ def test_colours_follow_the_tension_and_the_clock_the_samples():
     assert list(angles.lines[-1].get_xdata()) == [2.0, 2.0]
 
 
+@pytest.mark.slow
 def test_a_film_moves_and_is_made_again_byte_by_byte(stored):
     found = animate(stored, QUIET, speed=45.0)
     path = stored / "controller_1.gif"
