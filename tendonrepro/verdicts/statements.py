@@ -40,8 +40,8 @@ class Statement:
 
 
 @dataclass(frozen=True)
-class Findings:
-    """What a rule finds, and the plants that it judges and ranks; a diverged law ranks last.
+class Claim:
+    """A claim as statements, and the plants that it judges and ranks; a diverged law ranks last.
 
     `opposite`, where given, replaces that no statement holds. `beside` does not count. `chance` is from
     `_by_chance`. `untestable` says why no plant can tell.
@@ -60,10 +60,10 @@ class Findings:
     def measures(self) -> Mapping[str, Sequence[Statement]]:
         """Statements by measure; a claim holds by one where all of its statements do."""
         names = dict.fromkeys(statement.measure for statement in self.statements)
-        return {name: [one for one in self.statements if one.measure == name] for name in names}
+        return {name: [part for part in self.statements if part.measure == name] for name in names}
 
 
-def findings_of(plants: Plants, paper: Published, rule: str) -> Findings:
+def claim_on(plants: Plants, paper: Published, rule: str) -> Claim:
     """Apply a rule; nothing holds of a missing number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return CLAIMS[rule](plants, paper)
@@ -78,10 +78,10 @@ def _over(
     opposite: Statement | None = None,
     beside: Sequence[Statement] = (),
     chance: tuple[float, float] | None = None,
-) -> Findings:
+) -> Claim:
     """Judge statements where some runs are ``ok``, and rank these runs."""
     judged, rankable = plants.ok(*runs), plants.rankable(*runs)
-    return Findings(statements, judged, rankable, remarks, opposite, beside, chance)
+    return Claim(statements, judged, rankable, remarks, opposite, beside, chance)
 
 
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
@@ -108,7 +108,7 @@ def smaller(
 
 def together(statements: Sequence[Statement]) -> Mask:
     """Where all hold."""
-    return np.asarray(np.logical_and.reduce([one.holds for one in statements]))
+    return np.asarray(np.logical_and.reduce([part.holds for part in statements]))
 
 
 def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
@@ -116,27 +116,27 @@ def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
     return float(orders) ** -len(plants.joints), 1.0 / orders
 
 
-def stable(plants: Plants, _: Published) -> Findings:
+def stable(plants: Plants, _: Published) -> Claim:
     """C1: all controllers are ``ok``."""
     resolved = plants.none(UNRESOLVED, *CONTROLLERS)
     statements = [Statement(f"{run} is ok", plants.ok(run)) for run in CONTROLLERS]
     untestable = None
     if resolved.mean() < 1.0 - MOST_UNRESOLVED:
         untestable = f"only {100.0 * resolved.mean():.3g} % of the plants could be integrated"
-    return Findings(statements, resolved, None, untestable=untestable)
+    return Claim(statements, resolved, None, untestable=untestable)
 
 
-def order(plants: Plants, _: Published) -> Findings:
+def order(plants: Plants, _: Published) -> Claim:
     """C2: controllers 1 < 2 < 3 in both metrics."""
     return _in_order(plants, ERRORS)
 
 
-def rising_shape(plants: Plants, _: Published) -> Findings:
+def rising_shape(plants: Plants, _: Published) -> Claim:
     """F1: RMSE/MAE of controllers 1 < 2 < 3."""
     return _in_order(plants, {SHAPE: "RMSE/MAE"})
 
 
-def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
+def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
     published, reverse = (
         [
             statement
@@ -157,7 +157,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
     return _over(plants, CONTROLLERS, published, opposite=opposite, beside=beside, chance=chance)
 
 
-def joints_alike(plants: Plants, paper: Published) -> Findings:
+def joints_alike(plants: Plants, paper: Published) -> Claim:
     """F2: joint 3 over joint 2 errs at least as much as in the paper."""
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
@@ -170,7 +170,7 @@ def joints_alike(plants: Plants, paper: Published) -> Findings:
     return _over(plants, runs, statements)
 
 
-def rapid_advantage(plants: Plants, _: Published) -> Findings:
+def rapid_advantage(plants: Plants, _: Published) -> Claim:
     """C3: Controller 1 is ahead in rapid phases, and by more than elsewhere."""
     statements: list[Statement] = []
     for rival in RIVALS:
@@ -182,7 +182,7 @@ def rapid_advantage(plants: Plants, _: Published) -> Findings:
     return _over(plants, CONTROLLERS, statements)
 
 
-def similar_surfaces(plants: Plants, _: Published) -> Findings:
+def similar_surfaces(plants: Plants, _: Published) -> Claim:
     """C4: s is of similar size."""
     statements: list[Statement] = []
     for name, what in (("s_rms", "RMS of s"), ("s_slow_rms", "RMS of s below 3 Hz")):
@@ -196,7 +196,7 @@ def _similar(sizes: Sequence[Array]) -> Mask:
     return np.asarray(np.min(sizes, axis=0) >= (1.0 - SIMILAR) * np.max(sizes, axis=0))
 
 
-def estimate_size(plants: Plants, _: Published) -> Findings:
+def estimate_size(plants: Plants, _: Published) -> Claim:
     """C5: Controller 1's estimate is smaller moving up, similar moving down."""
     statements: list[Statement] = []
     for size, measure in SIZES.items():
@@ -208,7 +208,7 @@ def estimate_size(plants: Plants, _: Published) -> Findings:
     return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
 
 
-def torque_size(plants: Plants, _: Published) -> Findings:
+def torque_size(plants: Plants, _: Published) -> Claim:
     """C6: Controller 1's torque is significantly smaller moving up, smaller and smoother overall."""
     statements: list[Statement] = []
     for size, measure in SIZES.items():
@@ -229,7 +229,7 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
     return statements
 
 
-def payload(plants: Plants, _: Published) -> Findings:
+def payload(plants: Plants, _: Published) -> Claim:
     """P1: the payload makes errors of Controller 1 larger."""
     runs = (*CONTROLLERS, LOADED)
     return _over(plants, runs, larger_with_load(plants), chance=_by_chance(plants, 2))
@@ -240,7 +240,7 @@ def larger_with_load(plants: Plants) -> list[Statement]:
     return [one for name, what in ERRORS.items() for one in smaller(plants, name, FIRST, LOADED, what)]
 
 
-def better_estimate(plants: Plants, _: Published) -> Findings:
+def better_estimate(plants: Plants, _: Published) -> Claim:
     """E1: Controller 1's estimate is better than Controller 2's."""
     statements: list[Statement] = []
     beside: list[Statement] = []
@@ -254,7 +254,7 @@ def better_estimate(plants: Plants, _: Published) -> Findings:
     return _over(plants, CONTROLLERS, statements, beside=beside, chance=_by_chance(plants, 2))
 
 
-def robustness(plants: Plants, _: Published) -> Findings:
+def robustness(plants: Plants, _: Published) -> Claim:
     """E1a: where only one of Controllers 1 and 2 is ``ok``, it is 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
@@ -263,10 +263,10 @@ def robustness(plants: Plants, _: Published) -> Findings:
         f"both are ok on {count_of(int((first & second).sum()), 'plant')} and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
-    return Findings(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
+    return Claim(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
 
 
-def delay_time(plants: Plants, _: Published) -> Findings:
+def delay_time(plants: Plants, _: Published) -> Claim:
     """E2: a smaller L is better for Controller 2, a larger one worse."""
     published = (f"{SECOND}@{SHORTER}", SECOND, f"{SECOND}@{LONGER}")
     ideal = tuple(f"{SECOND}@{IDEAL}{period}" for period in (f"+{SHORTER}", "", f"+{LONGER}"))
@@ -289,14 +289,14 @@ def delay_time(plants: Plants, _: Published) -> Findings:
     return _over(plants, (*published, *ideal), statements, remarks=[remark], beside=beside, chance=chance)
 
 
-def small_inertia(plants: Plants, _: Published) -> Findings:
+def small_inertia(plants: Plants, _: Published) -> Claim:
     """E2a: half of M̄ makes Controller 2's torque smoother."""
     halved = f"{SECOND}@{HALVED}"
     found = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
     return _over(plants, (SECOND, halved), found, chance=_by_chance(plants, 2))
 
 
-def overshoot(plants: Plants, paper: Published) -> Findings:
+def overshoot(plants: Plants, paper: Published) -> Claim:
     """E3: Controller 1 overshoots less than Controller 2, or neither by more than an encoder step."""
     sizes = np.array([plants[run, "overshoot"] for run in (FIRST, SECOND)])
     neither = (sizes <= np.deg2rad(paper.number("hardware.encoder_resolution"))).all(axis=0)
@@ -312,10 +312,10 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
     remark = (
         f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
     )
-    return Findings(statements, ok & counted, rankable & counted, [remark])
+    return Claim(statements, ok & counted, rankable & counted, [remark])
 
 
-def bounds(plants: Plants, paper: Published) -> Findings:
+def bounds(plants: Plants, paper: Published) -> Claim:
     """L1: Controller 1 stays inside the bounds of section 4.3."""
     printed = Plants(plants.data, PRINTED)
     lam, eta, b, Delta = (
@@ -334,7 +334,7 @@ def bounds(plants: Plants, paper: Published) -> Findings:
     ]
     judged = printed.ok(*CONTROLLERS)
     remarks = ["judged under the reading printed, whatever the reading"]
-    return Findings(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
+    return Claim(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
 
 
 def _beyond_divergence(bound: Array) -> str | None:
@@ -350,7 +350,7 @@ def _beyond_divergence(bound: Array) -> str | None:
     )
 
 
-CLAIMS: Mapping[str, Callable[[Plants, Published], Findings]] = {
+CLAIMS: Mapping[str, Callable[[Plants, Published], Claim]] = {
     rule.__name__: rule
     for rule in (
         *(stable, order, rising_shape, joints_alike, rapid_advantage, similar_surfaces, estimate_size),
