@@ -12,15 +12,17 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, reading
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
+from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants, Run, RunUnder
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 
-IDEAL = "encoder=ideal"
-SHORTER, LONGER, HALVED = "sampling_period=0.5ms", "sampling_period=2ms", "M_bar=halved"
+AS_PRINTED, IDEAL, HALVED = reading({}), reading({"encoder": "ideal"}), reading({"M_bar": "halved"})
+SHORTER, LONGER = (reading({"sampling_period": period}) for period in ("0.5ms", "2ms"))
+IDEAL_SHORTER, IDEAL_LONGER = (reading(dict(IDEAL.settings + way.settings)) for way in (SHORTER, LONGER))
 
 RIVALS = CONTROLLERS[1:]
 ERRORS: Mapping[str, str] = {"mae": "MAE", "rmse": "RMSE"}
@@ -71,7 +73,7 @@ def claim_on(plants: Plants, paper: Published, rule: str) -> Claim:
 
 def _over(
     plants: Plants,
-    runs: Sequence[str],
+    runs: Sequence[Run],
     statements: Sequence[Statement],
     *,
     remarks: Sequence[str] = (),
@@ -92,14 +94,14 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
 
 
 def _of_runs(
-    plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
+    plants: Plants, text: str, holds: Mask, runs: Sequence[Run], measure: str = ""
 ) -> list[Statement]:
     """One statement a joint, which fails where a run diverged."""
     return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
 def smaller(
-    plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
+    plants: Plants, name: str, first: Run, second: Run, what: str, measure: str = ""
 ) -> list[Statement]:
     """`first` has the smaller statistic, on each joint; diverged is largest."""
     holds = plants.ranked(first, name) < plants.ranked(second, name)
@@ -237,18 +239,18 @@ def payload(plants: Plants, _: Published) -> Claim:
 
 def larger_with_load(plants: Plants) -> list[Statement]:
     """Statements of P1, which need no other controller."""
-    return [one for name, what in ERRORS.items() for one in smaller(plants, name, FIRST, LOADED, what)]
+    return [part for name, what in ERRORS.items() for part in smaller(plants, name, FIRST, LOADED, what)]
 
 
 def better_estimate(plants: Plants, _: Published) -> Claim:
     """E1: Controller 1's estimate is better than Controller 2's."""
     statements: list[Statement] = []
     beside: list[Statement] = []
-    ideal = Plants(plants.data, IDEAL)
+    first, second = (RunUnder(run, IDEAL) for run in (FIRST, SECOND))
     for name, what in (("epsilon_rms", "RMS of epsilon"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
         statements += smaller(plants, name, FIRST, SECOND, what, what)
-        if plants.reading == PRINTED and plants.data.has(FIRST, IDEAL):
-            text, holds = f"with an ideal encoder {what}", ideal[FIRST, name] < ideal[SECOND, name]
+        if plants.reading == PRINTED and plants.has(first):
+            text, holds = f"with an ideal encoder {what}", plants[first, name] < plants[second, name]
             beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
             beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
     return _over(plants, CONTROLLERS, statements, beside=beside, chance=_by_chance(plants, 2))
@@ -268,10 +270,11 @@ def robustness(plants: Plants, _: Published) -> Claim:
 
 def delay_time(plants: Plants, _: Published) -> Claim:
     """E2: a smaller L is better for Controller 2, a larger one worse."""
-    published = (f"{SECOND}@{SHORTER}", SECOND, f"{SECOND}@{LONGER}")
-    ideal = tuple(f"{SECOND}@{IDEAL}{period}" for period in (f"+{SHORTER}", "", f"+{LONGER}"))
+    _check_printed(plants)
+    published = (RunUnder(SECOND, SHORTER), SECOND, RunUnder(SECOND, LONGER))
+    ideal = tuple(RunUnder(SECOND, way) for way in (IDEAL_SHORTER, IDEAL, IDEAL_LONGER))
 
-    def along(periods: Sequence[str], more: str) -> list[Statement]:
+    def along(periods: Sequence[Run], more: str) -> list[Statement]:
         return [
             statement
             for name, what in (("mae", "MAE"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz"))
@@ -291,9 +294,16 @@ def delay_time(plants: Plants, _: Published) -> Claim:
 
 def small_inertia(plants: Plants, _: Published) -> Claim:
     """E2a: half of M̄ makes Controller 2's torque smoother."""
-    halved = f"{SECOND}@{HALVED}"
-    found = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
-    return _over(plants, (SECOND, halved), found, chance=_by_chance(plants, 2))
+    _check_printed(plants)
+    halved = RunUnder(SECOND, HALVED)
+    statements = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
+    return _over(plants, (SECOND, halved), statements, chance=_by_chance(plants, 2))
+
+
+def _check_printed(plants: Plants) -> None:
+    """Refuse to compare a variation of the printed reading with a run under another."""
+    if plants.reading != PRINTED:
+        raise DataMissingError(f"variations of {SECOND} are run under reading {PRINTED!r} alone")
 
 
 def overshoot(plants: Plants, paper: Published) -> Claim:
@@ -317,22 +327,22 @@ def overshoot(plants: Plants, paper: Published) -> Claim:
 
 def bounds(plants: Plants, paper: Published) -> Claim:
     """L1: Controller 1 stays inside the bounds of section 4.3."""
-    printed = Plants(plants.data, PRINTED)
+    first, *rivals = (RunUnder(run, AS_PRINTED) for run in CONTROLLERS)
     lam, eta, b, Delta = (
         np.array(paper.per_joint(f"gain.{name}", plants.joints)) for name in ("lam", "eta", "b", "Delta")
     )
-    omega = printed[FIRST, "epsilon_max"] / lam
+    omega = plants[first, "epsilon_max"] / lam
     error = np.minimum(Delta, (omega / eta) ** (1.0 / b))
     inside = {
-        "|e| inside Eq. (30) as printed": printed[FIRST, "max_error"] <= error,
-        "|de/dt| inside Eq. (31)": printed[FIRST, "rate_max"] <= omega + eta * error**b,
+        "|e| inside Eq. (30) as printed": plants[first, "max_error"] <= error,
+        "|de/dt| inside Eq. (31)": plants[first, "rate_max"] <= omega + eta * error**b,
     }
     statements = [
         statement
         for text, holds in inside.items()
-        for statement in _of_runs(printed, f"the largest {text}", holds, [FIRST])
+        for statement in _of_runs(plants, f"the largest {text}", holds, [first])
     ]
-    judged = printed.ok(*CONTROLLERS)
+    judged = plants.ok(first, *rivals)
     remarks = ["judged under the reading printed, whatever the reading"]
     return Claim(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
 
