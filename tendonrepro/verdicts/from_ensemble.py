@@ -16,7 +16,7 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.from_print import PERCENTAGES, formula_of
-from tendonrepro.verdicts.plants import UNRESOLVED, Plants
+from tendonrepro.verdicts.plants import UNRESOLVED, EnsemblePlants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
 from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
 
@@ -33,7 +33,7 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """What a family of numbers cannot be below: an RMSE is never below its MAE."""
 
 
-def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+def numbers_of(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
     """A printed number on every plant, in its unit, and the plants judged, (N,) each."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
@@ -43,7 +43,7 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
+def _direction(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
     """What a percentage claims besides its size, and the plants that rank it."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
@@ -51,7 +51,7 @@ def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[State
     return statements[plants.joints.index(joint)], plants.rankable(*runs)
 
 
-def judge_plants(plants: Plants, paper: Published, identifier: str) -> Ruling:
+def judge_plants(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
     """Judge a number or a claim under one reading."""
     rule = paper.judgements[identifier].rule
     try:
@@ -67,14 +67,14 @@ def _check_enough(judged: Mask) -> None:
         raise DataMissingError(f"{told}, {LEAST_PLANTS} are needed: more --draws")
 
 
-def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
-    return share_of(holds[counted], plants.data.replicate[counted])
+def _share(plants: EnsemblePlants, holds: Mask, counted: Mask) -> Share:
+    return share_of(holds[counted], plants.replicate[counted])
 
 
-def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
+def _number(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
     values, judged = numbers_of(plants, paper, identifier)
     _check_enough(judged)
-    box = spread_of(values[judged], plants.data.replicate[judged])
+    box = spread_of(values[judged], plants.replicate[judged])
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
@@ -89,7 +89,7 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
     return replace(ruling, ours=box.median, evidence=evidence | _remarks(ruling, remarks))
 
 
-def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
+def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
     claim = claim_on(plants, paper, rule)
     _check_enough(claim.judged)
     ruling = _by_statements(plants, claim, claim.judged)
@@ -127,7 +127,7 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
     return replace(ruling, evidence=evidence)
 
 
-def _by_statements(plants: Plants, claim: Claim, counted: Mask) -> Ruling:
+def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Ruling:
     """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
@@ -150,7 +150,7 @@ def _by_statements(plants: Plants, claim: Claim, counted: Mask) -> Ruling:
     return replace(rules.of_claim(wholes[best], overall), ours=wholes[best].share, evidence=evidence)
 
 
-def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
+def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
     rows = []
     for statement in statements:
         share = _share(plants, statement.holds, counted)
@@ -166,7 +166,7 @@ def _remarks(ruling: Ruling, remarks: Sequence[str]) -> Evidence:
     return {"remarks": [*hardware, *remarks]}
 
 
-def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+def outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
     """What a verdict depends on, and the plants judged, (N,) each.
 
     Of a claim 1 or 0; of a number its value, or logarithm if all are positive.

@@ -25,8 +25,8 @@ from tendonrepro.results.summary import tracking_errors
 from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge_plants
 from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import ErrorOf, formula_of, judge_print
-from tendonrepro.verdicts.measured import measured_of
-from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.measurement import measurement_of
+from tendonrepro.verdicts.plants import EnsemblePlants
 from tendonrepro.verdicts.rules import VERDICTS, Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
@@ -66,7 +66,7 @@ def judge_all(
     paper = paper or published()
     wanted = _wanted(paper, only)
     over_the_box = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
-    measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
+    measured = judge_measured(measurement_of(sources.measured, paper), paper) if sources.measured else {}
     shipped = _shipped_numbers(sources.compare, paper)
     verdicts = []
     for name in wanted:
@@ -105,7 +105,7 @@ def _over_the_box(
         return {}
     rulings: dict[str, dict[str, Ruling]] = {name: {} for name in names}
     for reading in dict.fromkeys((PRINTED, *data.readings)):
-        plants = Plants(data, reading)
+        plants = EnsemblePlants(data, reading)
         for name in names:
             rulings[name][reading] = judge_plants(plants, paper, name)
         progress(1)

@@ -1,7 +1,8 @@
-"""An ensemble as the rules see it."""
+"""Plants as the rules see them: statuses and statistics of runs, wherever these come from."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -11,7 +12,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.monte_carlo.data import Case, EnsembleData, Stored
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
@@ -34,29 +34,30 @@ Run: TypeAlias = str | RunUnder
 """A run under the reading that is judged, by its name, or under one of its own."""
 
 
-class Plants:
-    """All N plants under one reading."""
+class Plants(ABC):
+    """N plants with n joints under one reading: all of an ensemble, or the one arm that was measured."""
 
-    def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
-        self.data = data
-        self.reading = reading
-        self.joints = data.joints
-        self._kept: dict[tuple[Run, str], Stored] = {}
+    joints: tuple[int, ...]
+    reading: str
 
+    @abstractmethod
+    def has(self, run: Run) -> bool:
+        """Whether there is such a run."""
+
+    @abstractmethod
     def status(self, run: Run) -> NDArray[np.int8]:
-        """Status codes of a run, (N,)."""
-        if (run, "status") not in self._kept:
-            self._kept[run, "status"] = self.data.status(*self._case(run))
-        return self._kept[run, "status"]
+        """Status codes of a run, (N,); else a DataMissingError."""
+
+    @abstractmethod
+    def statistic(self, run: Run, name: str) -> Array:
+        """One statistic of a run, SI, (N, n); else a DataMissingError."""
 
     def __getitem__(self, key: tuple[Run, str]) -> Array:
-        """Statistic (N, n) by (run, name)."""
+        """Statistic (N, n) by (run, name), `SHAPE` too."""
         run, name = key
         if name == SHAPE:
-            return np.asarray(self[run, "rmse"] / self[run, "mae"])
-        if key not in self._kept:
-            self._kept[key] = self.data.statistic(*self._case(run), name)
-        return self._kept[key]
+            return np.asarray(self.statistic(run, "rmse") / self.statistic(run, "mae"))
+        return self.statistic(run, name)
 
     def ranked(self, run: Run, name: str) -> Array:
         """The same, infinite where the run diverged."""
@@ -75,9 +76,33 @@ class Plants:
         lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
         return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
 
+
+class EnsemblePlants(Plants):
+    """All plants of an ensemble under one reading, each with its scrambling `replicate` (N,)."""
+
+    def __init__(self, data: EnsembleData, reading: str) -> None:
+        self.joints = data.joints
+        self.reading = reading
+        self.replicate = data.replicate
+        self._data = data
+        # Claims ask for the same statistics, which a large ensemble reads from all its files.
+        self._kept: dict[tuple[Run, str], Stored] = {}
+
     def has(self, run: Run) -> bool:
         """Whether a run was simulated."""
-        return self.data.has(*self._case(run))
+        return self._data.has(*self._case(run))
+
+    def status(self, run: Run) -> NDArray[np.int8]:
+        """Status codes of a run, (N,)."""
+        if (run, "status") not in self._kept:
+            self._kept[run, "status"] = self._data.status(*self._case(run))
+        return self._kept[run, "status"]
+
+    def statistic(self, run: Run, name: str) -> Array:
+        """One of `simulation.streaming.STATISTICS`, SI, (N, n)."""
+        if (run, name) not in self._kept:
+            self._kept[run, name] = self._data.statistic(*self._case(run), name)
+        return self._kept[run, name]
 
     def _case(self, run: Run) -> Case:
         return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)

@@ -19,7 +19,7 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.from_print import ErrorOf
-from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.plants import EnsemblePlants
 
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
@@ -109,7 +109,7 @@ def ranked(
 
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
-    plants = Plants(data, PRINTED)
+    plants = EnsemblePlants(data, PRINTED)
 
     def rank(values: Array, *runs: str, floor: float | None = None) -> Influences | None:
         kept = plants.ok(*runs)
@@ -135,7 +135,7 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
-        values, judged = outcome(Plants(data, PRINTED), paper, identifier)
+        values, judged = outcome(EnsemblePlants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
     return ranked(data.names, data.draws[judged], values[judged])

@@ -8,13 +8,13 @@ import pytest
 from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.measured import Measured, OneArm
+from tendonrepro.verdicts.measured_arm import MeasuredArm
+from tendonrepro.verdicts.measurement import Measurement
 
 
 def comparison(sizes=None, **options):
@@ -32,7 +32,7 @@ def judged(file):
     timing = {name: Timing(0.0, PERIOD) for name in file.part("compare").runs}
     paper = published()
     tables = try_windows(file.part("compare"), paper, timing)
-    return judge_measured(Measured(file, tables, None), paper)
+    return judge_measured(Measurement(file, tables, None), paper)
 
 
 def with_joint_1(trace):
@@ -116,9 +116,9 @@ class TestComparison:
         lacking = without(file.runs["controller_3"], "s", "e")
         bare = replace(file, runs={name: without(trace, "s") for name, trace in file.runs.items()})
         for held, message in ((file, "^s of all controllers"), (bare, "^s or e of the run controller_3")):
-            arm = OneArm(Measured(with_run(held, lacking), EMPTY, None))
+            arm = MeasuredArm(Measurement(with_run(held, lacking), EMPTY, None))
             with pytest.raises(DataMissingError, match=message):
-                arm.statistic("controller_3", PRINTED, "s_rms")
+                arm.statistic("controller_3", "s_rms")
 
     def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
         file = replace(comparison(GROWING), plant=make_decouple_file().plant)
