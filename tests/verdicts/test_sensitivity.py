@@ -7,7 +7,8 @@ from support.made_claims import NAMES, MadeEnsemble, ranking_of
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
-from tendonrepro.verdicts.sensitivity import draw_influences, ranked
+from tendonrepro.verdicts.figures import draw_influences
+from tendonrepro.verdicts.sensitivity import ranked
 
 
 def index(ranking, name):
