@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TypeAlias, TypedDict
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,10 +23,11 @@ from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.study import Site
-from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
+from tendonrepro.validation.rerun import reruns
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
 from tendonrepro.verdicts.measurement import Measurement, measurement_of
-from tendonrepro.verdicts.rules import Evidence, Ruling
+from tendonrepro.verdicts.rules import Ruling
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {run: row_of(run) for run in CONTROLLERS},
@@ -52,10 +53,10 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     paper, known = published(), json.loads(file.manifest_json)
-    measured = measurement_of(file, paper)
-    tables, reference = measured.tables, measured.reference
-    judged = judge_measured(measured, paper)
-    models, missing = reruns(measured, base, path.name, site.files, site.talk)
+    measurement = measurement_of(file, paper)
+    tables, reference = measurement.tables, measurement.reference
+    rulings = judge_measured(measurement, paper)
+    models, missing = reruns(measurement, base, path.name, site.files, site.talk)
     timing = timing_of(file, reference)
     starts = {name: timing[name].start for name in models if name in timing}
     pairs = [(file.runs[name], model, starts.get(name, -np.inf)) for name, model in models.items()]
@@ -63,10 +64,8 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
     decouple = file.part("decouple").runs.get("decouple")
     coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
     closest = closest_window(tables)
-    claims = _judged_claims(judged, paper)
-    numbers = {name: number for name, number in judged.items() if name not in JUDGED}
     windows, motion = tables.as_dict(), reference.as_dict() if reference else None
-    controllers = controllers_of(measured.compare, site.talk, site.start)
+    controllers = controllers_of(measurement.compare, site.talk, site.start)
     told = [{name: row.get(name) for name in _CONTROLLERS} for row in controllers]
     missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
     status = {name: model.status for name, model in models.items()}
@@ -83,9 +82,11 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
         "windows": windows,
         "reference": motion,
-        "claims": claims,
+        "claims": claims_data(rulings, paper),
         "numbers": {
-            name: {"verdict": number.verdict, "ours": number.ours} for name, number in numbers.items()
+            name: {"verdict": ruling.verdict, "ours": ruling.ours}
+            for name, ruling in rulings.items()
+            if name not in JUDGED
         },
         "residuals": {"rows": rows, "coupling": coupling, "status": status},
         "diverged": "diverged" in status.values(),
@@ -95,10 +96,10 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
     figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
     parts: list[Table | str] = [
         _about(path, known),
-        *measured_tables(measured, paper, str(path)),
+        *measured_tables(measurement, paper, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
-        claims_table(claims),
+        claims_table(rulings, paper),
         *shown("residuals", "Measured less simulated.", rows, _columns_of(rows)),
         *shown("coupling", "Angles through the coupling.", coupling, ()),
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
@@ -120,29 +121,18 @@ def _columns_of(residuals: TableRows) -> Sequence[str]:
     return (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
 
 
-class JudgedClaim(TypedDict):
-    """A claim's entry in ``validate --json``."""
-
-    id: str
-    where: str
-    rule: str
-    kind: str
-    verdict: str
-    evidence: Evidence
-
-
-def _judged_claims(judged: Mapping[str, Ruling], paper: Published) -> list[JudgedClaim]:
+def claims_data(rulings: Mapping[str, Ruling], paper: Published) -> list[dict[str, object]]:
+    """``claims`` of ``validate --json``."""
     return [
         {
             "id": name,
             "where": paper.entries[name].where,
             "rule": paper.judgements[name].rule,
             "kind": "measured",
-            "verdict": claim.verdict,
-            "evidence": claim.evidence,
+            "verdict": rulings[name].verdict,
+            "evidence": rulings[name].evidence,
         }
-        for name, claim in judged.items()
-        if name in JUDGED
+        for name in JUDGED
     ]
 
 
@@ -183,9 +173,9 @@ def closest_window(tables: PrintedTables) -> Tried | None:
     return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
 
 
-def measured_tables(measured: Measurement, paper: Published, origin: str) -> Iterator[Table]:
+def measured_tables(measurement: Measurement, paper: Published, origin: str) -> Iterator[Table]:
     """Tables 2 and 3 over the window that decides, and all numbers of all windows."""
-    window = measured.tables.deciding
+    window = measurement.tables.deciding
     for table in _ROWS:
         if rows := [*size_rows(window, paper, table)]:
             caption = f"Table {table[-1]} as measured, degrees, averaged over: {window.name} ({origin})."
@@ -193,21 +183,25 @@ def measured_tables(measured: Measurement, paper: Published, origin: str) -> Ite
     windows = [
         {"window": tried.window, "offset_removed": tried.offset_removed, "id": name, "measured_deg": size}
         | {"printed_deg": paper.number(name), "agrees": name in tried.agree}
-        for tried in measured.tables.tried
+        for tried in measurement.tables.tried
         for name, size in tried.sizes.items()
     ]
     yield Table("windows", "Every number by every way of averaging.", windows, terminal=(), suffixes=["csv"])
 
 
-def claims_table(claims: Sequence[JudgedClaim]) -> Table:
+def claims_table(rulings: Mapping[str, Ruling], paper: Published) -> Table:
     """Verdicts with their window, statements that fail, and what is missing."""
     rows = []
-    for claim in claims:
-        evidence = claim["evidence"]
-        row: dict[str, object] = {"claim": claim["id"], "where": claim["where"], "verdict": claim["verdict"]}
-        # A remark of C4 says that s was computed and not recorded.
-        row |= {name: evidence.get(name) or None for name in ("window", "missing", "remarks")}
+    for name in JUDGED:
+        evidence = rulings[name].evidence
         failing = sum(not statement["holds"] for statement in evidence.get("statements", ()))
+        row: dict[str, object] = {
+            "claim": name,
+            "where": paper.entries[name].where,
+            "verdict": rulings[name].verdict,
+        }
+        # A remark of C4 says that s was computed and not recorded.
+        row |= {key: evidence.get(key) or None for key in ("window", "missing", "remarks")}
         rows.append(row | {"statements that fail": failing or None})
     return Table("claims", "Claims judged on the measurement.", rows)
 
