@@ -1,8 +1,7 @@
-"""Which unknowns decide an outcome: sensitivity indices by SALib."""
+"""Which unknowns decide an outcome, by their sensitivity indices."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, TypedDict
@@ -17,6 +16,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.first_order import first_order_index, half_width
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.plants import Plants
@@ -31,28 +31,18 @@ FLOOR_QUANTILE = 0.95
 LEAST_OTHERS = 20
 """Outcomes that differ from the commonest; a bootstrap of rarer ones may well hold none."""
 
-# The method's usual ten harmonics fit more of the noise of a few hundred plants.
-_HARMONICS = 6
-
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
 SHOWN = 12
 """Unknowns in the picture."""
-LEAST_FITTED = 300
-"""Plants below which no surrogate is fitted."""
-MOST_TOTAL = 2.0
-"""Total index beyond which a surrogate is no fit; it is at most 1 where it is one."""
-SURROGATE = 8
-"""The strongest unknowns, which have a total index."""
 
 
 class Influence(TypedDict):
-    """First-order index (RBD-FAST) of an unknown, half its 95 % bootstrap interval, and its total index."""
+    """First-order index of an unknown, and half its 95 % interval."""
 
     name: str
     index: float
     half_width: float
-    total: float | None
 
 
 class Influences(TypedDict):
@@ -85,21 +75,19 @@ def ranked(
     commonest = np.unique(outcome, return_counts=True)[1].max(initial=0)
     if len(outcome) < LEAST_PLANTS or len(outcome) - commonest < LEAST_OTHERS:
         return None
-    from SALib.analyze import rbd_fast
-
     rng = np.random.default_rng(SEED)
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
-    problem = {"num_vars": len(names), "names": list(names)}
-    indices = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
     rows: list[Influence] = [
-        {"name": name, "index": float(index), "half_width": float(half), "total": None}
-        for name, index, half in zip(names, indices["S1"], indices["S1_conf"], strict=True)
+        {
+            "name": name,
+            "index": first_order_index(unknown, outcome),
+            "half_width": half_width(unknown, outcome, RESAMPLES, rng),
+        }
+        for name, unknown in zip(names, draws.T, strict=True)
     ]
     rows.sort(key=lambda row: -row["index"])
-    for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
-        row["total"] = total
     if noise_floor is None:
         largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
         noise_floor = float(np.quantile(largest, FLOOR_QUANTILE))
@@ -141,50 +129,15 @@ def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influence
     return ranked(data.names, data.draws[judged], values[judged])
 
 
-def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:
-    """Total indices of the first `SURROGATE` unknowns, by HDMR."""
-    from SALib.analyze import hdmr
-
-    if len(outcome) < LEAST_FITTED:
-        return []
-    chosen = [names.index(name) for name in strongest[:SURROGATE]]
-    X = draws[:, chosen]
-    free = X.max(axis=0) > X.min(axis=0)
-    X = X[:, free]
-    problem = {
-        "num_vars": X.shape[1],
-        "names": np.array(names)[chosen][free].tolist(),
-        "bounds": np.column_stack([X.min(axis=0), X.max(axis=0)]).tolist(),
-    }
-    with warnings.catch_warnings():
-        # What SALib would have instead fails on unknowns that are choices.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        # Its fit runs away where two choices that are rare together meet in few plants.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        analysis = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
-    totals = np.zeros(len(chosen))
-    totals[free] = analysis["ST"][: X.shape[1]]
-    return totals.tolist() if (np.abs(totals) <= MOST_TOTAL).all() else []
-
-
 def _largest_index(draws: Array, outcome: Array) -> float:
-    from SALib.analyze import rbd_fast
-
-    raw = [
-        rbd_fast.compute_first_order(rbd_fast.permute_outputs(column, outcome), _HARMONICS)
-        for column in draws.T
-    ]
-    return float(rbd_fast.unskew_S1(max(raw), _HARMONICS, len(outcome)))
+    return max(first_order_index(unknown, outcome) for unknown in draws.T)
 
 
 def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
     """Draw the strongest unknowns' shares of each outcome's variance."""
     from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 
-    shares = {
-        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in parts["rows"]}
-        for name, parts in rankings.items()
-    }
+    shares = {name: {row["name"]: row["index"] for row in parts["rows"]} for name, parts in rankings.items()}
     unknowns = sorted(
         next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
     )[:SHOWN]
@@ -201,5 +154,5 @@ def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
         names = [name.replace(".", " ").replace("_", " ") for name in shares]
         axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
         axes.set_title("What decides each claim and number: share of the variance, %")
-    caption = "Share of the variance of an outcome that an unknown explains, alone or with one other."
+    caption = "Share of the variance of an outcome that an unknown explains alone."
     return Drawing("decides", figure, [axes], caption)

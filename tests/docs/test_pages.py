@@ -8,6 +8,7 @@ import itertools
 import json
 import re
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -334,6 +335,17 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
 
 
 # ---- traces ------------------------------------------------------------------------------------------------
+
+
+def test_every_dependency_has_its_reason() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = {re.split(r"[^\w-]", entry, maxsplit=1)[0] for entry in project["dependencies"]}
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = page.partition("## Dependencies")[2].partition("Optional ones")[0].splitlines()
+    told = {
+        name for row in rows if row.startswith("| `") for name in re.findall("`(.+?)`", row.split("|")[1])
+    }
+    assert told == names
 
 
 def test_architecture_draws_every_room() -> None:
