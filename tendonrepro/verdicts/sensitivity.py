@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, TypedDict
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.data import EnsembleData
@@ -20,6 +20,7 @@ from tendonrepro.verdicts.first_order import first_order_index, half_width
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.rules import Mask
 
 if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
@@ -48,8 +49,8 @@ class Influence(TypedDict):
 class Influences(TypedDict):
     """Unknowns by their share of an outcome's variance, the largest first.
 
-    ``noise_floor`` is the 95 % quantile over shuffles of the largest index; ``unexplained`` is what rows
-    above it leave; ``draws`` is their number.
+    ``noise_floor`` is the 95 % quantile over shuffles of the largest index, or the largest index of what
+    cannot act; ``unexplained`` is what rows above it leave; ``draws`` is their number.
     """
 
     rows: list[Influence]
@@ -59,11 +60,12 @@ class Influences(TypedDict):
 
 
 def ranked(
-    names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
+    names: Sequence[str], draws: Array, outcome: Array, inert: Collection[str] = ()
 ) -> Influences | None:
     """Rank unknowns by their share of an outcome's variance (N,), from draws (N, P).
 
-    A `noise_floor` may be taken from another outcome on as many draws.
+    Those that are `inert` cannot act. What share they seem to have is the draws' doing, so it is no less than
+    the noise floor.
 
     Returns
     -------
@@ -79,18 +81,19 @@ def ranked(
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
+    acts = np.array([name not in inert for name in names])
     rows: list[Influence] = [
         {
             "name": name,
             "index": first_order_index(unknown, outcome),
             "half_width": half_width(unknown, outcome, RESAMPLES, rng),
         }
-        for name, unknown in zip(names, draws.T, strict=True)
+        for name, unknown in zip(np.array(names)[acts].tolist(), draws[:, acts].T, strict=True)
     ]
     rows.sort(key=lambda row: -row["index"])
-    if noise_floor is None:
-        largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
-        noise_floor = float(np.quantile(largest, FLOOR_QUANTILE))
+    by_chance = [_largest_index(draws[:, acts], rng.permutation(outcome)) for _ in range(SHUFFLES)]
+    of_inert = _largest_index(draws[:, ~acts], outcome)
+    noise_floor = max(float(np.quantile(by_chance, FLOOR_QUANTILE)), of_inert)
     left = max(1.0 - sum(row["index"] for row in rows if row["index"] > noise_floor), 0.0)
     return {"rows": rows, "noise_floor": noise_floor, "unexplained": left, "draws": len(outcome)}
 
@@ -99,9 +102,8 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
 
-    def rank(values: Array, *runs: str, floor: float | None = None) -> Influences | None:
-        kept = plants.ok(*runs)
-        return ranked(data.names, data.draws[kept], values[kept], floor)
+    def rank(values: Array, *runs: str) -> Influences | None:
+        return _ranked(data, plants.ok(*runs), values)
 
     rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -110,13 +112,10 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
         rankings_of[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
-    # About as many plants, so the same floor.
-    first = rankings_of[f"ratio_joint_{data.joints[0]}"]
-    floor = None if first is None else first["noise_floor"]
     for (run, metric), errors in logs.items():
         for i, joint in enumerate(data.joints):
-            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
-    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
+            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run)
+    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST)
     return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
@@ -126,11 +125,16 @@ def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influence
         values, judged = outcome(Plants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
-    return ranked(data.names, data.draws[judged], values[judged])
+    return _ranked(data, judged, values)
+
+
+def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:
+    """Rank by some plants of an ensemble under the equations as printed."""
+    return ranked(data.names, data.draws[kept], values[kept], UNDER_READINGS)
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:
-    return max(first_order_index(unknown, outcome) for unknown in draws.T)
+    return max((first_order_index(unknown, outcome) for unknown in draws.T), default=0.0)
 
 
 def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:

@@ -5,7 +5,7 @@ import pytest
 from SALib.analyze import rbd_fast
 from support.made_claims import NAMES, MadeEnsemble, ranking_of
 
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
 from tendonrepro.verdicts.first_order import HARMONICS, first_order_index, half_width
@@ -61,6 +61,19 @@ def test_chance_stays_below_the_floor(draws):
     assert above <= 4
 
 
+def test_an_unknown_that_cannot_act_raises_the_floor_to_what_it_seems_to_explain(draws):
+    alike = draws.copy()
+    alike[:, 3] = 0.7 * draws[:, 0] + 0.3 * draws[:, 3]
+    outcome = draws[:, 0] + 0.2 * draws[:, 1]
+    ranking = ranked(NAMES, alike, outcome, inert=("d",))
+    assert [row["name"] for row in ranking["rows"]][:1] == ["a"]
+    assert "d" not in [row["name"] for row in ranking["rows"]]
+    # A linear sum: corr(a, d)^2 times the share of a.
+    assert ranking["noise_floor"] == pytest.approx(0.49 / 0.58 / 1.04, abs=0.03)
+    assert index(ranking, "b") < ranking["noise_floor"]
+    assert ranking_of(draws, outcome)["noise_floor"] < 0.06
+
+
 def test_nothing_to_rank(draws):
     assert ranked(NAMES, draws, np.ones(1024)) is None
     assert ranked(NAMES, draws[:99], draws[:99, 0]) is None
@@ -87,21 +100,21 @@ def test_the_picture_has_a_column_an_outcome_and_the_strongest_unknowns_on_top(d
 def test_what_is_ranked_are_ratio_numbers_and_joint_3_over_joint_2(monkeypatch):
     data, seen = MadeEnsemble(), []
 
-    def spied(_names, _draws, values, floor=None):
-        seen.append((values, floor))
-        return {"noise_floor": 0.25}
+    def spied(_names, _draws, values, inert):
+        seen.append(values)
+        assert set(inert) == set(UNDER_READINGS)
+        return {}
 
     monkeypatch.setattr(sensitivity, "ranked", spied)
     found = dict(zip(sensitivity.rankings(data), seen, strict=True))
     error = {run: data.values[run, PRINTED, "mae"] for run in CONTROLLERS}
     for i, joint in enumerate(data.joints):
-        values, floor = found[f"ratio_joint_{joint}"]
-        assert values == pytest.approx(np.log(error[CONTROLLERS[0]] / error[CONTROLLERS[1]])[:, i])
-        assert floor is None
-        values, floor = found[f"table2.controller_3.mae.joint_{joint}"]
-        assert values == pytest.approx(np.log(error[CONTROLLERS[2]])[:, i])
-        assert floor == 0.25
-    values, floor = found["joint_3_over_2"]
-    assert values == pytest.approx(np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0]))
-    assert floor == 0.25
+        expected = np.log(error[CONTROLLERS[0]] / error[CONTROLLERS[1]])[:, i]
+        assert found[f"ratio_joint_{joint}"] == pytest.approx(expected)
+        assert found[f"table2.controller_3.mae.joint_{joint}"] == pytest.approx(
+            np.log(error[CONTROLLERS[2]])[:, i]
+        )
+    assert found["joint_3_over_2"] == pytest.approx(
+        np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0])
+    )
     assert sum(name.startswith("table") for name in found) == 16
