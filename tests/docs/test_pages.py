@@ -159,13 +159,12 @@ def words(command: str) -> list[str]:
     return list(itertools.takewhile(lambda part: part not in {">", "<", "|", "|&", "&&"}, parts))
 
 
-def parse(command: Any, parts: list[str], name: str = "tendonrepro", parent: Any = None) -> Any:
+def parse(command: Any, parts: list[str], name: str = "tendonrepro") -> Any:
     """Let typer parse a command without running it."""
-    context = command.make_context(name, list(parts), parent=parent)
-    if not hasattr(command, "resolve_command"):
-        return context
-    below, chosen, rest = command.resolve_command(context, [*context._protected_args, *context.args])
-    return parse(chosen, rest, below, context)
+    if not hasattr(command, "commands") or parts[0].startswith("-"):
+        return command.make_context(name, list(parts))
+    assert parts[0] in command.commands, parts
+    return parse(command.commands[parts[0]], parts[1:], parts[0])
 
 
 def test_brackets_are_quoted() -> None:
