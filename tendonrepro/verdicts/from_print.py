@@ -15,6 +15,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import (
     COMPARED,
     SIGN,
@@ -30,7 +31,7 @@ from tendonrepro.configuration.published import (
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.results.summary import LOADS
-from tendonrepro.verdicts.rules import Bounds, Evidence, Judged, meets, of_arithmetic, of_model
+from tendonrepro.verdicts.rules import Bounds, Evidence, Ruling, Rulings, meets, of_arithmetic, of_model
 
 PERCENTAGES = ("share.", "increase.")
 """How the ids of the percentages of sections 5.3 and 5.4 begin."""
@@ -106,7 +107,7 @@ def cut(value: Fraction, printed: PrintedNumber) -> str:
     return " or ".join(way for way, found in ways.items() if found == goal) or "neither"
 
 
-def lengths(paper: Published, identifier: str) -> Judged:
+def lengths(paper: Published, identifier: str) -> Ruling:
     """An entry of S_inv against Table 1 by Eq. (2), or the reverse."""
     if identifier.startswith("S_inv."):
         n, i = tuple(identifier.removeprefix("S_inv."))
@@ -117,7 +118,7 @@ def lengths(paper: Published, identifier: str) -> Judged:
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
-def matrix_entry(paper: Published, identifier: str) -> Judged:
+def matrix_entry(paper: Published, identifier: str) -> Ruling:
     """An entry of S against the inverse of S_inv."""
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
     ours = abs(inverse(printed_inverse(paper))[n][i])
@@ -142,18 +143,18 @@ def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     return rows
 
 
-def both_matrices(paper: Published, _: str) -> Judged:
+def both_matrices(paper: Published, _: str) -> Ruling:
     """K1: all entries of S."""
     names = [name for name in paper.entries if name.startswith("S.")]
-    wrong = [name for name in names if matrix_entry(paper, name).decision.verdict != "exact"]
-    return Judged(of_arithmetic(not wrong), None, {"entries": names, "inconsistent": wrong})
+    wrong = [name for name in names if matrix_entry(paper, name).verdict != "exact"]
+    return of_arithmetic(not wrong, evidence={"entries": names, "inconsistent": wrong})
 
 
-def all_percentages(paper: Published, _: str) -> Judged:
+def all_percentages(paper: Published, _: str) -> Ruling:
     """A1: percentages against what the rounding of the tables allows."""
     rows = [_percentage(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)]
     wrong = [row["id"] for row in rows if not row["consistent"]]
-    return Judged(of_arithmetic(not wrong), None, {"percentages": rows, "inconsistent": wrong})
+    return of_arithmetic(not wrong, evidence={"percentages": rows, "inconsistent": wrong})
 
 
 def _percentage(paper: Published, identifier: str) -> Evidence:
@@ -172,21 +173,21 @@ def _percentage(paper: Published, identifier: str) -> Evidence:
     }
 
 
-def same_as(paper: Published, identifier: str) -> Judged:
+def same_as(paper: Published, identifier: str) -> Ruling:
     """Table 3 without load against Table 2's Controller 1."""
     other = error_of(identifier).id
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
-def resolution(paper: Published, identifier: str) -> Judged:
+def resolution(paper: Published, identifier: str) -> Ruling:
     """Encoder resolution against 360° over four counts a pulse."""
     ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
     return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
 
 
-def _against(paper: Published, identifier: str, allowed: Bounds, ours: float, origin: str) -> Judged:
+def _against(paper: Published, identifier: str, allowed: Bounds, ours: float, origin: str) -> Ruling:
     consistent = meets(allowed, rounding(paper.quantity(identifier)))
-    return Judged(of_arithmetic(consistent), ours, {"from": [origin]})
+    return of_arithmetic(consistent, ours, {"from": [origin]})
 
 
 TURNS: Mapping[str, Callable[[float], bool]] = {
@@ -197,34 +198,41 @@ TURNS: Mapping[str, Callable[[float], bool]] = {
 """K2, K2a and K2b, by the turn of joint 2 over that of joint 1 when tendon 1 alone is pulled."""
 
 
-def turn_of_joint_2(paper: Published, identifier: str) -> Judged:
+OTHER_SIGNS = "signs=c12=-1,c13=+1"
+"""Name of a reading: the signs c12 and c13 of section 3.3 turned round."""
+
+
+def turn_of_joint_2(paper: Published, identifier: str) -> Rulings:
     """K2, K2a, K2b: that turn, as published and with c12 and c13 turned round."""
     turns = []
     for flip in (1.0, -1.0):
         sign = SIGN * np.array([[1.0, flip, flip], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
         S = coupling_matrix(coupling_inverse(np.ones(3), table_1(paper), sign))
         turns.append(float(S[1, 0] / S[0, 0]))
-    printed, other = (of_model(TURNS[paper.judgements[identifier].rule](turn)) for turn in turns)
+    holds = TURNS[paper.judgements[identifier].rule]
     remark = "joint 2 over joint 1; a pure translation of link 2, as Fig. 6 is described, would need -1"
     evidence: Evidence = {"with_other_signs": turns[1], "remarks": [remark]}
-    return Judged(printed, turns[0], evidence, {"signs=c12=-1,c13=+1": other.verdict})
+    return {
+        PRINTED: of_model(holds(turns[0]), turns[0], evidence),
+        OTHER_SIGNS: of_model(holds(turns[1]), turns[1]),
+    }
 
 
-def motor_3_turns_less(paper: Published, _: str) -> Judged:
+def motor_3_turns_less(paper: Published, _: str) -> Ruling:
     """K4: motor 3 over motor 2 when joints 2 and 3 turn alike."""
     turns = coupling_inverse(np.ones(3), table_1(paper), SIGN) @ np.array([0.0, 1.0, 1.0])
     ours = float(abs(turns[2] / turns[1]))
-    return Judged(of_model(ours < FAR_LESS), ours, {"motor_over_joint": turns.tolist()})
+    return of_model(ours < FAR_LESS, ours, {"motor_over_joint": turns.tolist()})
 
 
-def coupling_terms(paper: Published, _: str) -> Judged:
+def coupling_terms(paper: Published, _: str) -> Ruling:
     """K6: terms fall with the winch and rise with the pulley."""
     ratio = table_1(paper)
     winch, pulley = slopes_of_coupling(ratio)
     ours = float(ratio[1, 2])
     holds = bool((winch < 0.0).all() and (pulley > 0.0).all()) and abs(ours - 1.0) < NEARLY
     evidence = {"larger_winch": winch.tolist(), "larger_pulley": pulley.tolist()}
-    return Judged(of_model(holds), ours, evidence)
+    return of_model(holds, ours, evidence)
 
 
 def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
@@ -237,7 +245,7 @@ def slopes_of_coupling(ratio: Array) -> tuple[Array, Array]:
     return sizes[1] - sizes[0], sizes[2] - sizes[0]
 
 
-def smooth_branch(paper: Published, _: str) -> Judged:
+def smooth_branch(paper: Published, _: str) -> Ruling:
     """Eq. (13): both branches of phi agree at Delta, in value and slope."""
     apart = []
     for joint in COMPARED:
@@ -247,19 +255,26 @@ def smooth_branch(paper: Published, _: str) -> Judged:
             abs(gamma_1 * Delta + gamma_2 * Delta**2 - Delta**b),
             abs(gamma_1 + 2.0 * gamma_2 * Delta - b * Delta ** (b - 1.0)),
         ]
-    return Judged(of_model(max(apart) < SMOOTH), None, {"differences": apart})
+    return of_model(max(apart) < SMOOTH, evidence={"differences": apart})
 
 
-FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Judged]] = {
+FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Ruling]] = {
     "lengths": lengths,
     "inverse": matrix_entry,
     "inverses": both_matrices,
     "percentage": all_percentages,
     "same_as": same_as,
     "resolution": resolution,
-    **dict.fromkeys(TURNS, turn_of_joint_2),
     "motor_3_turns_less": motor_3_turns_less,
     "coupling_terms": coupling_terms,
     "smooth_branch": smooth_branch,
 }
-"""Rules that need nothing but the paper, by name."""
+"""Rules that need nothing but the paper, by name; those of `TURNS` need no more."""
+
+
+def judge_print(paper: Published, identifier: str) -> Rulings:
+    """Judge by the paper alone."""
+    rule = paper.judgements[identifier].rule
+    if rule in TURNS:
+        return turn_of_joint_2(paper, identifier)
+    return {PRINTED: FROM_THE_PRINT[rule](paper, identifier)}

@@ -21,7 +21,7 @@ from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.measured import MEASURED, read_measured
+from tendonrepro.verdicts.measurement import MEASURED, read_measured
 from tendonrepro.verdicts.report import as_data, changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import draw_influences, rankings

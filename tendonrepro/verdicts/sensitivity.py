@@ -19,7 +19,7 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.first_order import first_order_index, half_width
 from tendonrepro.verdicts.from_ensemble import outcome
 from tendonrepro.verdicts.from_print import ErrorOf
-from tendonrepro.verdicts.plants import Plants
+from tendonrepro.verdicts.plants import EnsemblePlants
 from tendonrepro.verdicts.rules import Mask
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def ranked(
 
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
-    plants = Plants(data, PRINTED)
+    plants = EnsemblePlants(data, PRINTED)
 
     def rank(values: Array, *runs: str) -> Influences | None:
         return _ranked(data, plants.ok(*runs), values)
@@ -122,7 +122,7 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
-        values, judged = outcome(Plants(data, PRINTED), paper, identifier)
+        values, judged = outcome(EnsemblePlants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
     return _ranked(data, judged, values)

@@ -7,7 +7,16 @@ from dataclasses import dataclass, fields
 from typing import TypedDict
 
 from tendonrepro.files import Json
-from tendonrepro.verdicts.rules import ByChoice, Evidence, changing
+from tendonrepro.verdicts.rules import Evidence
+
+
+@dataclass(frozen=True)
+class ByChoice:
+    """A verdict under another choice of what the paper leaves open, and our share or number under it."""
+
+    reading: str
+    verdict: str
+    ours: float | None
 
 
 @dataclass(frozen=True)
@@ -42,8 +51,16 @@ class Verdict:
 
     @property
     def unless(self) -> tuple[ByChoice, ...]:
-        """Choices with another verdict, each with no more in it than that takes."""
-        return changing(self.verdict, self.by_choice)
+        """Choices with another verdict, each with no more in it than that takes; `not_testable` is none."""
+        changing = [
+            choice for choice in self.by_choice if choice.verdict not in {self.verdict, "not_testable"}
+        ]
+        settings = {choice.reading: set(choice.reading.split("+")) for choice in changing}
+        return tuple(
+            choice
+            for choice in changing
+            if not any(fewer < settings[choice.reading] for fewer in settings.values())
+        )
 
 
 class Origin(TypedDict):

@@ -1,11 +1,9 @@
-"""A measured trace file, and its comparison as an ensemble of one plant."""
+"""The arm of a measurement, as the rules see it."""
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +11,17 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import COMPARED, METRICS, Published
-from tendonrepro.dataset.motion import Reference, derivatives, recover_reference, timing_of
-from tendonrepro.dataset.windows import PrintedTables, try_windows
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.configuration.published import COMPARED, METRICS
+from tendonrepro.dataset.motion import derivatives
+from tendonrepro.errors import DataMissingError
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import CONTROLLERS, statistics
-from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import ErrorOf
-
-MEASURED = Path("data") / "measured.h5"
-"""Where ``tendonrepro ingest`` writes the measured trace file by default."""
-
-_THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
+from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.plants import Plants, Run
 
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
@@ -41,91 +34,44 @@ _SIGNALS = dict.fromkeys((*METRICS, "max"), ("e", "deg")) | {
 """What a statistic is of and its unit as evidence, by the first word of its name."""
 
 
-def read_measured(path: Path) -> TraceFile:
-    """Read a measured trace file.
-
-    Raises
-    ------
-    DataMissingError
-        If there is none or it cannot be read.
-    UsageError
-        If it is simulated, or holds no run.
-    """
-    try:
-        file = read_traces(path)
-    except DataMissingError as error:
-        message = error.message if path.exists() else "there is no measured trace file"
-        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
-    if file.source != "measured":
-        raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
-    if not file.runs:
-        raise UsageError("holds no runs", where=str(path), hint="name them under runs of the mapping")
-    return file
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A measured file and what follows from it; `unrecovered` says why there is no `reference`."""
-
-    file: TraceFile
-    tables: PrintedTables
-    reference: Reference | None
-    unrecovered: str = ""
-
-    @cached_property
-    def compare(self) -> TraceFile:
-        """Its runs of the comparison."""
-        return self.file.part("compare")
-
-
-def measured_of(file: TraceFile, paper: Published) -> Measured:
-    """Recover the reference of a file and try every averaging window."""
-    reference, unrecovered = None, ""
-    try:
-        reference = recover_reference(file)
-    except DataMissingError as error:
-        unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
-    tables = try_windows(file.part("compare"), paper, timing_of(file, reference))
-    return Measured(file, tables, reference, unrecovered)
-
-
-class OneArm:
-    """An ensemble of one plant; `asked` are the statistics looked up, by run."""
+class MeasuredArm(Plants):
+    """The one arm that was measured; `looked_up` are the statistics that were asked for, by run."""
 
     joints = COMPARED
-    replicate: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
+    reading = PRINTED
 
-    def __init__(self, measured: Measured) -> None:
-        self._measured = measured
+    def __init__(self, measurement: Measurement) -> None:
+        self._measurement = measurement
         self._kept: dict[str, dict[str, Array]] = {}
-        self.asked: dict[str, dict[str, list[float]]] = {}
+        self.looked_up: dict[str, dict[str, list[float]]] = {}
 
-    def has(self, _run: str, reading: str) -> bool:
-        """Yes: what is missing is named when it is looked up."""
-        return reading == PRINTED
+    def has(self, run: Run) -> bool:
+        """Whether a run was measured."""
+        return run in self._measurement.compare.runs
 
-    def status(self, run: str, _reading: str) -> NDArray[np.int8]:
+    def status(self, run: Run) -> NDArray[np.int8]:
         """Status code of a run, (1,)."""
         return np.array([STATUSES.index(self._trace(run).status)], dtype=np.int8)
 
-    def statistic(self, run: str, _reading: str, name: str) -> Array:
+    def statistic(self, run: Run, name: str) -> Array:
         """One statistic, SI, (1, 2)."""
         trace = self._trace(run)
-        of_tables = name in METRICS
-        sizes = self._of_the_tables(run, name) if of_tables else self._of_the_run(trace, name)
-        _, unit = _SIGNALS[name.partition("_")[0]]
+        sizes = self._of_the_tables(trace, name) if name in METRICS else self._of_the_run(trace, name)
+        _, unit = _signal(name)
         shown = sizes if unit == "N_m" else np.rad2deg(sizes)
-        self.asked.setdefault(run, {})[f"{name}_{unit}"] = shown.tolist()
+        self.looked_up.setdefault(trace.name, {})[f"{name}_{unit}"] = shown.tolist()
         return sizes[np.newaxis]
 
-    def _of_the_tables(self, run: str, metric: str) -> Array:
-        sizes = self._measured.tables.deciding.sizes
-        found = [sizes.get(ErrorOf(run, metric, joint).id, np.nan) for joint in self.joints]
-        if not np.isfinite(found).all():
-            raise DataMissingError(f"the tracking error of the run {run}")
-        return np.deg2rad(found)
+    def _of_the_tables(self, trace: Trace, metric: str) -> Array:
+        """An error over the window that decides, (2,)."""
+        sizes = self._measurement.tables.deciding.sizes
+        errors = [sizes.get(ErrorOf(trace.name, metric, joint).id, np.nan) for joint in self.joints]
+        if not np.isfinite(errors).all():
+            raise DataMissingError(f"the tracking error of the run {trace.name}")
+        return np.deg2rad(errors)
 
     def _of_the_run(self, trace: Trace, name: str) -> Array:
+        """A statistic over the whole run, (2,)."""
         self._check_alike(name)
         if trace.name not in self._kept:
             rates = None
@@ -136,15 +82,15 @@ class OneArm:
         for joint, value in zip(trace.joint, values, strict=True):
             # NaN is smaller than nothing, so it must not come to a comparison.
             if not np.isfinite(value):
-                what = f"{_SIGNALS[name.partition('_')[0]][0]} of the run {trace.name}, joint {joint}"
+                what = f"{_signal(name)[0]} of the run {trace.name}, joint {joint}"
                 raise DataMissingError(f"{what}, or its desired motion q_d")
         return values
 
-    def _trace(self, run: str) -> Trace:
-        runs = self._measured.compare.runs
-        if run not in runs:
+    def _trace(self, run: Run) -> Trace:
+        measured = self._measurement.compare.runs.get(str(run))
+        if measured is None:
             raise DataMissingError(f"a measured run {run}")
-        trace = runs[run].of_joints(self.joints)
+        trace = measured.of_joints(self.joints)
         if trace.joint != self.joints:
             raise DataMissingError(f"joints 2 and 3 of the run {run}")
         return trace
@@ -155,9 +101,13 @@ class OneArm:
             steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
             if max(steps) > 1.01 * min(steps):
                 raise DataMissingError("runs sampled alike: steps of the torque cannot be compared otherwise")
-        runs = self._measured.compare.runs
+        runs = self._measurement.compare.runs
         if name.startswith("s_") and len({"s" in runs[run] for run in CONTROLLERS if run in runs}) > 1:
             raise DataMissingError("s of all controllers: recorded and computed ones cannot be compared")
+
+
+def _signal(statistic: str) -> tuple[str, str]:
+    return _SIGNALS[statistic.partition("_")[0]]
 
 
 def with_surface(trace: Trace) -> Trace:
