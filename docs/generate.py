@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from given_tables import FOLDS, NOISE, SURE, given_tables
 from pages import fresh, table
 
 from tendonrepro.configuration.load import load_config
@@ -27,7 +28,6 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, CHANGED, GROUPS, KEPT, SHOWN, STEPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.evidence.given_tables import FOLDS, NOISE, SURE, given_tables
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
