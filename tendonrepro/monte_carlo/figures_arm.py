@@ -17,7 +17,7 @@ from tendonrepro.results.summary import CONTROLLERS
 def arm_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
     """The picture of all pairs."""
     (population,) = summary["populations"].values()
-    return {"pairs": partial(draw_pairs, population, summary["around"]["told"])}
+    return {"pairs": partial(draw_pairs, population, str(summary["around"]["told"]))}
 
 
 def draw_pairs(population: PopulationSummary, told: str) -> Drawing:

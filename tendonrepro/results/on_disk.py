@@ -49,8 +49,18 @@ def read_result(folder: Path) -> OnDisk:
         data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
     except ValueError as error:
         raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
+    if command == "ensemble":
+        data = _upgraded(data)
     tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
     return OnDisk(folder, command, manifest, data, tables)
+
+
+def _upgraded(summary: Json) -> Json:
+    """Numbers of an ensemble by the keys of today: version 1 had its first population twice."""
+    if summary.get("schema_version") != 1:
+        return summary
+    (first, *_) = summary["populations"].values()
+    return {key: value for key, value in summary.items() if key not in first} | {"schema_version": 2}
 
 
 def table_files(folder: Path, manifest: Json, ending: str) -> list[Path]:
