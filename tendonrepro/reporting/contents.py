@@ -203,17 +203,17 @@ def statement_in_words(statement: str) -> str:
 def statements(judged: Verdict) -> list[tuple[str, str]]:
     """Parts of a claim, and the share of plants on which each holds."""
     evidence = judged.evidence
-    held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
-    return [(statement_in_words(one["statement"]), percent(one["share"])) for one in held if one]
+    parts = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
+    return [(statement_in_words(part["statement"]), percent(part["share"])) for part in parts if part]
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:
     """Yield the ranges that plants are drawn from, from the shipped ensemble, as `BOX_HEADS`."""
     for name, row in load_ensemble(None).config.box:
-        held = {"unit": "–", "scale": "choice"} | row.model_dump()
-        extent = ", ".join(map(_short, held.get("choices", ()))) or f"{held['low']:g} to {held['high']:g}"
-        texts = [held[key] for key in ("unit", "scale", "confidence", "source")]
-        yield f"`{name}`", extent, _short(held["nominal"]), *texts
+        entry = {"unit": "–", "scale": "choice"} | row.model_dump()
+        extent = ", ".join(map(_short, entry.get("choices", ()))) or f"{entry['low']:g} to {entry['high']:g}"
+        texts = [entry[key] for key in ("unit", "scale", "confidence", "source")]
+        yield f"`{name}`", extent, _short(entry["nominal"]), *texts
 
 
 def _short(value: str | float) -> str:

@@ -31,7 +31,7 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Stored:
+class ReportSources:
     """Everything a page is made of, from the `folder` above the results.
 
     `parts` are the folders of what has a section; `manifests` are of those that were run; `summary` is as
@@ -65,7 +65,7 @@ _FILES = {"claims": "claims.json", "ensemble": "summary.json"}
 """Numbers of a result that the page shows, beside its manifest."""
 
 
-def stored_under(folder: Path) -> Stored:
+def stored_under(folder: Path) -> ReportSources:
     """Read all there is under a results folder, or in the result of one command.
 
     The ensemble is the user's own where `claims` has judged one of the paper's arm, else the shipped one.
@@ -103,7 +103,7 @@ def stored_under(folder: Path) -> Stored:
         origins["ensemble"] = "here"
     shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
     left_out = {} if alone else dict(_left_out(folder, shown, damaged))
-    return Stored(parts, manifests, summary, ledger, origins, left_out)
+    return ReportSources(parts, manifests, summary, ledger, origins, left_out)
 
 
 def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:

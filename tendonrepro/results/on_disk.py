@@ -14,7 +14,7 @@ from tendonrepro.results.traces import TRACES
 
 
 @dataclass(frozen=True)
-class OnDisk:
+class StoredResult:
     """What lies in the results folder of a command.
 
     `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead. `tables`
@@ -28,7 +28,7 @@ class OnDisk:
     tables: Mapping[str, str]
 
 
-def read_result(folder: Path) -> OnDisk:
+def read_result(folder: Path) -> StoredResult:
     """Read the result of any command.
 
     Raises
@@ -52,7 +52,7 @@ def read_result(folder: Path) -> OnDisk:
     if command == "ensemble":
         data = _upgraded(data)
     tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
-    return OnDisk(folder, command, manifest, data, tables)
+    return StoredResult(folder, command, manifest, data, tables)
 
 
 def _upgraded(summary: Json) -> Json:
@@ -67,5 +67,5 @@ def table_files(folder: Path, manifest: Json, ending: str) -> list[Path]:
     """Files of the tables that a command wrote, ``.csv``, ``.md`` or ``.tex``; a user's own are none."""
     outputs = {Path(name) for name in manifest.get("outputs", {})}
     tables = [name for name in outputs if {name.with_suffix(".csv"), name.with_suffix(".md")} <= outputs]
-    found = (folder / name for name in tables if name.suffix == ending)
-    return sorted(path for path in found if path.is_file())
+    paths = (folder / name for name in tables if name.suffix == ending)
+    return sorted(path for path in paths if path.is_file())

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.data import EnsembleData, Stored
+from tendonrepro.monte_carlo.data import EnsembleData, ShardArray
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
@@ -26,7 +26,7 @@ class Plants:
         self.data = data
         self.reading = reading
         self.joints = data.joints
-        self._kept: dict[tuple[str, str], Stored] = {}
+        self._kept: dict[tuple[str, str], ShardArray] = {}
 
     def status(self, run: str) -> NDArray[np.int8]:
         """Status codes of a run, (N,)."""
