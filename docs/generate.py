@@ -32,6 +32,7 @@ from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.monte_carlo.summary import RankingShares, Ratio, in_all_errors, median
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
@@ -63,8 +64,7 @@ def take(reports: Path) -> None:
     summary = read(reports / "ensemble" / "summary.json")
     if read(reports / "claims" / "manifest.json").get("ensemble") != [summary["identity"], summary["draws"]]:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
-    physics = {"physics_sha256": summary["physics_sha256"]}
-    store("ensemble.json", physics | thinned(summary))
+    store("ensemble.json", thinned(summary))
     ensemble = read_ensemble(reports / "ensemble")
     write("sample.json", sample_of(ensemble))
     store("given.json", given_record(ensemble, summary["draws"]))
@@ -308,9 +308,14 @@ def shapes(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join(str(shape[key]) for shape in reading["best_shape"])
 
 
-def ratio(reading: Mapping[str, Any], key: str) -> str:
-    values = (reading[key][f"joint_{joint}"]["median"] for joint in (2, 3))
-    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
+def medians(ratio: Ratio) -> str:
+    """Median ratios of MAE on joints 2 and 3."""
+    return " / ".join("–" if (value := median(ratio, joint)) is None else f"{value:.2f}" for joint in (2, 3))
+
+
+def share_of(ranking: RankingShares) -> str:
+    """The share of stable plants on which a ranking holds in MAE and RMSE on both joints."""
+    return percent(in_all_errors(ranking)["share"])
 
 
 def likely(probability: float) -> str:
@@ -510,16 +515,16 @@ def what_it_depends_on() -> str:
 
 READINGS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
-    "plants": lambda held: f"{held['in_order']['plants']:,}",
-    "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
-    "1 first": lambda held: percent(held["first_best"]["share"]),
-    "1 last": lambda held: percent(held["first_worst"]["share"]),
-    "… without 2 s": lambda held: percent(held["without_start"]["first_worst"]["share"]),
-    "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
-    "1 over 2": lambda held: ratio(held, "c1_c2"),
-    "2 over 3": lambda held: ratio(held, "c2_c3"),
-    "1 smoothest": lambda held: percent(held["smoother"]["share"]),
-    "RMSE/MAE rises": lambda held: percent(held["rmse_over_mae_rises"]["share"]),
+    "plants": lambda held: f"{contents.stable_plants(held):,}",
+    "order 1, 2, 3": lambda held: share_of(held["share_c1_lt_c2_lt_c3"]),
+    "1 first": lambda held: share_of(held["share_c1_best"]),
+    "1 last": lambda held: share_of(held["share_c1_worst"]),
+    "… without 2 s": lambda held: share_of(held["without_start"]["share_c1_worst"]),
+    "order 3, 2, 1": lambda held: share_of(held["share_c3_lt_c2_lt_c1"]),
+    "1 over 2": lambda held: medians(held["ratio_c1_c2"]),
+    "2 over 3": lambda held: medians(held["ratio_c2_c3"]),
+    "1 smoothest": lambda held: percent(held["share_c1_smoother"]["share"]),
+    "RMSE/MAE rises": lambda held: percent(held["share_rmse_over_mae_rises"]["both"]["share"]),
 }
 CLAIMS: Mapping[str, Column] = {
     "claim": lambda judged: judged.id,

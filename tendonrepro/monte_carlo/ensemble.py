@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -43,6 +42,7 @@ from tendonrepro.monte_carlo.mixed import MOST_DRAWS_ALONE, Simulate
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
+from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
 from tendonrepro.parallel import Item, Result, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import take_over
@@ -201,12 +201,8 @@ def ensemble_study(
                 progress(1)
         seconds = time.perf_counter() - started
         (files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
-        speed = {
-            "experiments_per_second": ahead["experiments"] / seconds if missing else None,
-            "resumed_from": resumed,
-            "blocks": len(blocks),
-        }
-        return replace(_outcome(study, draws, files, speed), manifest=_manifest(study))
+        speed = ahead["experiments"] / seconds if missing else None
+        return _outcome(study, draws, files, speed, resumed)
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
@@ -281,34 +277,36 @@ def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
-def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
+def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Outcome:
+    """Numbers, tables and figures of all blocks; `speed` is of those just made, experiments per second."""
     blocks = study.blocks(draws)
-    populations = {
-        name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
-    }
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
-    summary: Any = {
-        "schema_version": SCHEMA_VERSION,
+    summary: Summary = {
+        "schema_version": SUMMARY_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,
         "config_sha256": study.loaded.sha256,
         "identity": study.identity,
         "physics_sha256": code_digest("physics"),
         "of_paper": of_paper and not around,
-        **({"around": around.as_data() | {"told": around.told}} if around else {}),
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
-        **next(iter(populations.values())),
+        "populations": {
+            name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
+        },
         "spot_check": spot_checks(folder / SHARDS, study.identity, blocks),
         "cost": study.cost(blocks),
-        **speed,
-        "populations": populations,
+        "experiments_per_second": speed,
+        "resumed_from": resumed,
+        "blocks": len(blocks),
     }
     if around:
-        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary))
-    notes = [] if of_paper else [OTHER_BASE]
-    return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
+        summary["around"] = {**around.as_data(), "told": around.told}
+        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary), _manifest(study))
+    notes = () if of_paper else (OTHER_BASE,)
+    parts = [*ensemble_tables(summary), *notes]
+    return Outcome(summary, parts, ensemble_figures(summary), _manifest(study))
 
 
 def _manifest(study: EnsembleStudy) -> dict[str, object]:

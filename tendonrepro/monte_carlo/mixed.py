@@ -11,7 +11,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
-from tendonrepro.monte_carlo.data import Stored
+from tendonrepro.monte_carlo.data import ShardArray
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import statistics
@@ -29,8 +29,8 @@ MOST_DRAWS_ALONE = 64
 
 def runs_alone(loop: Loop) -> bool:
     """Whether a user's law is called in Python, at each sample."""
-    held = loop.controller
-    return isinstance(held, TimeDelayController) and held.command is not None and not held.on_lanes
+    law = loop.controller
+    return isinstance(law, TimeDelayController) and law.command is not None and not law.on_lanes
 
 
 def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simulate) -> Batch:
@@ -40,13 +40,13 @@ def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simul
         return together(loops, config.status)
     batch = together([loops[place] for place in np.flatnonzero(~alone).tolist()], config.status)
 
-    def placed(values: Stored, fill: float) -> Stored:
+    def placed(values: ShardArray, fill: float) -> ShardArray:
         """The values of `together` in the places of its loops."""
         whole = np.full((len(loops), *values.shape[1:]), fill, values.dtype)
         whole[~alone] = values
         return whole
 
-    found = {name: placed(batch.statistics[name], np.nan) for name in STATISTICS}
+    numbers = {name: placed(batch.statistics[name], np.nan) for name in STATISTICS}
     status, time = placed(batch.status, STATUSES.index("unresolved")), placed(batch.status_time, 0.0)
     for place in np.flatnonzero(alone).tolist():
         variables = _by_scipy(loops[place])
@@ -55,8 +55,8 @@ def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simul
             status[place] = STATUSES.index(told)
             trace = Trace("alone", variables["time"], config.joints, variables, {})
             for name, values in statistics(trace).items():
-                found[name][place] = values
-    return Batch(found, status, time, placed(batch.steps, 0))
+                numbers[name][place] = values
+    return Batch(numbers, status, time, placed(batch.steps, 0))
 
 
 def _by_scipy(loop: Loop) -> dict[str, Array] | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
-from tendonrepro.monte_carlo.data import Case, EnsembleData, Stored
+from tendonrepro.monte_carlo.data import Case, EnsembleData, ShardArray
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
 
@@ -86,7 +86,7 @@ class EnsemblePlants(Plants):
         self.replicate = data.replicate
         self._data = data
         # Claims ask for the same statistics, which a large ensemble reads from all its files.
-        self._kept: dict[tuple[Run, str], Stored] = {}
+        self._kept: dict[tuple[Run, str], ShardArray] = {}
 
     def has(self, run: Run) -> bool:
         """Whether a run was simulated."""
