@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
-from tendonrepro.monte_carlo.data import Case, EnsembleData, ShardArray
+from tendonrepro.monte_carlo.data import CaseName, EnsembleData, ShardArray
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
 
@@ -104,5 +104,5 @@ class EnsemblePlants(Plants):
             self._kept[run, name] = self._data.statistic(*self._case(run), name)
         return self._kept[run, name]
 
-    def _case(self, run: Run) -> Case:
+    def _case(self, run: Run) -> CaseName:
         return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)
