@@ -41,7 +41,8 @@ from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
-from tendonrepro.verdicts.verdict import Verdict, read_ledger
+from tendonrepro.verdicts.ledger import read_ledger
+from tendonrepro.verdicts.verdict import Verdict
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"

@@ -15,7 +15,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
-from tendonrepro.verdicts.from_print import PERCENTAGES, formula_of
+from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, EnsemblePlants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
 from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
@@ -25,9 +25,6 @@ HARDWARE = "The paper measured hardware; this is what the printed equations do o
 
 VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
 """Rules of claims that print values, and how the ids of these begin."""
-
-NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
-"""Rules of numbers."""
 
 LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """What a family of numbers cannot be below: an RMSE is never below its MAE."""
@@ -164,19 +161,3 @@ def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask
 def _remarks(ruling: Ruling, remarks: Sequence[str]) -> Evidence:
     hardware = [HARDWARE] if ruling.verdict == "contradicted" else []
     return {"remarks": [*hardware, *remarks]}
-
-
-def outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """What a verdict depends on, and the plants judged, (N,) each.
-
-    Of a claim 1 or 0; of a number its value, or logarithm if all are positive.
-    """
-    rule = paper.judgements[identifier].rule
-    if rule in NUMBERS:
-        values, judged = numbers_of(plants, paper, identifier)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(values) if (values[judged] > 0.0).all() else values, judged
-    claim = claim_on(plants, paper, rule)
-    ways = map(together, claim.measures.values())
-    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
-    return deciding.astype(np.float64), claim.judged

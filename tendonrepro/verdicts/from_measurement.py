@@ -14,8 +14,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_ensemble import NUMBERS
-from tendonrepro.verdicts.from_print import PERCENTAGES, cut, formula_of
+from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, cut, formula_of
 from tendonrepro.verdicts.measured_arm import RATE_WINDOW, MeasuredArm
 from tendonrepro.verdicts.measurement import Measurement
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model

@@ -22,9 +22,10 @@ from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
-from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge_plants
+from tendonrepro.verdicts.formulas import NUMBERS, ErrorOf, formula_of
+from tendonrepro.verdicts.from_ensemble import COMMAND, judge_plants
 from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.from_print import ErrorOf, formula_of, judge_print
+from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.measurement import measurement_of
 from tendonrepro.verdicts.plants import EnsemblePlants
 from tendonrepro.verdicts.rules import VERDICTS, Evidence, Ruling, Rulings, not_testable

@@ -19,7 +19,7 @@ from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import CONTROLLERS, statistics
-from tendonrepro.verdicts.from_print import ErrorOf
+from tendonrepro.verdicts.formulas import ErrorOf
 from tendonrepro.verdicts.measurement import Measurement
 from tendonrepro.verdicts.plants import Plants, Run
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -17,13 +17,11 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.first_order import first_order_index, half_width
-from tendonrepro.verdicts.from_ensemble import outcome
-from tendonrepro.verdicts.from_print import ErrorOf
+from tendonrepro.verdicts.formulas import NUMBERS, ErrorOf
+from tendonrepro.verdicts.from_ensemble import numbers_of
 from tendonrepro.verdicts.plants import EnsemblePlants
 from tendonrepro.verdicts.rules import Mask
-
-if TYPE_CHECKING:
-    from tendonrepro.results.figures.style import Drawing
+from tendonrepro.verdicts.statements import claim_on, together
 
 RESAMPLES = 50
 SHUFFLES = 40
@@ -34,8 +32,6 @@ LEAST_OTHERS = 20
 
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
-SHOWN = 12
-"""Unknowns in the picture."""
 
 
 class Influence(TypedDict):
@@ -122,10 +118,23 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
-        values, judged = outcome(EnsemblePlants(data, PRINTED), paper, identifier)
+        values, judged = _outcome(EnsemblePlants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
     return _ranked(data, judged, values)
+
+
+def _outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """1 or 0 of a claim, a number or its logarithm if all are positive; and the plants judged; (N,) each."""
+    rule = paper.judgements[identifier].rule
+    if rule in NUMBERS:
+        values, judged = numbers_of(plants, paper, identifier)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(values) if (values[judged] > 0.0).all() else values, judged
+    claim = claim_on(plants, paper, rule)
+    ways = map(together, claim.measures.values())
+    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
+    return deciding.astype(np.float64), claim.judged
 
 
 def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:
@@ -135,28 +144,3 @@ def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:
 
 def _largest_index(draws: Array, outcome: Array) -> float:
     return max((first_order_index(unknown, outcome) for unknown in draws.T), default=0.0)
-
-
-def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
-    """Draw the strongest unknowns' shares of each outcome's variance."""
-    from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
-
-    shares = {name: {row["name"]: row["index"] for row in parts["rows"]} for name, parts in rankings.items()}
-    unknowns = sorted(
-        next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
-    )[:SHOWN]
-    cells = np.array([[100.0 * parts[name] for parts in shares.values()] for name in unknowns])
-    with journal_style():
-        figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
-        axes = figure.subplots()
-        axes.imshow(cells, cmap="Blues", vmin=0.0, vmax=60.0, aspect="auto")
-        for (row, column), value in np.ndenumerate(cells):
-            if value >= 1.0:
-                ink = "white" if value > 35.0 else "black"
-                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
-        axes.set_yticks(np.arange(len(unknowns)), unknowns)
-        names = [name.replace(".", " ").replace("_", " ") for name in shares]
-        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
-        axes.set_title("What decides each claim and number: share of the variance, %")
-    caption = "Share of the variance of an outcome that an unknown explains alone."
-    return Drawing("decides", figure, [axes], caption)

@@ -1,12 +1,9 @@
-"""A verdict, and the ledger: all verdicts, and which ensemble judged them."""
+"""A verdict, as it stands in the ledger."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TypedDict
+from dataclasses import dataclass
 
-from tendonrepro.files import Json
 from tendonrepro.verdicts.rules import Evidence
 
 
@@ -61,34 +58,3 @@ class Verdict:
             for choice in changing
             if not any(fewer < settings[choice.reading] for fewer in settings.values())
         )
-
-
-class Origin(TypedDict):
-    """Which ensemble judged the claims."""
-
-    source: str
-    draws: int
-    tendonrepro_version: str
-    created: str
-    rules_edition: int
-
-
-@dataclass(frozen=True)
-class Ledger:
-    """Verdicts by their ids, and which ensemble judged."""
-
-    verdicts: Mapping[str, Verdict]
-    ensemble: Origin
-
-
-def read_ledger(content: Json) -> Ledger:
-    """Ledger from what ``claims.json`` holds, of an earlier version too."""
-    verdicts = map(_read_verdict, content["claims"])
-    return Ledger({verdict.id: verdict for verdict in verdicts}, content["ensemble"])
-
-
-def _read_verdict(entry: Json) -> Verdict:
-    known = {field.name: entry[field.name] for field in fields(Verdict) if field.name in entry}
-    lists = {name: tuple(known[name]) for name in ("depends_on", "readings_that_change_it")}
-    choices = tuple(ByChoice(**choice) for choice in entry.get("by_choice", ()))
-    return Verdict(**(known | lists | {"by_choice": choices}))

@@ -9,6 +9,7 @@ from support.oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.configuration.published import PrintedNumber, exact, published, quotient, rounding, table_1
 from tendonrepro.verdicts import from_print
+from tendonrepro.verdicts.formulas import cut
 from tendonrepro.verdicts.rules import meets
 
 
@@ -59,7 +60,7 @@ class TestPercentages:
         ],
     )
     def test_how_a_value_was_printed(self, value, digits, way):
-        assert from_print.cut(Fraction(value), printed(digits)) == way
+        assert cut(Fraction(value), printed(digits)) == way
 
     def test_those_of_the_paper_and_what_rounding_allows(self):
         found = from_print.all_percentages(published(), "A1").evidence

@@ -8,8 +8,9 @@ from support.made_claims import NAMES, MadeEnsemble, ranking_of
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
+from tendonrepro.verdicts.figures import draw_influences
 from tendonrepro.verdicts.first_order import HARMONICS, first_order_index, half_width
-from tendonrepro.verdicts.sensitivity import draw_influences, ranked
+from tendonrepro.verdicts.sensitivity import ranked
 
 
 def index(ranking, name):
