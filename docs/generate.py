@@ -311,7 +311,7 @@ def shapes(reading: Mapping[str, Any], key: str) -> str:
 
 def medians(ratio: Ratio) -> str:
     """Median ratios of MAE on joints 2 and 3."""
-    return " / ".join("–" if (value := median(ratio, joint)) is None else f"{value:.2f}" for joint in (2, 3))
+    return " / ".join(contents.two_digits(median(ratio, joint)) for joint in (2, 3))
 
 
 def share_of(ranking: RankingShares) -> str:

@@ -17,7 +17,7 @@ from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.mixed import Simulate
+from tendonrepro.monte_carlo.user_laws import Simulate
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 

@@ -16,9 +16,9 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.data import Block, Shard, ShardArray, shard_image
-from tendonrepro.monte_carlo.mixed import Simulate, runs_alone, simulate_mixed
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.user_laws import Simulate, runs_alone, simulate_mixed
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch

@@ -84,10 +84,10 @@ def numbers(summary: Summary) -> dict[str, str]:
         "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
         "plants": f"{summary['populations']['box']['plants']:,}",
         "stable": f"{stable_plants(printed):,}",
-        "ratio": f"{median(printed['ratio_c1_c2'], 2):.2f}",
-        "ratio_absent": f"{median(readings['reference_acceleration=absent']['ratio_c1_c2'], 2):.2f}",
-        "ratio_surfaces": f"{median(printed['ratio_c2_c3'], 2):.2f}",
-        "ratio_degrees": f"{median(readings['Delta_unit=deg']['ratio_c2_c3'], 2):.2f}",
+        "ratio": two_digits(median(printed["ratio_c1_c2"], 2)),
+        "ratio_absent": two_digits(median(readings["reference_acceleration=absent"]["ratio_c1_c2"], 2)),
+        "ratio_surfaces": two_digits(median(printed["ratio_c2_c3"], 2)),
+        "ratio_degrees": two_digits(median(readings["Delta_unit=deg"]["ratio_c2_c3"], 2)),
     }
     for row, name in OF_ANSWER.items():
         reading, late = readings[name], readings[name]["without_start"]
@@ -132,7 +132,7 @@ def robustness(summary: Summary) -> list[tuple[str, ...]]:
 
 def _cells(label: str, reading: ReadingSummary) -> tuple[str, ...]:
     late = in_all_errors(reading["without_start"]["share_c1_worst"])["share"]
-    return label, *_shares(reading, "all_ok"), percent(late), f"{median(reading['ratio_c1_c2'], 2):.2f}"
+    return label, *_shares(reading, "all_ok"), percent(late), two_digits(median(reading["ratio_c1_c2"], 2))
 
 
 def _shares(reading: ReadingSummary, plants: str) -> tuple[str, ...]:
@@ -140,6 +140,17 @@ def _shares(reading: ReadingSummary, plants: str) -> tuple[str, ...]:
     rankings = (reading[name] for name in ("share_c1_lt_c2_lt_c3", "share_c1_best", "share_c1_worst"))
     order, best, worst = (in_all_errors(ranking, plants) for ranking in rankings)
     return f"{order['plants']:,}", *(percent(ranking["share"]) for ranking in (order, best, worst))
+
+
+def two_digits(ratio: float | None) -> str:
+    """A ratio, if there are plants.
+
+    Examples
+    --------
+    >>> two_digits(1.1006), two_digits(None)
+    ('1.10', '–')
+    """
+    return "–" if ratio is None else f"{ratio:.2f}"
 
 
 def percent(share: float | None) -> str:

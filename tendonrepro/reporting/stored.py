@@ -89,21 +89,28 @@ def stored_under(folder: Path) -> ReportSources:
     judged = claims is not None and claims.exists()
     ledger = read_ledger(_read(claims if claims is not None and judged else ours / "claims.json"))
     summary: Summary = _read(ours / "ensemble.json")
-    own = False
+    own = None
     if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
-        whole = _read(ensemble)
-        # A study of a user's own may call its populations otherwise.
-        own = whole["of_paper"] and "box" in whole["populations"] and by_name(whole).keys() >= _SHOWN
-        # An ensemble of an older version has no rankings without the start.
-        own = own and "without_start" in by_name(whole)["printed"]
-        summary = thinned(whole) if own else summary
+        own = _as_whole_as(summary, _read(ensemble))
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
         origins["ensemble"] = "here"
     shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
     left_out = {} if alone else dict(_left_out(folder, shown, damaged))
-    return ReportSources(parts, manifests, summary, ledger, origins, left_out)
+    return ReportSources(parts, manifests, own or summary, ledger, origins, left_out)
+
+
+def _as_whole_as(shipped: Summary, own: Summary) -> Summary | None:
+    """What is shown of a user's own ensemble, if it is of the paper and has what the page speaks of."""
+    # A study of a user's own may call its populations otherwise.
+    if not own["of_paper"] or "box" not in own["populations"]:
+        return None
+    shown = thinned(own)
+    ours, theirs = by_name(shipped), by_name(shown)
+    # An ensemble of an older version may lack keys.
+    whole = theirs.keys() >= _SHOWN and theirs["printed"].keys() >= ours["printed"].keys()
+    return shown if whole else None
 
 
 def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:

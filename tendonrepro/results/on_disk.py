@@ -21,7 +21,6 @@ class StoredResult:
     are the text of each by name, captions included.
     """
 
-    folder: Path
     command: str
     manifest: Json
     data: Json
@@ -52,7 +51,7 @@ def read_result(folder: Path) -> StoredResult:
     if command == "ensemble":
         data = _upgraded(data)
     tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
-    return StoredResult(folder, command, manifest, data, tables)
+    return StoredResult(command, manifest, data, tables)
 
 
 def _upgraded(summary: Json) -> Json:

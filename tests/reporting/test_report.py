@@ -4,13 +4,16 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support import ROOT
-from support.made_ensemble import PLANTS, always_ok, ensemble, random_errors, whole
+from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.reporting.contents import OF_ANSWER
+from tendonrepro.files import to_json
+from tendonrepro.reporting.contents import OF_ANSWER, robustness
+from tendonrepro.reporting.figures import draw_orders, draw_ranges
 from tendonrepro.reporting.page import run_report
 from tendonrepro.reporting.stored import stored_under, thinned
 
@@ -113,3 +116,13 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, population
     assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")
     (tmp_path / "claims" / "claims.json").unlink()
     assert stored_under(tmp_path).origins["ensemble"] == "shipped"
+
+
+def test_an_ensemble_without_a_stable_plant_is_shown():
+    """A small one of a user's own may have none under some interpretation."""
+    summary = whole(ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8)))
+    shown = thinned(json.loads(to_json(summary)))
+    (row, *_) = robustness(shown)
+    assert row[1:] == ("0", "–", "–", "–", "–", "–")
+    draw_orders(shown)
+    assert np.isnan(draw_ranges(shown).axes[0].containers[0].lines[0].get_xdata()).all()
