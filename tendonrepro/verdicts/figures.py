@@ -15,10 +15,7 @@ SHOWN = 12
 
 def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
     """Draw the strongest unknowns' shares of each outcome's variance."""
-    shares = {
-        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in parts["rows"]}
-        for name, parts in rankings.items()
-    }
+    shares = {name: {row["name"]: row["index"] for row in parts["rows"]} for name, parts in rankings.items()}
     unknowns = sorted(
         next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
     )[:SHOWN]
@@ -35,5 +32,5 @@ def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
         names = [name.replace(".", " ").replace("_", " ") for name in shares]
         axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
         axes.set_title("What decides each claim and number: share of the variance, %")
-    caption = "Share of the variance of an outcome that an unknown explains, alone or with one other."
+    caption = "Share of the variance of an outcome that an unknown explains alone."
     return Drawing("decides", figure, [axes], caption)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
-from tendonrepro.monte_carlo.data import Case, EnsembleData, Stored
+from tendonrepro.monte_carlo.data import CaseName, EnsembleData, ShardArray
 from tendonrepro.monte_carlo.shares import Share, Spread, share_of, spread_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
@@ -90,7 +90,7 @@ class EnsemblePlants(Plants):
         self.reading = reading
         self._data = data
         # Claims ask for the same statistics, which a large ensemble reads from all its files.
-        self._kept: dict[tuple[Run, str], Stored] = {}
+        self._kept: dict[tuple[Run, str], ShardArray] = {}
 
     def has(self, run: Run) -> bool:
         """Whether a run was simulated."""
@@ -116,5 +116,5 @@ class EnsemblePlants(Plants):
         """Spread of values (N,) over the plants counted (N,)."""
         return spread_of(values[counted], self._data.replicate[counted])
 
-    def _case(self, run: Run) -> Case:
+    def _case(self, run: Run) -> CaseName:
         return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)
