@@ -9,24 +9,16 @@ from itertools import product
 from pathlib import Path
 from typing import TypeAlias
 
-import numpy as np
-
-from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import COMPARED, METRICS, Published, published, row_of
+from tendonrepro.configuration.published import COMPARED, METRICS, Published, row_of
 from tendonrepro.console import count_of
-from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
-from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.files import Json
-from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
-from tendonrepro.studies.study import Site
-from tendonrepro.validation.rerun import reruns
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
-from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
-from tendonrepro.verdicts.measurement import Measurement, measurement_of
+from tendonrepro.validation.validated import Validation
+from tendonrepro.verdicts.from_measurement import JUDGED
+from tendonrepro.verdicts.measurement import Measurement
 from tendonrepro.verdicts.rules import Ruling
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
@@ -38,9 +30,6 @@ _WHAT = ("measured", "printed", "agree")
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is told of."""
 
-EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
-"""Runs that a complete measurement holds."""
-
 _MOTION = ("run", "joints", "period_s", "begin_s", "spacing_s", "deviation_deg", "brought_to_rest")
 _RESIDUALS = ("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s")
 _READ_OFF = ("e_rms_deg", "e_rms_low_deg", "e_rms_high_deg")
@@ -48,27 +37,18 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Site) -> Outcome:
-    """Compare the measurement of a file with print and model; models' motions are written to the site."""
+def validation_outcome(validation: Validation, path: Path, paper: Published) -> Outcome:
+    """Show what the measurement at a path says of paper and model."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
-    paper, known = published(), json.loads(file.manifest_json)
-    measurement = measurement_of(file, paper)
-    tables, reference = measurement.tables, measurement.reference
-    rulings = judge_measured(measurement, paper)
-    models, missing = reruns(measurement, base, path.name, site.files, site.talk)
-    timing = timing_of(file, reference)
-    starts = {name: timing[name].start for name in models if name in timing}
-    pairs = [(file.runs[name], model, starts.get(name, -np.inf)) for name, model in models.items()]
-    rows = [row for pair in pairs for row in comparison_rows(*pair)]
-    decouple = file.part("decouple").runs.get("decouple")
-    coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
-    closest = closest_window(tables)
-    windows, motion = tables.as_dict(), reference.as_dict() if reference else None
-    controllers = controllers_of(measurement.compare, site.talk, site.start)
-    told = [{name: row.get(name) for name in _CONTROLLERS} for row in controllers]
-    missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
-    status = {name: model.status for name, model in models.items()}
+    measurement, rulings = validation.measurement, validation.rulings
+    file, known = measurement.file, json.loads(measurement.file.manifest_json)
+    closest = closest_window(measurement.tables)
+    windows = measurement.tables.as_dict()
+    motion = measurement.reference.as_dict() if measurement.reference else None
+    told = [{name: row.get(name) for name in _CONTROLLERS} for row in validation.controllers]
+    status = {name: model.status for name, model in validation.models.items()}
+    diverged = "diverged" in status.values()
     data = {
         "schema_version": 1,
         "measured": str(path),
@@ -77,8 +57,8 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
         "sources": known.get("inputs", []),
         "guesses": known.get("guesses", []),
         "doubts": known.get("doubts", []),
-        "window": tables.window,
-        **table_data(tables.deciding, paper),
+        "window": measurement.tables.window,
+        **table_data(measurement.tables.deciding, paper),
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
         "windows": windows,
         "reference": motion,
@@ -88,24 +68,25 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
             for name, ruling in rulings.items()
             if name not in JUDGED
         },
-        "residuals": {"rows": rows, "coupling": coupling, "status": status},
-        "diverged": "diverged" in status.values(),
-        "controllers": controllers,
-        "missing": missing,
+        "residuals": {"rows": validation.residuals, "coupling": validation.coupling, "status": status},
+        "diverged": diverged,
+        "controllers": validation.controllers,
+        "missing": validation.missing,
     }
-    figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
+    figures = {name: partial(draw_overlay, name, file, validation.models) for name in overlays(file)}
+    columns = _columns_of(validation.residuals)
     parts: list[Table | str] = [
         _about(path, known),
         *measured_tables(measurement, paper, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
         claims_table(rulings, paper),
-        *shown("residuals", "Measured less simulated.", rows, _columns_of(rows)),
-        *shown("coupling", "Angles through the coupling.", coupling, ()),
+        *shown("residuals", "Measured less simulated.", validation.residuals, columns),
+        *shown("coupling", "Angles through the coupling.", validation.coupling, ()),
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
-        *(f"Missing: {what}" for what in missing),
+        *(f"Missing: {what}" for what in validation.missing),
     ]
-    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged="diverged" in status.values())
+    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged=diverged)
 
 
 def _about(path: Path, known: Json) -> str:
