@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from tendonrepro.dataset.arrays import FEWEST, Columns
+from tendonrepro.dataset.columns import FEWEST, Columns
 
 NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
 _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
@@ -27,6 +27,15 @@ def is_number(cell: str) -> bool:
     True
     """
     return bool(NUMBER.fullmatch(cell))
+
+
+def with_point(cell: str) -> str:
+    """A number with a decimal comma, alone or behind thousands, by a point."""
+    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
+
+
+def _pointed(match: re.Match[str]) -> str:
+    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
 
 
 def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:

@@ -32,7 +32,7 @@ from tendonrepro.results.records import VARIABLES
 
 CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
-PLACEHOLDERS = "VARIABLE", "JOINT", "UNIT"
+VARIABLE, JOINT, UNIT = "VARIABLE", "JOINT", "UNIT"
 """What stands in a suggested line where a person has to fill something in."""
 SCHEMA_VERSION = 2
 LOOP_STEPS = 5e-5, 0.1
@@ -47,7 +47,7 @@ _USE = re.compile(
 
 @dataclass(frozen=True)
 class Use:
-    """What a column is: variable of a trace or ``time``, joint, unit, factor, offset."""
+    """What a column is: variable of a trace or ``time``, joint or 0, unit, factor, offset."""
 
     variable: str
     joint: int
@@ -67,7 +67,7 @@ class Use:
 
     def __str__(self) -> str:
         """As the mapping writes it."""
-        joint = "" if self.variable == "time" else f" {self.joint}"
+        joint = "" if self.variable == "time" else f" {self.joint or JOINT}"
         return f"{self.variable}{joint} {self.unit}".rstrip()
 
 
@@ -79,7 +79,9 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: object) -> Use:
-    if isinstance(text, str) and (blank := next((word for word in PLACEHOLDERS if word in text.split()), "")):
+    if isinstance(text, str) and (
+        blank := next((word for word in (VARIABLE, JOINT, UNIT) if word in text.split()), "")
+    ):
         refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
     match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
@@ -116,7 +118,7 @@ def _reading_error(given: object) -> object:
 ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
 
 
-class Run(Model):
+class RunMapping(Model):
     """Tables of a run; a variable is taken from the first that has it.
 
     `columns`, if any, replace the shared ones; ``source:column`` names one of several. Rows to take have the
@@ -155,11 +157,11 @@ class _Tree(Model):
     schema_version: int = SCHEMA_VERSION
     title: str = "Measured data"
     columns: Uses = Field(default_factory=dict)
-    runs: dict[Annotated[str, Field(pattern=r"^\w+$")], Run]
+    runs: dict[Annotated[str, Field(pattern=r"^\w+$")], RunMapping]
 
     @field_validator("runs")
     @classmethod
-    def _is_filled(cls, runs: dict[str, Run]) -> dict[str, Run]:
+    def _is_filled(cls, runs: dict[str, RunMapping]) -> dict[str, RunMapping]:
         if not runs:
             refuse("no run is named: write one, as 'controller_1: FILE', with its columns under columns")
         return runs
@@ -170,7 +172,7 @@ class MappingFile:
     """A checked mapping, with its guesses and where each run stands."""
 
     title: str
-    runs: Mapping[str, Run]
+    runs: Mapping[str, RunMapping]
     guesses: list[str]
     places: Mapping[str, str]
 
