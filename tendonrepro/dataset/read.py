@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from tendonrepro.dataset.columns import SourceTable, Tables, Unreadable
 from tendonrepro.dataset.data_package import packaged, read_package
