@@ -130,5 +130,5 @@ def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
 def _of_durations(cells: pd.Series) -> pd.Series:
     # A time of two parts is minutes and seconds.
     full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
-    found: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
-    return found
+    seconds: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
+    return seconds

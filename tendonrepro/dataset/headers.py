@@ -36,10 +36,10 @@ def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]
 def _share(row: Sequence[str], places: Sequence[int]) -> float:
     """Share of numbers in those places that are filled; 0 if the first holds a word, as of a setting."""
     first = row[places[0]] if len(row) > places[0] else "absent"
-    held = [row[k] for k in places if k < len(row) and row[k]]
-    if (first and not is_number(first)) or 2 * len(held) < len(places):
+    filled = [row[k] for k in places if k < len(row) and row[k]]
+    if (first and not is_number(first)) or 2 * len(filled) < len(places):
         return 0.0
-    return sum(map(is_number, held)) / len(held)
+    return sum(map(is_number, filled)) / len(filled)
 
 
 def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:

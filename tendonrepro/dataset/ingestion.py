@@ -17,7 +17,7 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
-from tendonrepro.dataset.motion import beginning, timing_of
+from tendonrepro.dataset.motion import beginning, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.dataset.windows import Timing, spans
@@ -156,7 +156,7 @@ def run_ingest(
         refuse_existing(out, force=force, inputs=[mapping, *paths])
     text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
-    loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))
+    loaded = parse_mapping(text, str(mapping))
     contents = read_files(paths)
     assembly = Assembly(contents, loaded)
     runs = assembly.runs()
@@ -177,13 +177,13 @@ def run_ingest(
         write_traces(out, file)
         if confirm:
             write_atomically(mapping, text)
-    timing = _timing(file)
+    starts = _starts(file)
     return {
         "schema_version": 1,
         "out": str(out),
         "dry_run": dry_run,
         "title": file.title,
-        "runs": {name: _described(trace, timing.get(name)) for name, trace in runs.items()},
+        "runs": {name: _described(trace, starts.get(name)) for name, trace in runs.items()},
         **provenance,
     }
 
@@ -226,13 +226,12 @@ def _coupling_record() -> PlantRecord:
     return PlantRecord(coupling, {})
 
 
-def _timing(file: TraceFile) -> dict[str, Timing]:
-    """When the motion of each run of the comparison begins, as `validate` finds it."""
+def _starts(file: TraceFile) -> dict[str, float]:
+    """When the motion of each run of the comparison begins, s, as `validate` finds it; else nothing."""
     try:
-        begun = beginning(file)
+        return starts_of(file, beginning(file))
     except DataMissingError:
         return {}
-    return timing_of(file, begun)
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
@@ -240,7 +239,7 @@ def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "bo
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: Trace, timing: Timing | None) -> dict[str, object]:
+def _described(trace: Trace, start: float | None) -> dict[str, object]:
     described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
@@ -252,7 +251,7 @@ def _described(trace: Trace, timing: Timing | None) -> dict[str, object]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        moving = spans(trace.time, timing)["whole"] if timing else slice(0, None)
+        moving = slice(0, None) if start is None else spans(trace.time, Timing(start, 0.0))["whole"]
         described["errors_from_s"] = float(trace.time[moving][0])
         described |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
     return described

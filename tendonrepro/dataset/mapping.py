@@ -25,6 +25,7 @@ from typing import Annotated, TypeAlias
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.dataset.words import FACTORS
@@ -148,8 +149,8 @@ class RunMapping(Model):
 
     def reading_error(self, variable: str) -> float:
         """Error of a variable read off a figure, rad; 0 where it was recorded."""
-        held = self.reading_error_deg
-        degrees = held.get(variable, 0.0) if isinstance(held, dict) else held
+        stated = self.reading_error_deg
+        degrees = stated.get(variable, 0.0) if isinstance(stated, dict) else stated
         return math.radians(degrees or 0.0)
 
 
@@ -177,8 +178,8 @@ class MappingFile:
     places: Mapping[str, str]
 
 
-def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check a mapping; `payload`, kg, is that of a run ``..._payload`` that names none.
+def parse_mapping(text: str, name: str) -> MappingFile:
+    """Check a mapping, called `name`; a run ``..._payload`` that names no mass has the paper's.
 
     Raises
     ------
@@ -195,7 +196,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         columns = tree.columns if entry.columns is None else entry.columns
         mass = entry.payload_mass_kg
         if mass is None:
-            mass = payload if run.endswith(PAYLOAD) else 0.0
+            mass = published().number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(document.place(("runs", run))) for run in runs}

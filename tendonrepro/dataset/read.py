@@ -58,10 +58,10 @@ def read_files(paths: Sequence[Path]) -> Contents:
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
-    content = Contents([], {}, {})
+    contents = Contents([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
         names = {path: "" if path.is_dir() else path.name for path in paths}
-        folder, unread = Path(scratch), content.unread
+        folder, unread = Path(scratch), contents.unread
         files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
         described = {table.resolve() for path in packages for table in packaged(path)}
@@ -72,15 +72,15 @@ def read_files(paths: Sequence[Path]) -> Contents:
             try:
                 tables, left_out = reader.read(path, name)
             except Unreadable as error:
-                content.unread[name] = str(error)
+                contents.unread[name] = str(error)
                 continue
-            content.tables.extend(tables)
+            contents.tables.extend(tables)
             if left_out:
-                content.left_out[name] = left_out
-    if not content.tables:
-        reasons = "; ".join(f"{file}: {reason}" for file, reason in content.unread.items()) or "no files"
+                contents.left_out[name] = left_out
+    if not contents.tables:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in contents.unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return content
+    return contents
 
 
 class _Reader:

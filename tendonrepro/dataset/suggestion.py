@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
+from tendonrepro.configuration.published import published
 from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use
 from tendonrepro.dataset.words import meaning_of
 
 Lines: TypeAlias = dict[str, tuple[str, str]]
 """Column -> what it is, and what to check about that."""
-_PAPERS_PAYLOAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _run_lines(run: RunGuess, columns: Lines | None) -> Iterator[str]:
     check = _check_of_run(run)
     mark = f"  {CHECK} {check}" if check else ""
     mass = run.payload or math.nan
-    is_usual = math.isnan(mass) or mass == _PAPERS_PAYLOAD
+    is_usual = math.isnan(mass) or mass == published().number("hardware.payload")
     if columns is None and is_usual and not run.extras and not run.reading_error:
         yield f"  {run.name}: {sources}{mark}"
         return

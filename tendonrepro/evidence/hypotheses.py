@@ -251,14 +251,14 @@ def _phi_law(log: Log, readings: Mapping[str, str]) -> Law:
 
 def _low_pass(values: Array, newest: float) -> Array:
     """First-order low-pass; what it was before the log is forgotten first."""
-    found, known = np.full_like(values, np.nan), np.isfinite(values)
-    found[known] = lfilter([newest], [1.0, newest - 1.0], values[known])
-    found[: min(int(FORGOTTEN / newest), len(values) // 2)] = np.nan
-    return found
+    filtered, known = np.full_like(values, np.nan), np.isfinite(values)
+    filtered[known] = lfilter([newest], [1.0, newest - 1.0], values[known])
+    filtered[: min(int(FORGOTTEN / newest), len(values) // 2)] = np.nan
+    return filtered
 
 
 def _back(values: Array, samples: int) -> Array:
     """Values some samples earlier; NaN before the first."""
-    found = np.full_like(values, np.nan)
-    found[samples:] = values[: len(values) - samples]
-    return found
+    earlier = np.full_like(values, np.nan)
+    earlier[samples:] = values[: len(values) - samples]
+    return earlier
