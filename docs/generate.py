@@ -19,19 +19,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from given_tables import FOLDS, NOISE, SURE, given_tables
 from pages import fresh, table
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT, SHOWN
+from tendonrepro.configuration.shown import BOTH, CHANGED, GROUPS, KEPT, SHOWN, STEPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.evidence.given_tables import FOLDS, NOISE, SURE, given_tables
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.monte_carlo.summary import RankingShares, Ratio, in_all_errors, median
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
@@ -40,12 +41,13 @@ from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
-from tendonrepro.verdicts.verdict import Verdict, read_ledger
+from tendonrepro.verdicts.ledger import read_ledger
+from tendonrepro.verdicts.verdict import Verdict
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 README = DOCS.parent / "README.md"
-PAGES = (DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
+PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
 Column = Callable[[Any], str]
@@ -63,8 +65,7 @@ def take(reports: Path) -> None:
     summary = read(reports / "ensemble" / "summary.json")
     if read(reports / "claims" / "manifest.json").get("ensemble") != [summary["identity"], summary["draws"]]:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
-    physics = {"physics_sha256": summary["physics_sha256"]}
-    store("ensemble.json", physics | thinned(summary))
+    store("ensemble.json", thinned(summary))
     ensemble = read_ensemble(reports / "ensemble")
     write("sample.json", sample_of(ensemble))
     store("given.json", given_record(ensemble, summary["draws"]))
@@ -308,9 +309,14 @@ def shapes(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join(str(shape[key]) for shape in reading["best_shape"])
 
 
-def ratio(reading: Mapping[str, Any], key: str) -> str:
-    values = (reading[key][f"joint_{joint}"]["median"] for joint in (2, 3))
-    return " / ".join("–" if value is None else f"{value:.2f}" for value in values)
+def medians(ratio: Ratio) -> str:
+    """Median ratios of MAE on joints 2 and 3."""
+    return " / ".join(contents.two_digits(median(ratio, joint)) for joint in (2, 3))
+
+
+def share_of(ranking: RankingShares) -> str:
+    """The share of stable plants on which a ranking holds in MAE and RMSE on both joints."""
+    return percent(in_all_errors(ranking)["share"])
 
 
 def likely(probability: float) -> str:
@@ -478,18 +484,48 @@ def experiments_on_starts() -> str:
     )
 
 
+WHAT_RUNS = {
+    "printed": "as published: each starts on its reference and gets its acceleration",
+    "reference_acceleration=absent": "acceleration not fed forward",
+    "motion=ramp": "straight ramps, which have none to feed forward",
+    "starts=apart": "starts up to 2° from the reference",
+    "motion=ramp+starts=apart": "… on straight ramps",
+    "run_friction=drawn": "friction 0.7 to 1.4 times as large from run to run",
+    STEPS: "a stored torque in steps of 0.016 N m, Δ in degrees",
+    BOTH: "changed: weights (1 + α, −α) in Eq. (15), Δ in degrees",
+}
+"""Interpretations that README shows, and their words."""
+
+
+def what_it_depends_on() -> str:
+    """How often Controller 1 is the worst or the best, and how near an arm comes, by what runs."""
+    shares = {held["name"]: held for held in stored("ensemble")["populations"]["box"]["readings"]}
+    misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
+    return table(
+        ["what runs", "Controller 1 is the worst", "… the best", "published order", "the closest arm misses by"],
+        [
+            [
+                words,
+                *(percent(shares[name][kind]["share"]) for kind in ("first_worst", "first_best", "in_order")),
+                off(misfits[name]),
+            ]
+            for name, words in WHAT_RUNS.items()
+        ],
+    )
+
+
 READINGS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
-    "plants": lambda held: f"{held['in_order']['plants']:,}",
-    "order 1, 2, 3": lambda held: percent(held["in_order"]["share"]),
-    "1 first": lambda held: percent(held["first_best"]["share"]),
-    "1 last": lambda held: percent(held["first_worst"]["share"]),
-    "… without 2 s": lambda held: percent(held["without_start"]["first_worst"]["share"]),
-    "order 3, 2, 1": lambda held: percent(held["in_reverse"]["share"]),
-    "1 over 2": lambda held: ratio(held, "c1_c2"),
-    "2 over 3": lambda held: ratio(held, "c2_c3"),
-    "1 smoothest": lambda held: percent(held["smoother"]["share"]),
-    "RMSE/MAE rises": lambda held: percent(held["rmse_over_mae_rises"]["share"]),
+    "plants": lambda held: f"{contents.stable_plants(held):,}",
+    "order 1, 2, 3": lambda held: share_of(held["share_c1_lt_c2_lt_c3"]),
+    "1 first": lambda held: share_of(held["share_c1_best"]),
+    "1 last": lambda held: share_of(held["share_c1_worst"]),
+    "… without 2 s": lambda held: share_of(held["without_start"]["share_c1_worst"]),
+    "order 3, 2, 1": lambda held: share_of(held["share_c3_lt_c2_lt_c1"]),
+    "1 over 2": lambda held: medians(held["ratio_c1_c2"]),
+    "2 over 3": lambda held: medians(held["ratio_c2_c3"]),
+    "1 smoothest": lambda held: percent(held["share_c1_smoother"]["share"]),
+    "RMSE/MAE rises": lambda held: percent(held["share_rmse_over_mae_rises"]["both"]["share"]),
 }
 CLAIMS: Mapping[str, Column] = {
     "claim": lambda judged: judged.id,
@@ -523,6 +559,7 @@ QUESTIONS: Mapping[str, Column] = {
     "verdict on the first": lambda row: row["verdict"],
 }
 MAKERS: Mapping[str, Callable[[], str]] = {
+    "what it depends on": what_it_depends_on,
     "the answer": lambda: words("answer"),
     "why": lambda: words("why"),
     "robustness": lambda: table(contents.ROBUSTNESS_HEADS, contents.robustness(stored("ensemble"))),

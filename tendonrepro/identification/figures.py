@@ -31,7 +31,6 @@ def draw_numbers(search: SearchAnswer, word: str, origin: str) -> Drawing:
         panel.axvline(1.0, color="black", linewidth=0.6, zorder=0.5)
         panel.margins(x=0.04)
         panel.set_xlabel(f"ours/{word}")
-        panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
     caption = (
         f"Errors over the {word} ones under the reading {search['name']}: best plant (circle) and the range "

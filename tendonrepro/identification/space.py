@@ -21,7 +21,7 @@ from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.strict_yaml import Section, section
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, Factor, sobol
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
-from tendonrepro.monte_carlo.held import held_at
+from tendonrepro.monte_carlo.comparison_values import box_at
 from tendonrepro.monte_carlo.plants import Draws
 
 Cases: TypeAlias = Sequence[tuple[str, Reading]]
@@ -152,7 +152,7 @@ def space_of(loaded: LoadedEnsemble) -> Space:
     if loaded.around:
         arm = AroundArm(loaded, loaded.around)
         return ArmSpace(arm, _box_around(arm))
-    return PaperSpace(loaded.base, held_at(make_box(loaded.config), loaded.compare))
+    return PaperSpace(loaded.base, box_at(make_box(loaded.config), loaded.compare))
 
 
 def _box_around(arm: AroundArm) -> Box:

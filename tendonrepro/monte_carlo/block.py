@@ -15,10 +15,10 @@ from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
-from tendonrepro.monte_carlo.data import Arrays, Block, Stored, shard_image
-from tendonrepro.monte_carlo.mixed import Simulate, runs_alone, simulate_mixed
+from tendonrepro.monte_carlo.data import Block, Shard, ShardArray, shard_image
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.user_laws import Simulate, runs_alone, simulate_mixed
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
@@ -40,7 +40,7 @@ def make_blocks(
     return [(block, shard_image(arrays)) for block, arrays in zip(blocks, computed, strict=True)]
 
 
-def compute_block(study: EnsembleStudy, block: Block, simulate: Simulate = simulate_batch) -> Arrays:
+def compute_block(study: EnsembleStudy, block: Block, simulate: Simulate = simulate_batch) -> Shard:
     """Simulate every case of every draw of a block."""
     (arrays,) = compute_blocks(study, [block], simulate)
     return arrays
@@ -48,7 +48,7 @@ def compute_block(study: EnsembleStudy, block: Block, simulate: Simulate = simul
 
 def compute_blocks(
     study: EnsembleStudy, blocks: Sequence[Block], simulate: Simulate = simulate_batch
-) -> list[Arrays]:
+) -> list[Shard]:
     """Simulate every case of every draw of blocks of one population, across blocks together."""
     drawn_from, most = study.populations[blocks[0].population], DRAWS_AT_ONCE[study.device]
     values = [drawn_from.sample(study.seed, block.replicate, block.first, block.count) for block in blocks]
@@ -63,15 +63,15 @@ def compute_blocks(
         batches.append(simulate_mixed(list(chain.from_iterable(drawn)), study.loaded.compare, simulate))
     edges = np.cumsum([block.count for block in blocks])[:-1]
 
-    def by_case(parts: Sequence[Stored], kind: type) -> list[Stored]:
+    def by_case(parts: Sequence[ShardArray], kind: type) -> list[ShardArray]:
         """Batches go draw by draw; a reader asks block by block, and case by case."""
         # What overflows single precision is of a diverged run, and infinite for every purpose.
         with np.errstate(over="ignore"):
-            joined: Stored = np.concatenate(parts).astype(kind)
+            joined: ShardArray = np.concatenate(parts).astype(kind)
         cases = joined.reshape(-1, len(study.cases), *joined.shape[1:]).swapaxes(0, 1)
         return np.split(cases, edges, axis=1)
 
-    stored: Mapping[str, Sequence[Stored]] = {
+    stored: Mapping[str, Sequence[ShardArray]] = {
         "draws": values,
         "status": by_case([batch.status for batch in batches], np.int8),
         "check": [

@@ -82,7 +82,7 @@ class Box:
 
     def only(self, confidences: Collection[str]) -> Box:
         """Box in which only rows of these confidences vary."""
-        return replace(self, free=self.free & [one in confidences for one in self.confidence])
+        return replace(self, free=self.free & [confidence in confidences for confidence in self.confidence])
 
     def named(self, values: Array) -> dict[str, float]:
         """One draw (P,) by row name."""
@@ -127,10 +127,10 @@ def scrambled_sobol(box: Box, seed: int, replicate: int, first: int, count: int)
     Each depends on its number, seed and replicate alone. Rows that act under some readings alone are
     scrambled after the others, and so do not move them.
     """
-    always = len(box.names) - len(UNDER_READINGS)
-    held = sobol(always, [seed, replicate], first, count)
-    under_readings = sobol(len(box.names), [seed, replicate, 1], first, count)[:, always:]
-    return np.concatenate([held, under_readings], axis=1)
+    rows = len(box.names) - len(UNDER_READINGS)
+    always = sobol(rows, [seed, replicate], first, count)
+    under_readings = sobol(len(box.names), [seed, replicate, 1], first, count)[:, rows:]
+    return np.concatenate([always, under_readings], axis=1)
 
 
 def evolution(

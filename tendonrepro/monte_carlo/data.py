@@ -21,13 +21,13 @@ from tendonrepro.errors import DataMissingError
 SHARDS = "shards"
 """Name of the folder of shards in a folder of results."""
 
-Case = tuple[str, str]
+CaseName = tuple[str, str]
 """Run and what it was run under, such as ``("controller_1", "weights=extrapolating")``."""
 
-Stored: TypeAlias = NDArray[Any]
+ShardArray: TypeAlias = NDArray[Any]
 """An array of a shard: numbers, codes, or a text."""
 
-Arrays = Mapping[str, Stored]
+Shard = Mapping[str, ShardArray]
 """Everything kept of one block; B draws of P numbers, C cases, n joints.
 
 ``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
@@ -63,14 +63,14 @@ def shard_files(folder: Path, identity: str = "*") -> list[Path]:
     return sorted(folder.glob(f"[!.]*-{identity[:12]}.npz"))
 
 
-def shard_image(arrays: Arrays) -> bytes:
+def shard_image(arrays: Shard) -> bytes:
     """Bytes of a shard, which a worker sends to the only writer."""
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
     return stream.getvalue()
 
 
-def read_array(path: Path, name: str) -> Stored:
+def read_array(path: Path, name: str) -> ShardArray:
     """Read one array; a DataMissingError where it is missing or damaged."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
@@ -96,11 +96,11 @@ class EnsembleData:
     alpha: tuple[float, ...]
     names: tuple[str, ...]
     readings: tuple[str, ...]
-    lookup: Mapping[Case, int]
+    lookup: Mapping[CaseName, int]
     files: Mapping[Block, Path]
     identity: str
     planned: int
-    _kept: dict[str, Stored] = field(default_factory=dict, repr=False)
+    _kept: dict[str, ShardArray] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -128,7 +128,7 @@ class EnsembleData:
         """One of `simulation.streaming.STATISTICS` of a run, SI units, (N, n); else a DataMissingError."""
         return np.asarray(self._case(name, run, reading), np.float64)
 
-    def _case(self, name: str, run: str, reading: str) -> Stored:
+    def _case(self, name: str, run: str, reading: str) -> ShardArray:
         if not self.has(run, reading):
             hint = f"It holds {', '.join(self.readings)}."
             raise DataMissingError(f"the ensemble holds no run {run!r} under {reading!r}", hint=hint)

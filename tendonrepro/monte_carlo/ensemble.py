@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.around import Around, Ranges
@@ -24,39 +21,29 @@ from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.plants import load_study_plants
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.user_law import (
-    UserLaw,
-    keeps_memory,
-    memory_refused,
-    refused_on_lanes,
-    with_user_laws,
-)
+from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
-from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, readings_around
+from tendonrepro.monte_carlo.around import AroundArm, readings_around
 from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, make_blocks
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
-from tendonrepro.monte_carlo.mixed import MOST_DRAWS_ALONE, Simulate
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
+from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
+from tendonrepro.monte_carlo.user_laws import MOST_DRAWS_ALONE, Simulate, tried
 from tendonrepro.parallel import Item, Result, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import take_over
-from tendonrepro.simulation import stepper
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
-
-_STUB = 64
-"""Samples in which it shows whether a law can run."""
 
 
 def load_study(
@@ -113,33 +100,7 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
         arm=AroundArm(loaded, around),
         laws=tuple(laws),
     )
-    return replace(study, laws=tuple(_tried(study, law) for law in laws))
-
-
-def _tried(study: EnsembleStudy, law: UserLaw) -> UserLaw:
-    """A law as it can run: on many arms together, else alone; an error where neither goes."""
-    try:
-        loop = _start_of(study, law)
-        simulate_batch([loop], study.loaded.compare.status)
-        if keeps_memory(law, loop):
-            raise memory_refused(law)
-    except Exception as error:
-        refusal = error if isinstance(error, UsageError) else refused_on_lanes(law.name, error)
-        alone = replace(law, alone=refusal.message)
-        stepper.simulate(_start_of(study, alone))
-        return alone
-    return law
-
-
-def _start_of(study: EnsembleStudy, law: UserLaw) -> Loop:
-    """The first samples of a law on the arm itself."""
-    study = replace(study, laws=(law,))
-    assert study.arm is not None
-    loops = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
-    loop = loops[study.lookup[law.name, PRINTED]]
-    names = ("time", "q_d", "dq_d", "ddq_d")
-    start = {name: getattr(loop.reference, name)[:_STUB] for name in names}
-    return replace(loop, reference=replace(loop.reference, **start))
+    return replace(study, laws=tuple(tried(study, law) for law in laws))
 
 
 def ensemble_study(
@@ -201,12 +162,8 @@ def ensemble_study(
                 progress(1)
         seconds = time.perf_counter() - started
         (files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
-        speed = {
-            "experiments_per_second": ahead["experiments"] / seconds if missing else None,
-            "resumed_from": resumed,
-            "blocks": len(blocks),
-        }
-        return replace(_outcome(study, draws, files, speed), manifest=_manifest(study))
+        speed = ahead["experiments"] / seconds if missing else None
+        return _outcome(study, draws, files, speed, resumed)
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
@@ -281,34 +238,36 @@ def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
-def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: Mapping[str, object]) -> Outcome:
+def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Outcome:
+    """Numbers, tables and figures of all blocks; `speed` is of those just made, experiments per second."""
     blocks = study.blocks(draws)
-    populations = {
-        name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
-    }
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
-    summary: Any = {
-        "schema_version": SCHEMA_VERSION,
+    summary: Summary = {
+        "schema_version": SUMMARY_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,
         "config_sha256": study.loaded.sha256,
         "identity": study.identity,
         "physics_sha256": code_digest("physics"),
         "of_paper": of_paper and not around,
-        **({"around": around.as_data() | {"told": around.told}} if around else {}),
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
-        **next(iter(populations.values())),
+        "populations": {
+            name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
+        },
         "spot_check": spot_checks(folder / SHARDS, study.identity, blocks),
         "cost": study.cost(blocks),
-        **speed,
-        "populations": populations,
+        "experiments_per_second": speed,
+        "resumed_from": resumed,
+        "blocks": len(blocks),
     }
     if around:
-        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary))
-    notes = [] if of_paper else [OTHER_BASE]
-    return Outcome(summary, [*ensemble_tables(summary), *notes], ensemble_figures(summary))
+        summary["around"] = {**around.as_data(), "told": around.told}
+        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary), _manifest(study))
+    notes = () if of_paper else (OTHER_BASE,)
+    parts = [*ensemble_tables(summary), *notes]
+    return Outcome(summary, parts, ensemble_figures(summary), _manifest(study))
 
 
 def _manifest(study: EnsembleStudy) -> dict[str, object]:

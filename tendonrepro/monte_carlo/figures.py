@@ -36,10 +36,6 @@ def draw_ratios(population: str, summary: PopulationSummary) -> Drawing:
     def draw(axes: Sequence[Axes]) -> None:
         for panel, (key, joint) in zip(axes, panels, strict=True):
             _draw_ratio(panel, summary["readings"], key, f"joint_{joint}")
-            panel.set_xlabel("ratio of MAE")
-        marks = {line.get_label(): line for panel in axes for line in panel.lines}
-        named = [line for label, line in marks.items() if not str(label).startswith("_")]
-        axes[0].figure.legend(handles=named, loc="outside upper center", ncols=5)
 
     caption = (
         f"Ratio of the mean absolute errors on plants of the population {population} on which all three laws "
@@ -62,24 +58,33 @@ def _draw_ratio(panel: Axes, readings: Sequence[ReadingSummary], key: RatioName,
             quantile["value"]
             for quantile in (ratio["q05"], ratio["q25"], ratio["median"], ratio["q75"], ratio["q95"])
         )
-        ratio_bar(panel, row, median, {"central 90 %": (q05, q95), "central 50 %": (q25, q75)})
-        if key == "ratio_c1_c2":
-            theory = readings[row]["theory"][joint]
-            panel.plot(theory, row, "x", color="black", markersize=3.5, label="slow errors")
+        slow = readings[row]["theory"][joint] if key == "ratio_c1_c2" else None
+        ratio_bar(panel, row, median, {"central 90 %": (q05, q95), "central 50 %": (q25, q75)}, slow)
     panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
     ratio_axis(panel)
 
 
-def ratio_bar(panel: Axes, row: int, median: float, ranges: Mapping[str, tuple[float, float]]) -> None:
-    """Draw a median on its ranges by what they are called, the wider ones thinner and first."""
+def ratio_bar(
+    panel: Axes,
+    row: int,
+    median: float,
+    ranges: Mapping[str, tuple[float, float]],
+    slow: float | None = None,
+) -> None:
+    """Draw a median on its ranges by what they are called, the wider ones thinner and first.
+
+    A cross marks what errors that change slowly would give.
+    """
     colour = SERIES[0].colour
     for width, (label, ends) in zip((0.7, 2.6), ranges.items(), strict=False):
         panel.plot(ends, [row, row], color=colour, linewidth=width, label=label)
     panel.plot(median, row, "o", color="white", markeredgecolor=colour, markersize=3.2, label="median")
+    if slow is not None:
+        panel.plot(slow, row, "x", color="black", markersize=3.5, label="slow errors")
 
 
 def ratio_axis(panel: Axes) -> None:
-    """Scale and ticks of ratios of errors."""
+    """Scale, ticks and label of ratios of errors."""
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     panel.set_xscale("log")
@@ -87,6 +92,7 @@ def ratio_axis(panel: Axes) -> None:
     panel.xaxis.set_major_locator(MaxNLocator(3))
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_locator(NullLocator())
+    panel.set_xlabel("ratio of MAE")
 
 
 def rows_figure(
@@ -97,7 +103,7 @@ def rows_figure(
     caption: str,
     origin: str = "",
 ) -> Drawing:
-    """Draw titled panels side by side over named rows, the first on top."""
+    """Draw titled panels side by side over named rows, the first on top; the legend has each label once."""
     with journal_style():
         figure = open_figure(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
         axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
@@ -107,6 +113,12 @@ def rows_figure(
             panel.grid(axis="y", color="#EEEEEE", linewidth=0.4)
             panel.set_axisbelow(True)
         draw(axes)
+        marks = {
+            label: mark
+            for panel in axes
+            for mark, label in zip(*panel.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(marks.values(), marks.keys(), loc="outside upper center", ncols=len(marks))
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
         return Drawing(stem, figure, tuple(axes), caption, origin=origin)

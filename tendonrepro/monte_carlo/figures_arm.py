@@ -17,7 +17,7 @@ from tendonrepro.results.summary import CONTROLLERS
 def arm_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
     """The picture of all pairs."""
     (population,) = summary["populations"].values()
-    return {"pairs": partial(draw_pairs, population, summary["around"]["told"])}
+    return {"pairs": partial(draw_pairs, population, str(summary["around"]["told"]))}
 
 
 def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
@@ -32,15 +32,10 @@ def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
                 if (row["run"], row["over"]) == pair and row["arms"]:
                     place = rows.index((row["reading"], row["joint"]))
                     ends = row["ratio_low"], row["ratio_high"]
-                    ratio_bar(panel, place, row["ratio"], {"central 90 % of the arms": ends})
-                    if pair == CONTROLLERS[:2]:
-                        slow = theory[row["reading"]][f"joint_{row['joint']}"]
-                        panel.plot(slow, place, "x", color="black", markersize=3.5, label="slow errors")
+                    slow = theory[row["reading"]][f"joint_{row['joint']}"]
+                    marked = slow if pair == CONTROLLERS[:2] else None
+                    ratio_bar(panel, place, row["ratio"], {"central 90 % of the arms": ends}, marked)
             ratio_axis(panel)
-            panel.set_xlabel("ratio of MAE")
-        marks = {line.get_label(): line for panel in axes for line in panel.lines}
-        named = [line for label, line in marks.items() if not str(label).startswith("_")]
-        axes[0].figure.legend(handles=named, loc="outside upper center", ncols=3)
 
     caption = (
         f"Ratio of the mean absolute errors of two runs on arms {told}, where both are stable. "

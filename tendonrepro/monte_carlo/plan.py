@@ -19,7 +19,7 @@ from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.data import Block, Case
+from tendonrepro.monte_carlo.data import Block, CaseName
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.streaming import STATISTICS
@@ -107,7 +107,7 @@ class EnsembleStudy:
         return tuple(law for law in self.laws if law.alone)
 
     @cached_property
-    def _asked(self) -> dict[Case, tuple[str, Reading]]:
+    def _asked(self) -> dict[CaseName, tuple[str, Reading]]:
         """Case of each run and reading; a variation asks only for runs that it changes."""
         return {
             (run, reading.name): (run, case)
@@ -123,7 +123,7 @@ class EnsembleStudy:
         return tuple(dict.fromkeys(self._asked.values()))
 
     @cached_property
-    def lookup(self) -> Mapping[Case, int]:
+    def lookup(self) -> Mapping[CaseName, int]:
         """``(run, reading or variation)`` -> place among `cases`."""
         return {asked: self.cases.index(case) for asked, case in self._asked.items()}
 

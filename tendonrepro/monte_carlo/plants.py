@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias, TypedDict, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -46,7 +46,6 @@ from tendonrepro.monte_carlo.box import (
 )
 from tendonrepro.physics.arm import Arm, carried_mass, weight_moment
 from tendonrepro.physics.control import Law
-from tendonrepro.physics.disturbance import Disturbance
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.friction import Friction
@@ -77,22 +76,12 @@ _DISTURBANCES: Mapping[str, type[Model]] = {
 }
 
 
-class _Fixed(TypedDict):
-    """What all draws of a case have in common, as of `Loop`."""
-
-    motor_encoder: Encoder
-    L: float
-    solver: Solver
-    divergence_limit: float
-    cold: bool
-
-
 @dataclass(frozen=True)
 class _Case:
     """A run under a reading: what no draw changes.
 
     ``drawn`` are the axes whose value the draw has. ``plant`` are arguments of `Draws.plants`. Cases of one
-    ``plant`` share their plants, and those of one ``motion`` their motions. ``fixed`` are fields of the loop.
+    ``plant`` share their plants, and those of one ``motion`` their motions.
     """
 
     run: str
@@ -107,7 +96,11 @@ class _Case:
     estimate_filter: str
     starts_apart: bool
     late: bool
-    fixed: _Fixed
+    motor_encoder: Encoder
+    L: float
+    solver: Solver
+    divergence_limit: float
+    cold: bool
 
 
 def _case(run: str, reading: Reading, nominal: CompareConfig, draw: Mapping[str, float]) -> _Case:
@@ -131,13 +124,11 @@ def _case(run: str, reading: Reading, nominal: CompareConfig, draw: Mapping[str,
         estimate_filter=readings.estimate_filter,
         starts_apart=chosen.start_offset is not None,
         late=readings.reference_acceleration == "late",
-        fixed={
-            "motor_encoder": rig.build_encoder(manipulator.encoders.motor),
-            "L": config.sampling_period.si,
-            "solver": build_solver(config),
-            "divergence_limit": config.status.divergence_limit.si,
-            "cold": readings.start == "cold",
-        },
+        motor_encoder=rig.build_encoder(manipulator.encoders.motor),
+        L=config.sampling_period.si,
+        solver=build_solver(config),
+        divergence_limit=config.status.divergence_limit.si,
+        cold=readings.start == "cold",
     )
 
 
@@ -259,7 +250,11 @@ class Draws:
         draw = self._box.named(self._values[k])
         config = self._sections(k, draw)
         disturbance = rig.build_disturbance(config)
-        plants = {name: _plant(moved[k], disturbance) for name, moved in self._plants.items()}
+        plants = {
+            name: Plant(arm, drive, link_friction, preload, disturbance)
+            for name, moved in self._plants.items()
+            for arm, drive, link_friction, preload in [moved[k]]
+        }
         motions: dict[Reading, DesiredMotion] = {}
         for case in self._cases:
             if case.motion not in motions:
@@ -306,7 +301,11 @@ class Draws:
             seed=seed,
             start_offset=self._offsets[case.run][k] if case.starts_apart else None,
             reference_lag=draw["reference_lag"] if case.late else 0.0,
-            **case.fixed,
+            motor_encoder=case.motor_encoder,
+            L=case.L,
+            solver=case.solver,
+            divergence_limit=case.divergence_limit,
+            cold=case.cold,
         )
 
 
@@ -331,11 +330,6 @@ def _law(case: _Case, draw: Mapping[str, float]) -> Law:
         ddq_filter=weights["ddq_filter"],
         estimate_filter=weights["estimate_filter"],
     )
-
-
-def _plant(moved: Moved, disturbance: Disturbance) -> Plant:
-    arm, drive, link_friction, preload = moved
-    return Plant(arm, drive, link_friction, preload, disturbance)
 
 
 class _Drawn(NamedTuple):

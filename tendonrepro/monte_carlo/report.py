@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,11 +27,12 @@ def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> Popu
 
     Around an `arm` of a user's own, theory follows the gains and readings of its comparison.
     """
-    readings: Any = [
-        reading_summary(data, name)
-        | {"theory": _by_joint(data, arm.slow_ratio(name) if arm else _slow_ratio(data, name))}
-        for name in data.readings
-    ]
+    readings = [reading_summary(data, name) for name in data.readings]
+    for reading in readings:
+        name = reading["name"]
+        ratio = arm.slow_ratio(name) if arm else _slow_ratio(data, name)
+        joints = (f"joint_{joint}" for joint in data.joints)
+        reading["theory"] = dict(zip(joints, ratio.tolist(), strict=True))
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in readings[0]["status"].items()
@@ -44,10 +44,6 @@ def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> Popu
         "readings": readings,
     }
     return {**population, "pairs": [*pair_rows(data)]} if data.around else population
-
-
-def _by_joint(data: EnsembleData, values: Array) -> dict[str, float]:
-    return {f"joint_{joint}": float(value) for joint, value in zip(data.joints, values, strict=True)}
 
 
 def _slow_ratio(data: EnsembleData, name: str) -> Array:

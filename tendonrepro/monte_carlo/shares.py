@@ -17,15 +17,13 @@ from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.summary import (
     Agreement,
-    OfAnyArm,
-    OfPaper,
+    BesidePrint,
     Quantile,
-    QuantileName,
     Quantiles,
     Rankings,
     Ratio,
     RatioName,
-    Shapes,
+    ReadingSummary,
     ShareOfPlants,
     Shares,
     Spreads,
@@ -34,7 +32,7 @@ from tendonrepro.monte_carlo.summary import (
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
-QUANTILES: Mapping[QuantileName, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
+QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
 
@@ -61,10 +59,6 @@ Flags: TypeAlias = NDArray[np.bool_]
 Ends: TypeAlias = tuple[float, float]
 
 
-NOTHING: Any = None
-"""Stands for a number where there are no plants, or too few."""
-
-
 @dataclass(frozen=True)
 class Share:
     """Part of some plants on which a statement holds; NaN without plants, see `share_of`."""
@@ -75,13 +69,8 @@ class Share:
 
     def as_row(self) -> ShareOfPlants:
         """Plain data."""
-        low, high = self.interval or (NOTHING, NOTHING)
-        return {
-            "share": self.share if self.plants else NOTHING,
-            "low": low,
-            "high": high,
-            "plants": self.plants,
-        }
+        low, high = self.interval or (np.nan, np.nan)
+        return {"share": self.share, "low": low, "high": high, "plants": self.plants}
 
 
 @dataclass(frozen=True)
@@ -124,44 +113,42 @@ def _half_width(values: Array) -> float:
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
 
 
-def _nothing() -> Quantile:
-    return {"value": NOTHING, "low": NOTHING, "high": NOTHING}
-
-
 def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Quantiles:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
-    A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is None.
+    A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is NaN.
     """
-    quantiles: Quantiles = {
-        "q05": _nothing(),
-        "q25": _nothing(),
-        "median": _nothing(),
-        "q75": _nothing(),
-        "q95": _nothing(),
-        "lowest": NOTHING,
-        "highest": NOTHING,
+    parts = [values, *(values[replicate == number] for number in np.unique(replicate))]
+    # A row for each level: of all plants, then of each scrambling.
+    levels = [*QUANTILES.values()]
+    rows = np.full((len(levels), 1), np.nan)
+    if len(values):
+        rows = np.array([np.quantile(part, levels, method="inverted_cdf") for part in parts]).T
+    q05, q25, median, q75, q95 = (_with_interval(*row) for row in rows.tolist())
+    return {
+        "q05": q05,
+        "q25": q25,
+        "median": median,
+        "q75": q75,
+        "q95": q95,
+        "lowest": float(values.min()) if len(values) else np.nan,
+        "highest": float(values.max()) if len(values) else np.nan,
         "plants": len(values),
     }
-    if len(values) == 0:
-        return quantiles
-    parts = [values, *(values[replicate == number] for number in np.unique(replicate))]
-    levels = list(QUANTILES.values())
-    pooled, *each = [np.quantile(part, levels, method="inverted_cdf") for part in parts]
-    for name, value, column in zip(QUANTILES, pooled.tolist(), np.array(each).T, strict=True):
-        quantiles[name]["value"] = value
-        if len(column) >= LEAST_SCRAMBLINGS and np.isfinite(column).all():
-            reach = _half_width(column)
-            quantiles[name] |= {"low": value - reach, "high": value + reach}
-    quantiles["lowest"], quantiles["highest"] = float(values.min()), float(values.max())
-    return quantiles
+
+
+def _with_interval(value: float, *each: float) -> Quantile:
+    """A quantile of all plants, with its interval from those of the scramblings."""
+    scattered = len(each) >= LEAST_SCRAMBLINGS and np.isfinite(each).all()
+    reach = _half_width(np.array(each)) if scattered else np.nan
+    return {"value": value, "low": value - reach, "high": value + reach}
 
 
 def spread_of(values: Array, replicate: NDArray[np.int64]) -> Spread:
     """Median and central 90 % of finite values (K,), one per plant, K > 0."""
     quantiles = quantiles_of(values, replicate)
     low, high = quantiles["q05"], quantiles["q95"]
-    around = [None if end["low"] is None else (end["low"], end["high"]) for end in (low, high)]
+    around = [None if np.isnan(end["low"]) else (end["low"], end["high"]) for end in (low, high)]
     return Spread(
         quantiles["median"]["value"], low["value"], high["value"], around[0], around[1], len(values)
     )
@@ -192,7 +179,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 
 @np.errstate(invalid="ignore")  # where two laws diverged
-def reading_summary(data: EnsembleData, reading: str) -> OfAnyArm:
+def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
     """What one reading makes of the claims; of another arm nothing that stands beside the print.
 
     Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. Rankings stand
@@ -201,42 +188,32 @@ def reading_summary(data: EnsembleData, reading: str) -> OfAnyArm:
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
     errors = _errors(data, reading, status)
-    ratios: dict[RatioName, Ratio] = {
-        key: {
+
+    def ratio(key: RatioName) -> Ratio:
+        return {
             plants: {
-                metric: _ratio_quantiles(data, pair, metric, sizes, kept)
+                metric: _ratio_quantiles(data, RATIOS[key], metric, sizes, kept)
                 for metric, sizes in zip(METRICS, errors, strict=True)
             }
             for plants, kept in counted.items()
         }
-        for key, pair in RATIOS.items()
-    }
-    of_any_arm: OfAnyArm = {
+
+    summary: Any = {
         "name": reading,
         "status": status_shares(data, reading),
         **_rankings(data, errors, counted),
         "without_start": _rankings(data, _errors(data, reading, status, "_settled"), counted),
-        "ratio_c1_c2": ratios["ratio_c1_c2"],
-        "ratio_c2_c3": ratios["ratio_c2_c3"],
+        "ratio_c1_c2": ratio("ratio_c1_c2"),
+        "ratio_c2_c3": ratio("ratio_c2_c3"),
     }
-    if data.around:
-        return of_any_arm
-    ok = counted["all_ok"]
-    stable, replicate = errors[:, :, ok], data.replicate[ok]
-    steps = np.array([data.statistic(run, reading, "torque_step_rms") for run in CONTROLLERS])
-    of_paper: OfPaper = {
-        **of_any_arm,
-        "joint_3_over_2": {
-            run: {
-                metric: quantiles_of(sizes[:, -1] / sizes[:, 0], replicate)
-                for metric, sizes in zip(METRICS, stable[:, place], strict=True)
-            }
-            for place, run in enumerate(CONTROLLERS)
-        },
-        **_shapes(data.joints, stable[0], stable[1], steps[:, ok], replicate),
-        "agreement": agreement(of_any_arm, data.joints),
-    }
-    return of_paper
+    if not data.around:
+        ok = counted["all_ok"]
+        (mae, rmse), replicate = errors[:, :, ok], data.replicate[ok]
+        steps = np.array([data.statistic(run, reading, "torque_step_rms")[ok] for run in CONTROLLERS])
+        summary |= _beside_print(data.joints, mae, rmse, steps, replicate)
+        summary["agreement"] = agreement(summary, data.joints)
+    of_reading: ReadingSummary = summary
+    return of_reading
 
 
 def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: str = "") -> Array:
@@ -303,10 +280,10 @@ def _by_joint(
     return spreads
 
 
-def _shapes(
+def _beside_print(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
-) -> Shapes:
-    """RMSE over MAE of every controller, and a plant's distance from the print.
+) -> BesidePrint:
+    """RMSE over MAE of every controller, joint 3 over joint 2, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
     of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale. The
@@ -326,6 +303,13 @@ def _shapes(
         return share_of(_all(hits, axis=1), replicate).as_row()
 
     return {
+        "joint_3_over_2": {
+            run: {
+                metric: quantiles_of(sizes[place, :, -1] / sizes[place, :, 0], replicate)
+                for metric, sizes in zip(METRICS, (mae, rmse), strict=True)
+            }
+            for place, run in enumerate(CONTROLLERS)
+        },
         "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
         "rmse_over_mae": {
             run: _by_joint(joints, shape[place], replicate, printed_shape[place].tolist())
@@ -364,7 +348,7 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, dict[str, Statu
     }
 
 
-def agreement(reading: OfAnyArm, joints: Sequence[int]) -> Agreement:
+def agreement(reading: ReadingSummary, joints: Sequence[int]) -> Agreement:
     """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
     ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant.

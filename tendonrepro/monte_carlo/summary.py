@@ -1,18 +1,18 @@
-"""The types of ``summary.json`` of an ensemble.
+"""The types of ``summary.json`` of an ensemble; ``docs/results/ensemble.json`` has some of its keys.
 
-Where there are no plants a number is None. Whoever reads one looks at ``plants`` first.
+Where there are no plants, or too few, a number is NaN, in a file null. Whoever reads one looks at ``plants``
+first.
 """
 
 from __future__ import annotations
 
 from typing import Literal, NotRequired, TypeAlias, TypedDict
 
+SUMMARY_VERSION = 2
+"""Of ``summary.json``: from 2 on the first population stands under ``populations`` alone."""
+
 RatioName: TypeAlias = Literal["ratio_c1_c2", "ratio_c2_c3"]
 """Key of a ratio of two controllers' errors."""
-
-
-QuantileName: TypeAlias = Literal["q05", "q25", "median", "q75", "q95"]
-"""Key of a quantile."""
 
 
 class ShareOfPlants(TypedDict):
@@ -58,32 +58,26 @@ Shares: TypeAlias = dict[str, ShareOfPlants]
 Spreads: TypeAlias = dict[str, Quantiles]
 """Quantiles by joint."""
 
-Ranking: TypeAlias = dict[str, dict[str, Shares]]
+RankingShares: TypeAlias = dict[str, dict[str, Shares]]
 """How often a ranking holds, by set of plants and metric."""
 
 Ratio: TypeAlias = dict[str, dict[str, Spreads]]
 """A ratio of errors, by set of plants and metric."""
 
 
-RankingName: TypeAlias = Literal[
-    "share_c1_lt_c2_lt_c3", "share_c3_lt_c2_lt_c1", "share_c1_best", "share_c1_worst", "share_c2_ties_c3"
-]
-"""Key of a ranking that pages show."""
-
-
 class Rankings(TypedDict):
     """How often each of `shares.RANKINGS` holds."""
 
-    share_c1_lt_c2_lt_c3: Ranking
-    share_c1_lt_c3_lt_c2: Ranking
-    share_c2_lt_c1_lt_c3: Ranking
-    share_c2_lt_c3_lt_c1: Ranking
-    share_c3_lt_c1_lt_c2: Ranking
-    share_c3_lt_c2_lt_c1: Ranking
-    share_c1_best: Ranking
-    share_c1_worst: Ranking
-    share_c2_lt_c1: Ranking
-    share_c2_ties_c3: Ranking
+    share_c1_lt_c2_lt_c3: RankingShares
+    share_c1_lt_c3_lt_c2: RankingShares
+    share_c2_lt_c1_lt_c3: RankingShares
+    share_c2_lt_c3_lt_c1: RankingShares
+    share_c3_lt_c1_lt_c2: RankingShares
+    share_c3_lt_c2_lt_c1: RankingShares
+    share_c1_best: RankingShares
+    share_c1_worst: RankingShares
+    share_c2_lt_c1: RankingShares
+    share_c2_ties_c3: RankingShares
 
 
 class Agreement(TypedDict):
@@ -95,9 +89,10 @@ class Agreement(TypedDict):
     beyond: list[str]
 
 
-class Shapes(TypedDict):
-    """RMSE over MAE, and how far a plant is from the print."""
+class BesidePrint(TypedDict, total=False):
+    """Shapes of errors, and how far a plant is from the print; nothing of it is said of another arm."""
 
+    joint_3_over_2: dict[str, dict[str, Quantiles]]
     share_reverse_near_print: ShareOfPlants
     rmse_over_mae: dict[str, Spreads]
     rmse_over_mae_growth: Spreads
@@ -107,29 +102,18 @@ class Shapes(TypedDict):
     share_order_and_smoother: ShareOfPlants
     share_order_and_rise: ShareOfPlants
     share_order_rise_and_smoother: ShareOfPlants
+    agreement: Agreement
 
 
-class OfAnyArm(Rankings):
-    """What one reading makes of the claims that any arm can be asked about."""
+class ReadingSummary(Rankings, BesidePrint):
+    """What one reading makes of the claims; ``theory`` is the ratio C1/C2 of slow errors, by joint."""
 
     name: str
     status: dict[str, dict[str, StatusShare]]
     without_start: Rankings
     ratio_c1_c2: Ratio
     ratio_c2_c3: Ratio
-
-
-class OfPaper(OfAnyArm, Shapes):
-    """What one reading makes of the claims."""
-
-    joint_3_over_2: dict[str, dict[str, Quantiles]]
-    agreement: Agreement
-
-
-class ReadingSummary(OfPaper):
-    """A reading as it is stored, with the ratio of slow errors. Of another arm `OfAnyArm` is all there is."""
-
-    theory: dict[str, float]
+    theory: NotRequired[dict[str, float]]
 
 
 class PairRow(TypedDict):
@@ -158,23 +142,33 @@ class PopulationSummary(TypedDict):
     pairs: NotRequired[list[PairRow]]
 
 
-class StoredAround(TypedDict):
-    """Which arm plants lie around."""
+class Summary(TypedDict):
+    """An ensemble; the first of its populations is the one by which claims are judged."""
 
-    arm: str
-    spread: float | None
-    told: str
-
-
-class Summary(PopulationSummary):
-    """An ensemble, its first population twice."""
-
+    schema_version: int
+    experiment: str
     tendonrepro_version: str
     config_sha256: str
+    identity: str
+    physics_sha256: str
     of_paper: bool
-    around: NotRequired[StoredAround]
+    around: NotRequired[dict[str, object]]
+    seed: int
     draws: int
     scramblings: int
-    spot_check: dict[str, float | str | None]
-    cost: dict[str, float]
     populations: dict[str, PopulationSummary]
+    spot_check: dict[str, object]
+    cost: dict[str, float]
+    experiments_per_second: float | None
+    resumed_from: int
+    blocks: int
+
+
+def in_all_errors(ranking: RankingShares, plants: str = "all_ok") -> ShareOfPlants:
+    """How often a ranking holds in MAE and RMSE on both joints, of plants that are stable under all three."""
+    return ranking[plants]["mae_and_rmse"]["both"]
+
+
+def median(ratio: Ratio, joint: int) -> float:
+    """Median of a ratio of MAE on a joint, of plants that are stable under all three controllers."""
+    return ratio["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]

@@ -11,7 +11,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.evidence.figure_predictions import interpretation_in_words
-from tendonrepro.reporting.answer import EnsembleAnswer, Orders, ReadingAnswer
+from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import VERDICTS
@@ -56,7 +56,7 @@ _WORDS = {
 """What stands in a claim or statement, and what a reader sees."""
 
 
-def by_name(summary: EnsembleAnswer, population: str = "box") -> dict[str, ReadingAnswer]:
+def by_name(summary: Summary, population: str = "box") -> dict[str, ReadingSummary]:
     """Readings of an ensemble by their names."""
     return {reading["name"]: reading for reading in summary["populations"][population]["readings"]}
 
@@ -76,32 +76,37 @@ OF_ANSWER = {
 """Ends of the slots of the answer's table, and the readings of its rows."""
 
 
-def numbers(summary: EnsembleAnswer) -> dict[str, str]:
+def numbers(summary: Summary) -> dict[str, str]:
     """Numbers of the answer as text, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
     slots = {
-        "first_fine": percent(readings[FINE_STEPS]["first_best"]["share"]),
-        "tie": percent(printed["last_two_tie"]["share"]),
+        "first_fine": percent(in_all_errors(readings[FINE_STEPS]["share_c1_best"])["share"]),
+        "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
         "plants": f"{summary['populations']['box']['plants']:,}",
-        "stable": f"{printed['in_order']['plants']:,}",
-        "ratio": f"{printed['c1_c2']['joint_2']['median']:.2f}",
-        "ratio_absent": f"{readings['reference_acceleration=absent']['c1_c2']['joint_2']['median']:.2f}",
-        "ratio_surfaces": f"{printed['c2_c3']['joint_2']['median']:.2f}",
-        "ratio_degrees": f"{readings['Delta_unit=deg']['c2_c3']['joint_2']['median']:.2f}",
+        "stable": f"{stable_plants(printed):,}",
+        "ratio": two_digits(median(printed["ratio_c1_c2"], 2)),
+        "ratio_absent": two_digits(median(readings["reference_acceleration=absent"]["ratio_c1_c2"], 2)),
+        "ratio_surfaces": two_digits(median(printed["ratio_c2_c3"], 2)),
+        "ratio_degrees": two_digits(median(readings["Delta_unit=deg"]["ratio_c2_c3"], 2)),
     }
     for row, name in OF_ANSWER.items():
-        reading = readings[name]
+        reading, late = readings[name], readings[name]["without_start"]
         shares = {
-            "order": reading["in_order"],
-            "first": reading["first_best"],
-            "last": reading["first_worst"],
-            "late": reading["without_start"]["first_worst"],
-            "behind": reading["behind_by_mae"]["whole"]["joint_2"],
-            "behind_late": reading["behind_by_mae"]["without_start"]["joint_2"],
-            "smooth": reading["smoother"],
+            "order": in_all_errors(reading["share_c1_lt_c2_lt_c3"]),
+            "first": in_all_errors(reading["share_c1_best"]),
+            "last": in_all_errors(reading["share_c1_worst"]),
+            "late": in_all_errors(late["share_c1_worst"]),
+            "behind": reading["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"],
+            "behind_late": late["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"],
+            "smooth": reading["share_c1_smoother"],
         }
         slots |= {f"{column}_{row}": percent(share["share"]) for column, share in shares.items()}
     return slots
+
+
+def stable_plants(reading: ReadingSummary) -> int:
+    """How many plants are stable under all three controllers."""
+    return in_all_errors(reading["share_c1_lt_c2_lt_c3"])["plants"]
 
 
 def filled(name: str, values: Mapping[str, str]) -> str:
@@ -109,29 +114,43 @@ def filled(name: str, values: Mapping[str, str]) -> str:
     return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
 
 
-def labelled(summary: EnsembleAnswer, labels: Mapping[str, str]) -> list[tuple[str, ReadingAnswer]]:
+def labelled(summary: Summary, labels: Mapping[str, str]) -> list[tuple[str, ReadingSummary]]:
     """Labels and readings, where the ensemble has the reading."""
     stored = by_name(summary)
     return [(label, stored[name]) for name, label in labels.items() if name in stored]
 
 
-def robustness(summary: EnsembleAnswer) -> list[tuple[str, ...]]:
+def robustness(summary: Summary) -> list[tuple[str, ...]]:
     """Rows of the table that says what the answer depends on."""
     (label, printed), *others = labelled(summary, SHOWN)
-    rows = [_cells(label, printed, printed)]
-    rows.append(_cells("… diverged controllers ranked last", printed["diverged_last"], None))
+    last = ("… diverged controllers ranked last", *_shares(printed, "diverged_last"), "–", "–")
+    rows = [_cells(label, printed), last]
     if "firm" in summary["populations"]:
-        firm = by_name(summary, "firm")["printed"]
-        rows.append(_cells("… better known parameters alone varied", firm, firm))
-    return rows + [_cells(label, reading, reading) for label, reading in others]
+        rows.append(_cells("… better known parameters alone varied", by_name(summary, "firm")["printed"]))
+    return rows + [_cells(label, reading) for label, reading in others]
 
 
-def _cells(label: str, orders: Orders, reading: ReadingAnswer | None) -> tuple[str, ...]:
-    kinds = [orders["in_order"], orders["first_best"], orders["first_worst"]]
-    shares = [percent(kind["share"]) for kind in kinds]
-    late = percent(reading["without_start"]["first_worst"]["share"] if reading else None)
-    ratio = f"{reading['c1_c2']['joint_2']['median']:.2f}" if reading else "–"
-    return label, f"{orders['in_order']['plants']:,}", *shares, late, ratio
+def _cells(label: str, reading: ReadingSummary) -> tuple[str, ...]:
+    late = in_all_errors(reading["without_start"]["share_c1_worst"])["share"]
+    return label, *_shares(reading, "all_ok"), percent(late), two_digits(median(reading["ratio_c1_c2"], 2))
+
+
+def _shares(reading: ReadingSummary, plants: str) -> tuple[str, ...]:
+    """How many plants of a set there are, and the shares on which the published order, or a place, holds."""
+    rankings = (reading[name] for name in ("share_c1_lt_c2_lt_c3", "share_c1_best", "share_c1_worst"))
+    order, best, worst = (in_all_errors(ranking, plants) for ranking in rankings)
+    return f"{order['plants']:,}", *(percent(ranking["share"]) for ranking in (order, best, worst))
+
+
+def two_digits(ratio: float | None) -> str:
+    """A ratio, if there are plants.
+
+    Examples
+    --------
+    >>> two_digits(1.1006), two_digits(None)
+    ('1.10', '–')
+    """
+    return "–" if ratio is None else f"{ratio:.2f}"
 
 
 def percent(share: float | None) -> str:
@@ -195,17 +214,17 @@ def statement_in_words(statement: str) -> str:
 def statements(judged: Verdict) -> list[tuple[str, str]]:
     """Parts of a claim, and the share of plants on which each holds."""
     evidence = judged.evidence
-    held = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
-    return [(statement_in_words(one["statement"]), percent(one["share"])) for one in held if one]
+    parts = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
+    return [(statement_in_words(part["statement"]), percent(part["share"])) for part in parts if part]
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:
     """Yield the ranges that plants are drawn from, from the shipped ensemble, as `BOX_HEADS`."""
     for name, row in load_ensemble(None).config.box:
-        held = {"unit": "–", "scale": "choice"} | row.model_dump()
-        extent = ", ".join(map(_short, held.get("choices", ()))) or f"{held['low']:g} to {held['high']:g}"
-        texts = [held[key] for key in ("unit", "scale", "confidence", "source")]
-        yield f"`{name}`", extent, _short(held["nominal"]), *texts
+        entry = {"unit": "–", "scale": "choice"} | row.model_dump()
+        extent = ", ".join(map(_short, entry.get("choices", ()))) or f"{entry['low']:g} to {entry['high']:g}"
+        texts = [entry[key] for key in ("unit", "scale", "confidence", "source")]
+        yield f"`{name}`", extent, _short(entry["nominal"]), *texts
 
 
 def _short(value: str | float) -> str:

@@ -12,8 +12,8 @@ from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STARTS_APART, STEPS
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.reporting.answer import EnsembleAnswer, ReadingAnswer
-from tendonrepro.reporting.contents import by_name, labelled
+from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
+from tendonrepro.reporting.contents import by_name, labelled, stable_plants
 from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -42,16 +42,16 @@ _LABELLED = 0.08
 
 
 @journal_style()
-def draw_orders(summary: EnsembleAnswer) -> Drawing:
+def draw_orders(summary: Summary) -> Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
-    rows: list[tuple[str, ReadingAnswer | None]] = []
+    rows: list[tuple[str, ReadingSummary | None]] = []
     for title, names in GROUPS.items():
         if labelled_readings := labelled(summary, names):
             rows += [(title, None), *labelled_readings]
     labels, readings = zip(*rows, strict=True)
     figure = open_figure(PAGE_MM, 22.0 + 5.6 * len(rows))
     panel = figure.subplots()
-    counts = [f"{reading['in_order']['plants']:,}" if reading else "" for reading in readings]
+    counts = [f"{stable_plants(reading):,}" if reading else "" for reading in readings]
     counts[0] = f"stable plants\nof {summary['populations']['box']['plants']:,}"
     panel.set(xlim=(0.0, 1.0), xticks=np.linspace(0.0, 1.0, 5), ylim=(len(rows) - 0.5, -0.6))
     panel.set_xlabel("share of the plants on which all three controllers are stable")
@@ -81,38 +81,42 @@ def draw_orders(summary: EnsembleAnswer) -> Drawing:
     return Drawing("orders", figure, [panel], caption, origin=_of_plants(summary))
 
 
-def _mark_without_start(panel: Axes, readings: Sequence[ReadingAnswer | None]) -> None:
+def _mark_without_start(panel: Axes, readings: Sequence[ReadingSummary | None]) -> None:
     """Mark where the last bar of runs that start apart would begin without the first two seconds."""
     edges = [
-        (1.0 - reading["without_start"]["first_worst"]["share"], row)
+        (1.0 - in_all_errors(reading["without_start"]["share_c1_worst"])["share"], row)
         for row, reading in enumerate(readings)
-        if reading and STARTS_APART in reading["name"].split("+") and reading["in_order"]["plants"]
+        if reading and STARTS_APART in reading["name"].split("+") and stable_plants(reading)
     ]
     if edges:
         look: Look = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
         panel.plot(*zip(*edges, strict=True), "D", label="without the first 2 s", **look)
 
 
-def order_shares(reading: ReadingAnswer) -> list[float]:
+def order_shares(reading: ReadingSummary) -> list[float]:
     """Shares of the four kinds of order; their sum is 1, or 0 without stable plants."""
-    if not reading["in_order"]["plants"]:
+    if not stable_plants(reading):
         return [0.0] * len(_LOOKS)
-    published, first, last = (reading[key]["share"] for key in ("in_order", "first_best", "first_worst"))
+    rankings = (reading[name] for name in ("share_c1_lt_c2_lt_c3", "share_c1_best", "share_c1_worst"))
+    published, first, last = (in_all_errors(ranking)["share"] for ranking in rankings)
     return [published, first - published, 1.0 - first - last, last]
 
 
 @journal_style()
-def draw_ranges(summary: EnsembleAnswer) -> Drawing:
+def draw_ranges(summary: Summary) -> Drawing:
     """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
     labels, readings = zip(*labelled(summary, SHOWN), strict=True)
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
     panels = figure.subplots(1, 2, sharey=True)
     joint_2, joint_3 = (published().number(f"table2.controller_1.mae.joint_{joint}") for joint in COMPARED)
     printed = (printed_ratios((0, 1), "mae", [2])[0], joint_3 / joint_2)
-    ratios = (("c1_c2", "joint_2"), ("joint_3_over_2", "controller_1"))
+    ratios = (
+        [reading["ratio_c1_c2"]["all_ok"]["mae"]["joint_2"] for reading in readings],
+        [reading["joint_3_over_2"]["controller_1"]["mae"] for reading in readings],
+    )
     ticks = ((0.3, 0.4, 0.6, 0.8, 1.0, 1.4), (0.05, 0.1, 0.2, 0.4, 0.8))
-    for panel, value, (ratio, of), places in zip(panels, printed, ratios, ticks, strict=True):
-        quantiles = [[reading[ratio][of][name] for name in ("q05", "median", "q95")] for reading in readings]
+    for panel, value, ratio, places in zip(panels, printed, ratios, ticks, strict=True):
+        quantiles = [[spread[name]["value"] for name in ("q05", "median", "q95")] for spread in ratio]
         low, middle, high = np.array(quantiles, dtype=np.float64).T
         look: Look = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
         look["label"] = "stable plants: median and 90 %"
@@ -159,7 +163,7 @@ _REGIONS = {
 
 
 @journal_style()
-def draw_map(summary: EnsembleAnswer, closest: Sequence[Json]) -> Drawing:
+def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel a joint.
 
     ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
@@ -173,7 +177,7 @@ def draw_map(summary: EnsembleAnswer, closest: Sequence[Json]) -> Drawing:
         alpha = published().number(f"gain.alpha.joint_{joint}")
         for age, label in ((1.0 - alpha, "1 ± α, by theory"), (1.0 + alpha, None)):
             panel.axvline(age, color=_BLUE, linewidth=0.7, linestyle="--", zorder=1.5, label=label)
-        named = _draw_readings(panel, summary, f"joint_{joint}")
+        named = _draw_readings(panel, summary, joint)
         for metric, ours, paper in (("mae", "closest arm", "Table 2"), ("rmse", None, None)):
             errors = {row["run"]: row[f"{metric}_deg"] for row in closest if row["joint"] == joint}
             sizes = [errors[name] for name in CONTROLLERS]
@@ -203,7 +207,7 @@ def draw_map(summary: EnsembleAnswer, closest: Sequence[Json]) -> Drawing:
     return Drawing("map", figure, panels, caption, origin=origin)
 
 
-def _of_plants(summary: EnsembleAnswer) -> str:
+def _of_plants(summary: Summary) -> str:
     return f"Simulated, {summary['populations']['box']['plants']:,} plants of the parameter ranges"
 
 
@@ -233,14 +237,12 @@ def _draw_regions(panel: Axes) -> None:
         panel.text(x, y, order, ha="center", va="center", color="#555555", fontsize=7, bbox=ground)
 
 
-def _draw_readings(
-    panel: Axes, summary: EnsembleAnswer, joint: str
-) -> list[tuple[str, tuple[float, float], str]]:
+def _draw_readings(panel: Axes, summary: Summary, joint: int) -> list[tuple[str, tuple[float, float], str]]:
     """Draw a dot at the medians of each reading, a larger one where it has a name, and return the names."""
     medians = {
-        name: (reading["c1_c2"][joint]["median"], reading["c2_c3"][joint]["median"])
+        name: (median(reading["ratio_c1_c2"], joint), median(reading["ratio_c2_c3"], joint))
         for name, reading in by_name(summary).items()
-        if reading["in_order"]["plants"]
+        if stable_plants(reading)
     }
     named = {name: medians[name] for name in _NAMED if name in medians}
     look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0}

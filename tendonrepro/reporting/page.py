@@ -20,7 +20,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_existing, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
-from tendonrepro.reporting.stored import PARTS, Stored, stored_under
+from tendonrepro.reporting.stored import PARTS, ReportSources, stored_under
 from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.verdicts.report import MAIN, claim_in_words
@@ -71,17 +71,19 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
     refuse_existing(path, force=force or earlier)
-    stored = stored_under(folder)
-    content = page(stored).encode()
+    sources = stored_under(folder)
+    content = page(sources).encode()
     write_atomically(path, content)
     # What the package stores is of the paper's arm.
-    parts = {name: origin for name, origin in stored.origins.items() if not stored.own_arm or origin == "run"}
+    parts = {
+        name: origin for name, origin in sources.origins.items() if not sources.own_arm or origin == "run"
+    }
     return {
         "schema_version": 1,
         "path": str(path),
         "bytes": len(content),
         "parts": parts,
-        "left_out": stored.left_out,
+        "left_out": sources.left_out,
     }
 
 
@@ -101,32 +103,32 @@ def report_text(report: ReportFile) -> str:
     return "\n".join(lines)
 
 
-def page(stored: Stored) -> str:
+def page(sources: ReportSources) -> str:
     """Make the page; equal contents give equal text."""
     loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
-    slots = contents.numbers(stored.summary)
-    verdicts = stored.ledger.verdicts
-    days = [manifest["created"] for manifest in (*stored.manifests.values(), stored.ledger.ensemble)]
+    slots = contents.numbers(sources.summary)
+    verdicts = sources.ledger.verdicts
+    days = [manifest["created"] for manifest in (*sources.manifests.values(), sources.ledger.ensemble)]
     return environment.get_template("page.html").render(
-        found=stored,
+        sources=sources,
         version=__version__,
         date=max(days)[:10],
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
-        picture=orders_picture(stored),
+        picture=orders_picture(sources),
         main=[verdicts[name] for name in MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
         claim_in_words=claim_in_words,
         contents=contents,
-        robustness=contents.robustness(stored.summary),
-        parts=[part(name, folder) for name, folder in stored.parts.items()],
+        robustness=contents.robustness(sources.summary),
+        parts=[part(name, folder) for name, folder in sources.parts.items()],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
-        values=contents.value_rows([manifest["config"]["tree"] for manifest in stored.manifests.values()]),
+        values=contents.value_rows([manifest["config"]["tree"] for manifest in sources.manifests.values()]),
     )
 
 
@@ -145,8 +147,8 @@ def part(name: str, folder: Path) -> dict[str, object]:
 
 def pictures(folder: Path) -> list[Path]:
     """Figures of a folder that a page can show, each as SVG where there is one, else as PNG."""
-    found = {path.stem: path for suffix in ("png", "svg") for path in folder.glob(f"*.{suffix}")}
-    return [found[name] for name in sorted(found)]
+    figures = {path.stem: path for suffix in ("png", "svg") for path in folder.glob(f"*.{suffix}")}
+    return [figures[name] for name in sorted(figures)]
 
 
 def plate(path: Path) -> dict[str, object]:
@@ -169,9 +171,9 @@ def _width_pt(path: Path) -> float:
     return float(width[1]) if width else math.inf
 
 
-def orders_picture(stored: Stored) -> dict[str, str]:
+def orders_picture(sources: ReportSources) -> dict[str, str]:
     """Address and caption of the picture of the answer."""
-    content, drawn = BytesIO(), draw_orders(stored.summary)
+    content, drawn = BytesIO(), draw_orders(sources.summary)
     with journal_style():
         imprint(drawn.figure, drawn.origin)
         drawn.figure.savefig(content, format="svg", metadata={"Date": None})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,25 +12,12 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, shipped
-from tendonrepro.monte_carlo.summary import (
-    RankingName,
-    Rankings,
-    ReadingSummary,
-    ShareOfPlants,
-    Spreads,
-    Summary,
-)
-from tendonrepro.reporting.answer import (
-    EnsembleAnswer,
-    Orders,
-    Quantiles,
-    ReadingAnswer,
-)
+from tendonrepro.monte_carlo.summary import Summary
 from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.verdict import Ledger, read_ledger
+from tendonrepro.verdicts.ledger import Ledger, read_ledger
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
@@ -44,7 +31,7 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Stored:
+class ReportSources:
     """Everything a page is made of, from the `folder` above the results.
 
     `parts` are the folders of what has a section; `manifests` are of those that were run; `summary` is as
@@ -55,7 +42,7 @@ class Stored:
 
     parts: Mapping[str, Path]
     manifests: Mapping[str, Json]
-    summary: EnsembleAnswer
+    summary: Summary
     ledger: Ledger
     origins: Mapping[str, str]
     left_out: Mapping[str, str]
@@ -78,7 +65,7 @@ _FILES = {"claims": "claims.json", "ensemble": "summary.json"}
 """Numbers of a result that the page shows, beside its manifest."""
 
 
-def stored_under(folder: Path) -> Stored:
+def stored_under(folder: Path) -> ReportSources:
     """Read all there is under a results folder, or in the result of one command.
 
     The ensemble is the user's own where `claims` has judged one of the paper's arm, else the shipped one.
@@ -101,22 +88,29 @@ def stored_under(folder: Path) -> Stored:
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
     ledger = read_ledger(_read(claims if claims is not None and judged else ours / "claims.json"))
-    summary: EnsembleAnswer = _read(ours / "ensemble.json")
-    own = False
+    summary: Summary = _read(ours / "ensemble.json")
+    own = None
     if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
-        whole = _read(ensemble)
-        # A study of a user's own may call its populations otherwise.
-        own = whole["of_paper"] and "box" in whole["populations"] and by_name(whole).keys() >= _SHOWN
-        # An ensemble of an older version has no rankings without the start.
-        own = own and "without_start" in by_name(whole)["printed"]
-        summary = thinned(whole) if own else summary
+        own = _as_whole_as(summary, _read(ensemble))
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
         origins["ensemble"] = "here"
     shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
     left_out = {} if alone else dict(_left_out(folder, shown, damaged))
-    return Stored(parts, manifests, summary, ledger, origins, left_out)
+    return ReportSources(parts, manifests, own or summary, ledger, origins, left_out)
+
+
+def _as_whole_as(shipped: Summary, own: Summary) -> Summary | None:
+    """What is shown of a user's own ensemble, if it is of the paper and has what the page speaks of."""
+    # A study of a user's own may call its populations otherwise.
+    if not own["of_paper"] or "box" not in own["populations"]:
+        return None
+    shown = thinned(own)
+    ours, theirs = by_name(shipped), by_name(shown)
+    # An ensemble of an older version may lack keys.
+    whole = theirs.keys() >= _SHOWN and theirs["printed"].keys() >= ours["printed"].keys()
+    return shown if whole else None
 
 
 def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
@@ -167,67 +161,55 @@ def _read(path: Path) -> Any:
     return content
 
 
-def thinned(summary: Summary) -> EnsembleAnswer:
-    """Of an ensemble's ``summary.json`` what is shown, and what it is of."""
-    return {
-        "tendonrepro_version": summary["tendonrepro_version"],
-        "config_sha256": summary["config_sha256"],
-        "draws": summary["draws"],
-        "scramblings": summary["scramblings"],
-        "spot_check": summary["spot_check"],
-        "cost": summary["cost"],
-        "populations": {
-            name: {"plants": part["plants"], "readings": [*map(_thin_reading, part["readings"])]}
-            for name, part in summary["populations"].items()
-        },
-    }
+_OF_READINGS = (
+    "name",
+    "status.*.ok.share",
+    "share_c1_lt_c2_lt_c3.*.mae_and_rmse.both",
+    "share_c1_best.*.mae_and_rmse.both",
+    "share_c1_worst.*.mae_and_rmse.both",
+    "share_c3_lt_c2_lt_c1.all_ok.mae_and_rmse.both",
+    "share_c2_ties_c3.all_ok.mae_and_rmse.both",
+    "share_c2_lt_c1.all_ok.mae",
+    "without_start.share_c1_worst.all_ok.mae_and_rmse.both",
+    "without_start.share_c2_lt_c1.all_ok.mae",
+    "share_c1_smoother",
+    "share_rmse_over_mae_rises.both",
+    *(
+        f"{number}.{quantile}.value"
+        for number in (
+            "ratio_c1_c2.all_ok.mae.*",
+            "ratio_c2_c3.all_ok.mae.*",
+            "joint_3_over_2.*.mae",
+            "rmse_over_mae_growth.*",
+        )
+        for quantile in ("q05", "median", "q95")
+    ),
+)
+_SHOWN_KEYS = (
+    "tendonrepro_version",
+    "config_sha256",
+    "physics_sha256",
+    "draws",
+    "scramblings",
+    "spot_check",
+    "cost",
+    "populations.*.plants",
+    *(f"populations.*.readings.{path}" for path in _OF_READINGS),
+)
+"""What pages show of an ensemble; ``*`` is any key."""
 
 
-def _thin_reading(reading: ReadingSummary) -> ReadingAnswer:
-    late = reading["without_start"]
+def thinned(summary: Summary) -> Summary:
+    """Of an ensemble's ``summary.json`` what is shown, and what it is of, under the same keys."""
+    kept: Summary = _picked(summary, [path.split(".") for path in _SHOWN_KEYS])
+    return kept
 
-    def order(key: RankingName, plants: str, rankings: Rankings = reading) -> ShareOfPlants:
-        return rankings[key][plants]["mae_and_rmse"]["both"]
 
-    def orders(plants: str) -> Orders:
-        return {
-            "in_order": order("share_c1_lt_c2_lt_c3", plants),
-            "in_reverse": order("share_c3_lt_c2_lt_c1", plants),
-            "first_best": order("share_c1_best", plants),
-            "first_worst": order("share_c1_worst", plants),
-            "last_two_tie": order("share_c2_ties_c3", plants),
-        }
-
-    def quantiles(numbers: Spreads) -> dict[str, Quantiles]:
-        return {
-            key: {
-                "q05": known["q05"]["value"],
-                "median": known["median"]["value"],
-                "q95": known["q95"]["value"],
-            }
-            for key, known in numbers.items()
-        }
-
-    return {
-        **orders("all_ok"),
-        "name": reading["name"],
-        "diverged_last": orders("diverged_last"),
-        "without_start": {
-            "in_order": order("share_c1_lt_c2_lt_c3", "all_ok", late),
-            "first_best": order("share_c1_best", "all_ok", late),
-            "first_worst": order("share_c1_worst", "all_ok", late),
-        },
-        "behind_by_mae": {
-            "whole": reading["share_c2_lt_c1"]["all_ok"]["mae"],
-            "without_start": late["share_c2_lt_c1"]["all_ok"]["mae"],
-        },
-        "ok": {run: shares["ok"]["share"] for run, shares in reading["status"].items()},
-        "smoother": reading["share_c1_smoother"],
-        "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"],
-        "growth": quantiles(reading["rmse_over_mae_growth"]),
-        "joint_3_over_2": quantiles(
-            {run: ratios["mae"] for run, ratios in reading["joint_3_over_2"].items()}
-        ),
-        "c1_c2": quantiles(reading["ratio_c1_c2"]["all_ok"]["mae"]),
-        "c2_c3": quantiles(reading["ratio_c2_c3"]["all_ok"]["mae"]),
-    }
+def _picked(tree: Any, paths: Sequence[Sequence[str]]) -> Any:
+    """Entries of nested mappings at some paths, and all below the end of one; of a list each item's."""
+    if isinstance(tree, list):
+        return [_picked(item, paths) for item in tree]
+    if [] in paths:
+        return tree
+    below = {key: [path[1:] for path in paths if path[0] in ("*", key)] for key in tree}
+    return {key: _picked(tree[key], rest) for key, rest in below.items() if rest}

@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.results.on_disk import read_result
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
@@ -71,16 +71,10 @@ def _side(path: Path) -> _Side:
         versions = version | result.manifest.get("environment", {}).get("versions", {})
         return _Side(result.command, config, versions, dict(_numbers(numbers)), {})
     file = read_traces(path)
-    return _Side(file.experiment, _configuration(file), _versions(file), {}, file.runs)
-
-
-def _configuration(file: TraceFile) -> dict[str, object]:
-    return _leaves(load(file.config_yaml, "config_yaml").tree)
-
-
-def _versions(file: TraceFile) -> dict[str, object]:
     environment = json.loads(file.manifest_json or "{}").get("environment", {})
-    return {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
+    versions = {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
+    config = _leaves(load(file.config_yaml, "config_yaml").tree)
+    return _Side(file.experiment, config, versions, {}, file.runs)
 
 
 def _numbers(node: object, path: str = "") -> Iterator[tuple[str, object]]:

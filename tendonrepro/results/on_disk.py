@@ -14,21 +14,20 @@ from tendonrepro.results.traces import TRACES
 
 
 @dataclass(frozen=True)
-class OnDisk:
+class StoredResult:
     """What lies in the results folder of a command.
 
     `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead. `tables`
     are the text of each by name, captions included.
     """
 
-    folder: Path
     command: str
     manifest: Json
     data: Json
     tables: Mapping[str, str]
 
 
-def read_result(folder: Path) -> OnDisk:
+def read_result(folder: Path) -> StoredResult:
     """Read the result of any command.
 
     Raises
@@ -49,13 +48,23 @@ def read_result(folder: Path) -> OnDisk:
         data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
     except ValueError as error:
         raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
+    if command == "ensemble":
+        data = _upgraded(data)
     tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
-    return OnDisk(folder, command, manifest, data, tables)
+    return StoredResult(command, manifest, data, tables)
+
+
+def _upgraded(summary: Json) -> Json:
+    """Numbers of an ensemble by the keys of today: version 1 had its first population twice."""
+    if summary.get("schema_version") != 1:
+        return summary
+    (first, *_) = summary["populations"].values()
+    return {key: value for key, value in summary.items() if key not in first} | {"schema_version": 2}
 
 
 def table_files(folder: Path, manifest: Json, ending: str) -> list[Path]:
     """Files of the tables that a command wrote, ``.csv``, ``.md`` or ``.tex``; a user's own are none."""
     outputs = {Path(name) for name in manifest.get("outputs", {})}
     tables = [name for name in outputs if {name.with_suffix(".csv"), name.with_suffix(".md")} <= outputs]
-    found = (folder / name for name in tables if name.suffix == ending)
-    return sorted(path for path in found if path.is_file())
+    paths = (folder / name for name in tables if name.suffix == ending)
+    return sorted(path for path in paths if path.is_file())

@@ -127,9 +127,11 @@ def _motion_of_paper(config_yaml: str) -> bool:
 
 def changed_readings(trace: Trace) -> list[str]:
     """``axis=value`` of every reading that is not as printed."""
-    held = trace.attributes["readings"]
+    readings = trace.attributes["readings"]
     return [
-        f"{name}={held[name]}" for name, axis in AXES.items() if held.get(name, axis.printed) != axis.printed
+        f"{name}={readings[name]}"
+        for name, axis in AXES.items()
+        if readings.get(name, axis.printed) != axis.printed
     ]
 
 
@@ -162,9 +164,9 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
 
 def _differs(trace: Trace) -> bool:
     """Whether a run starts off its reference, has other friction, or leaves out its start."""
-    held = trace.attributes
-    apart = bool(np.any(held.get("start_offset", 0.0))) or held.get("friction_scale", 1.0) != 1.0
-    return apart or held.get("errors_from", 0.0) > 0.0
+    attributes = trace.attributes
+    apart = bool(np.any(attributes.get("start_offset", 0.0))) or attributes.get("friction_scale", 1.0) != 1.0
+    return apart or attributes.get("errors_from", 0.0) > 0.0
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -80,19 +81,20 @@ def made_tables(file: TraceFile) -> list[Table]:
         joints = "/".join(map(str, next(iter(part.runs.values())).joint))
         seconds = left_out(part)
         over = f"from {seconds:g} s on" if seconds else "over the whole run"
-        captions = {} if of_paper(part) else _OWN_CAPTIONS
-        for name, (make, caption) in tables.items():
-            rows = list(make(part))
+        for name, table in tables.items():
+            rows = list(table.rows(part))
             columns = {
                 column: (heading.format(joints=joints, seconds=seconds or START), form)
                 for column, (heading, form) in COLUMNS.items()
                 if any(row.get(column) is not None for row in rows)
             }
-            terminal = None if name in _IN_THE_TERMINAL else ()
             if rows:
-                about = captions.get(name, caption).format(over=over)
+                about = (table.caption if of_paper(part) else table.own_caption or table.caption).format(
+                    over=over
+                )
                 about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
-                made.append(Table(name, f"{about} ({origin}).", rows, columns, terminal))
+                shown = None if table.in_terminal else ()
+                made.append(Table(name, f"{about} ({origin}).", rows, columns, shown))
     return made
 
 
@@ -123,11 +125,11 @@ def table_data(file: TraceFile) -> dict[str, object]:
     windows: dict[str, dict[str, object]] = {}
     of_tables = summary.without_start_name(left_out(file))
     for name, trace in file.runs.items():
-        for window in summary.tracking_errors(trace):
-            windows.setdefault(window, {})[name] = _lists(_in_window(trace, window))
+        for window, sizes in summary.tracking_errors(trace).items():
+            windows.setdefault(window, {})[name] = _lists(_columns(sizes))
     return {
         **both,
-        **of_rows(_in_degrees),
+        **of_rows(lambda trace: _columns(summary.table_errors(trace))),
         "errors_from": left_out(file),
         "windows": {window: runs for window, runs in windows.items() if window != of_tables},
         "printed": of_rows(lambda trace: beside(file, trace)[0]),
@@ -146,14 +148,9 @@ def left_out(file: TraceFile) -> float:
     return max((summary.errors_from(trace) for trace in file.runs.values()), default=0.0)
 
 
-def _in_degrees(trace: Trace) -> Sizes:
-    """Tracking errors of a run by column."""
-    return {f"{name}_deg": values for name, values in summary.table_errors(trace).items()}
-
-
-def _in_window(trace: Trace, window: str) -> Sizes:
-    """Tracking errors of a run over a window, by column."""
-    return {f"{name}_deg": values for name, values in summary.tracking_errors(trace)[window].items()}
+def _columns(sizes: Sizes) -> Sizes:
+    """Sizes of errors, degrees, by column."""
+    return {f"{name}_deg": values for name, values in sizes.items()}
 
 
 def error_columns(file: TraceFile, trace: Trace) -> Sizes:
@@ -162,7 +159,8 @@ def error_columns(file: TraceFile, trace: Trace) -> Sizes:
     The print is ``<metric>_printed_deg``, ours over it ``<metric>_ratio``.
     """
     printed, plausible = beside(file, trace)
-    columns = _in_degrees(trace) | {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
+    columns = _columns(summary.table_errors(trace))
+    columns |= {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
     for metric in METRICS:
         numbers = printed[f"{metric}_deg"]
         if np.isfinite(numbers).any():
@@ -214,8 +212,7 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """``joint``, `ERRORS` and ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
     if trace is not None and "q_calculated" in trace and "q_encoder" in trace:
-        sizes = summary.decoupling_errors(trace)
-        yield from _by_joint(trace, {f"{name}_deg": size for name, size in sizes.items()})
+        yield from _by_joint(trace, _columns(summary.decoupling_errors(trace)))
 
 
 def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
@@ -299,40 +296,54 @@ _RANKING = "Controllers by size of error; between two that diverged there is no 
 _LOADS = "tracking errors of Controller 1 without and with payload"
 _MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
 
-_TABLES: Mapping[str, Mapping[str, tuple[Callable[[TraceFile], Iterator[TableRow]], str]]] = {
+
+@dataclass(frozen=True)
+class PaperTable:
+    """What makes the rows of a table of an experiment, and what stands above them.
+
+    `own_caption` is that where the arm is not the paper's, if another; the names of files stay.
+    """
+
+    rows: Callable[[TraceFile], Iterator[TableRow]]
+    caption: str
+    own_caption: str = ""
+    in_terminal: bool = True
+
+
+_TABLES: Mapping[str, Mapping[str, PaperTable]] = {
     "decouple": {
-        "table1": (coupling_rows, "Table 1 and the coupling matrices of section 5.2"),
-        "decoupling_errors": (decoupling_rows, "Calculated minus measured joint angles, Figs 10 to 12"),
-        "decoupling_torque": (motor_rows, _MOTORS),
+        "table1": PaperTable(
+            coupling_rows,
+            "Table 1 and the coupling matrices of section 5.2",
+            "Ratios of diameters, and the coupling matrices",
+        ),
+        "decoupling_errors": PaperTable(
+            decoupling_rows,
+            "Calculated minus measured joint angles, Figs 10 to 12",
+            "Calculated minus measured joint angles",
+        ),
+        "decoupling_torque": PaperTable(motor_rows, _MOTORS, in_terminal=False),
     },
     "compare": {
-        "table2": (controller_rows, "Table 2, tracking errors {over}"),
-        "table2_paper": (paper_controller_rows, "Table 2 as the paper lays it out, {over}"),
-        "table3": (load_rows, f"Table 3, {_LOADS}, {{over}}"),
-        "table3_paper": (paper_load_rows, "Table 3 as the paper lays it out, {over}"),
-        "without_start": (start_rows, "Tracking errors of the whole run, and without its start"),
-        "ranking": (ranking_rows, f"{_RANKING}; errors {{over}}"),
-        "torque": (motor_rows, _MOTORS),
+        "table2": PaperTable(
+            controller_rows, "Table 2, tracking errors {over}", "Tracking errors {over}", in_terminal=False
+        ),
+        "table2_paper": PaperTable(
+            paper_controller_rows,
+            "Table 2 as the paper lays it out, {over}",
+            "Tracking errors, a row for each controller, {over}",
+        ),
+        "table3": PaperTable(
+            load_rows, f"Table 3, {_LOADS}, {{over}}", f"{_LOADS.capitalize()}, {{over}}", in_terminal=False
+        ),
+        "table3_paper": PaperTable(
+            paper_load_rows,
+            "Table 3 as the paper lays it out, {over}",
+            f"{_LOADS.capitalize()}, a row for each load, {{over}}",
+        ),
+        "without_start": PaperTable(start_rows, "Tracking errors of the whole run, and without its start"),
+        "ranking": PaperTable(ranking_rows, f"{_RANKING}; errors {{over}}"),
+        "torque": PaperTable(motor_rows, _MOTORS),
     },
 }
-"""How a table is made, and its caption, by experiment and name."""
-
-_OWN_CAPTIONS = {
-    "table1": "Ratios of diameters, and the coupling matrices",
-    "decoupling_errors": "Calculated minus measured joint angles",
-    "table2": "Tracking errors {over}",
-    "table2_paper": "Tracking errors, a row for each controller, {over}",
-    "table3": f"{_LOADS.capitalize()}, {{over}}",
-    "table3_paper": f"{_LOADS.capitalize()}, a row for each load, {{over}}",
-}
-"""Captions where the arm is not the paper's; the names of files stay."""
-
-_IN_THE_TERMINAL = {
-    "table1",
-    "table2_paper",
-    "table3_paper",
-    "without_start",
-    "ranking",
-    "torque",
-    "decoupling_errors",
-}
+"""By experiment and name."""

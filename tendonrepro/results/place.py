@@ -32,7 +32,7 @@ _PARTIAL = ".tendonrepro.partial"
 
 
 @dataclass(frozen=True)
-class Place:
+class ResultPlace:
     """The place of a result, which this process alone writes.
 
     Parameters
@@ -112,8 +112,8 @@ class Place:
 
 
 @contextmanager
-def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]) -> Iterator[Place]:
-    """Be the only process that writes a results folder, until the block ends; see `Place`.
+def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]) -> Iterator[ResultPlace]:
+    """Be the only process that writes a results folder, until the block ends; see `ResultPlace`.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]
         If the folder cannot be written.
     """
     target = folder.resolve()
-    place = Place(target, _beside(target, "partial"), last, own)
+    place = ResultPlace(target, _beside(target, "partial"), last, own)
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
     with ExitStack() as stack:
@@ -134,7 +134,7 @@ def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]
             place.settle()
             moves = _can_be_renamed(target)
         if not moves:
-            place = Place(target, target / _PARTIAL, last, own)
+            place = ResultPlace(target, target / _PARTIAL, last, own)
             stack.enter_context(locked(target / _LOCK, folder))
             place.settle()
         place.partial.mkdir(exist_ok=True)
@@ -151,15 +151,15 @@ def only_writer(folder: Path, *, last: str, own: Callable[[Path], Iterable[str]]
 
 def files_in(folder: Path) -> list[str]:
     """Files and links in a folder and below, without what a process that writes there leaves."""
-    found = sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
-    names = [path.relative_to(folder).as_posix() for path in found]
+    paths = sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    names = [path.relative_to(folder).as_posix() for path in paths]
     return [name for name in names if name != _LOCK and not name.startswith(f"{_PARTIAL}/")]
 
 
 def _empty_folders(folder: Path) -> list[str]:
     """Folders without anything in them: no result has one, so a user made them."""
-    found = sorted(path for path in folder.rglob("*") if path.is_dir() and not path.is_symlink())
-    return [path.relative_to(folder).as_posix() for path in found if not any(path.iterdir())]
+    paths = sorted(path for path in folder.rglob("*") if path.is_dir() and not path.is_symlink())
+    return [path.relative_to(folder).as_posix() for path in paths if not any(path.iterdir())]
 
 
 def _beside(target: Path, what: str) -> Path:

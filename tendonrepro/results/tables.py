@@ -114,16 +114,16 @@ class Table:
 
     def _shown(self, names: Sequence[str] | None = None) -> tuple[list[str], list[list[str]], list[bool]]:
         """Headings, cells as a reader sees them, and which columns hold numbers alone."""
-        held = self._columns()
-        kept = list(held) if names is None else names
-        cells = [[rounded(row.get(name), held[name][1]) for name in kept] for row in self.rows]
-        return [held[name][0] for name in kept], cells, [_is_numeric(self.rows, name) for name in kept]
+        columns = self._columns()
+        kept = list(columns) if names is None else names
+        cells = [[rounded(row.get(name), columns[name][1]) for name in kept] for row in self.rows]
+        return [columns[name][0] for name in kept], cells, [_is_numeric(self.rows, name) for name in kept]
 
 
 def _is_numeric(rows: TableRows, name: str) -> bool:
     """Whether a column holds nothing but numbers."""
-    held = [row[name] for row in rows if row.get(name) is not None]
-    return bool(held) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in held)
+    values = [row[name] for row in rows if row.get(name) is not None]
+    return bool(values) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
 
 
 def rounded(value: object, form: str = _ROUNDED) -> str:

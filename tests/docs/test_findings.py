@@ -18,12 +18,14 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, KEPT, SHOWN, STEPS
-from tendonrepro.reporting.contents import numbers, percent
+from tendonrepro.monte_carlo.summary import in_all_errors, median
+from tendonrepro.reporting.contents import numbers, percent, stable_plants
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 
 pytestmark = NEEDS_DOCS
 EXTRAPOLATING = "control.readings.weights=extrapolating"
+README = DOCS.parent / "README.md"
 DEGREES = "control.readings.Delta_unit=deg"
 CLOSEST = "motion=ramp+starts=apart"
 APPLIED = "stored_torque=applied"
@@ -66,7 +68,7 @@ def _pictures(makers: list[Any]) -> dict[str, Drawing]:
 def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
     """`make pages` and `make findings` write them again."""
     pages, generate = makers
-    texts = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("*.md")}
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (README, *DOCS.glob("*.md"))}
     for name, text in texts.items():
         assert pages.fresh(text) == text, f"docs/{name} has a part of another day: make pages"
         assert pages.fresh(text, generate.MAKERS) == text, (
@@ -115,9 +117,11 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any], 
     errors = {k: published().number(f"table2.controller_{k}.mae.joint_2") for k in (1, 2)}
     shape = stored("identify")["readings"][0]["best_shape"][0]
     first, last = (shape[f"printed_rmse_over_mae_controller_{k}"] for k in (1, 3))
-    growth, growth_apart = (readings[name]["growth"]["joint_2"] for name in ("printed", "starts=apart"))
+    growth, growth_apart = (
+        readings[name]["rmse_over_mae_growth"]["joint_2"] for name in ("printed", "starts=apart")
+    )
     joint_3, joint_3_absent = (
-        readings[name]["joint_3_over_2"]["controller_1"]
+        readings[name]["joint_3_over_2"]["controller_1"]["mae"]
         for name in ("printed", "reference_acceleration=absent")
     )
     alike = claims["F2"]["ours"]
@@ -139,38 +143,30 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any], 
         ("docs/findings.md", f"ratios are {min(published_shares):.2f} to {max(published_shares):.2f}"),
         ("README.md", f"We drew {slots['plants']} arms"),
         ("README.md", f"On {slots['last_printed']} of these Controller 1"),
-        ("README.md", f"Controller 1 is the worst on {slots['last_ramp']}."),
         (
             "README.md",
-            f"is the worst on {slots['last_apart_ramp']} and the best on {slots['first_apart_ramp']}. "
-            f"Without the first two seconds it is the worst on {slots['late_apart_ramp']}.",
+            f"two seconds Controller 1 is again the worst on {slots['late_apart']} where",
         ),
-        ("README.md", f"is the worst on {slots['last_friction']} and the best on {slots['first_friction']}."),
-        (
-            "README.md",
-            f"still behind Controller 2 on {slots['behind_apart_ramp']} and {slots['behind_friction']}.",
-        ),
-        ("README.md", f"the order holds on {slots['order_both']} of the stable arms"),
-        ("README.md", f"it holds on {slots['order_steps']}, and the closest"),
-        ("README.md", f"misses the sixteen published errors by {100 * min(misfits.values()):.1f} %"),
-        ("README.md", f"the closest arm misses by {100 * misfits['printed']:.1f} % as published"),
-        ("README.md", f"If only the starts differ, it misses by {100 * misfits['starts=apart']:.1f} %."),
-        ("README.md", f"If only friction does, it misses by {100 * misfits['run_friction=drawn']:.1f} %."),
-        ("README.md", f"that the drives apply, it misses by {100 * misfits[APPLIED]:.1f} %."),
+        ("README.md", f"still behind Controller 2 on {slots['behind_apart']} there, and on"),
+        ("README.md", f"and on {slots['behind_friction']} where only friction differs"),
+        ("README.md", f"On the closest arm of all, {100 * min(misfits.values()):.1f} % off"),
+        ("README.md", f"With runs alike the closest arm is {100 * misfits[APPLIED]:.1f} % off"),
         ("docs/findings.md", f"alike come no closer than {100 * misfits[APPLIED]:.1f} %"),
-        ("README.md", f"the closest one misses by {100 * misfits[BOTH]:.1f} %"),
-        ("README.md", f"the closest arm misses by {100 * misfits[STEPS]:.1f} %"),
         ("docs/findings.md", f"rises by {100 * (last / first - 1):.0f} % from Controller 1 to Controller 3"),
-        ("docs/findings.md", f"of the plants below {100 * (growth['q95'] - 1):.1f} %"),
-        ("docs/findings.md", f"median {100 * (growth['median'] - 1):.1f} %"),
-        ("docs/findings.md", f"central 90 % reaches {100 * (growth_apart['q95'] - 1):.0f} %"),
-        ("docs/findings.md", f"median {joint_3['median']:.2f}; all eight"),
+        ("docs/findings.md", f"of the plants below {100 * (growth['q95']['value'] - 1):.1f} %"),
+        ("docs/findings.md", f"median {100 * (growth['median']['value'] - 1):.1f} %"),
+        ("docs/findings.md", f"central 90 % reaches {100 * (growth_apart['q95']['value'] - 1):.0f} %"),
+        ("docs/findings.md", f"median {joint_3['median']['value']:.2f}; all eight"),
         (
             "docs/findings.md",
-            f"median {joint_3_absent['median']:.2f}, central 90 % up to {joint_3_absent['q95']:.2f}",
+            f"median {joint_3_absent['median']['value']:.2f}, "
+            f"central 90 % up to {joint_3_absent['q95']['value']:.2f}",
         ),
         ("docs/findings.md", f"are that large on {100 * alike:.2g} % of the plants"),
-        ("docs/findings.md", f"on {100 * readings['printed']['smoother']['share']:.1f} % of the plants"),
+        (
+            "docs/findings.md",
+            f"on {100 * readings['printed']['share_c1_smoother']['share']:.1f} % of the plants",
+        ),
         ("docs/findings.md", f"closest`) misses them by {100 * min(misfits.values()):.1f} %"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),
         ("docs/findings.md", f"differ by {errors[2] - errors[1]:.3f}° on joint 2"),
@@ -263,35 +259,40 @@ def test_numbers_of_the_tuning() -> None:
 def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> None:
     """What stands in words: a third, two thirds, nearly all, most, almost none."""
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
-    assert 0.3 < printed["in_order"]["plants"] / stored("ensemble")["populations"]["box"]["plants"] < 0.36
+    assert 0.3 < stable_plants(printed) / stored("ensemble")["populations"]["box"]["plants"] < 0.36
     for joint in ("joint_2", "joint_3"):
         for metric in ("mae", "rmse"):
             behind = claims[f"share.controller_1_of_2.{metric}.{joint}"]["evidence"]["direction"]
             assert behind["share"] < 0.05
-    assert extrapolating["first_best"]["share"] > 0.95
-    assert printed["first_best"]["share"] < 0.01
-    assert readings[BOTH]["in_order"]["share"] > 0.8
+    assert in_all_errors(extrapolating["share_c1_best"])["share"] > 0.95
+    assert in_all_errors(printed["share_c1_best"])["share"] < 0.01
+    assert in_all_errors(readings[BOTH]["share_c1_lt_c2_lt_c3"])["share"] > 0.8
     for name in ("starts=apart", "reference_acceleration=absent+starts=apart", "run_friction=drawn"):
-        assert readings[name]["first_worst"]["share"] < 0.5
-        assert readings[name]["behind_by_mae"]["whole"]["joint_2"]["share"] > 0.5
-    assert readings["Delta_unit=deg"]["in_reverse"]["share"] < 0.01
-    assert extrapolating["smoother"]["share"] < 0.01
-    assert readings["delay_time=two_periods"]["smoother"]["share"] < 0.25
-    assert printed["ok"]["controller_1"] > max(printed["ok"][name] for name in CONTROLLERS[1:])
-    unfixed = readings["phi_negative=even+eta_in_controller_2=dropped"]
-    assert unfixed["in_reverse"]["share"] == pytest.approx(printed["in_reverse"]["share"], abs=0.01)
+        assert in_all_errors(readings[name]["share_c1_worst"])["share"] < 0.5
+        assert readings[name]["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"]["share"] > 0.5
+    assert extrapolating["share_c1_smoother"]["share"] < 0.01
+    assert readings["delay_time=two_periods"]["share_c1_smoother"]["share"] < 0.25
+    stable = {name: printed["status"][name]["ok"]["share"] for name in CONTROLLERS}
+    assert stable.pop("controller_1") > max(stable.values())
+    in_degrees, in_reverse, unfixed = (
+        in_all_errors(readings[name]["share_c3_lt_c2_lt_c1"])["share"]
+        for name in ("Delta_unit=deg", "printed", "phi_negative=even+eta_in_controller_2=dropped")
+    )
+    assert in_degrees < 0.01
+    assert unfixed == pytest.approx(in_reverse, abs=0.01)
 
 
 def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Any]) -> None:
     """1 + alpha, and 1 - alpha where the weights extrapolate; beta over eta gamma_1, see docs/theory.md."""
     for name in ("encoder=ideal", "feedback=motor", "delay_time=two_periods", "output_delay=2"):
-        for joint, alpha in (("joint_2", 0.1), ("joint_3", 0.2)):
-            assert readings[name]["c1_c2"][joint]["median"] == pytest.approx(1.0 + alpha, rel=0.02)
-    for joint, alpha in (("joint_2", 0.1), ("joint_3", 0.2)):
-        assert readings["encoder=ideal"]["c1_c2"][joint]["q05"] > 1.0
-        weights = readings["weights=extrapolating"]["c1_c2"][joint]["median"]
+        for joint, alpha in ((2, 0.1), (3, 0.2)):
+            assert median(readings[name]["ratio_c1_c2"], joint) == pytest.approx(1.0 + alpha, rel=0.02)
+    for joint, alpha in ((2, 0.1), (3, 0.2)):
+        ideal = readings["encoder=ideal"]["ratio_c1_c2"]["all_ok"]["mae"][f"joint_{joint}"]
+        assert ideal["q05"]["value"] > 1.0
+        weights = median(readings["weights=extrapolating"]["ratio_c1_c2"], joint)
         assert weights == pytest.approx(1.0 - alpha, rel=0.02)
-    assert readings["printed"]["c2_c3"]["joint_2"]["median"] == pytest.approx(1.032, rel=0.005)
+    assert median(readings["printed"]["ratio_c2_c3"], 2) == pytest.approx(1.032, rel=0.005)
 
 
 def test_what_is_shown_is_drawn_by_default() -> None:
@@ -306,13 +307,15 @@ def test_picture_of_the_orders(readings: dict[str, Any], pictures: dict[str, Dra
     rows = [row for row in zip(*widths, strict=True) if sum(row)]
     assert len(rows) == len(shown)
     for (in_order, first, _, last), reading in zip(rows, shown, strict=True):
-        assert in_order == reading["in_order"]["share"]
-        assert in_order + first == pytest.approx(reading["first_best"]["share"])
-        assert last == reading["first_worst"]["share"]
+        assert in_order == in_all_errors(reading["share_c1_lt_c2_lt_c3"])["share"]
+        assert in_order + first == pytest.approx(in_all_errors(reading["share_c1_best"])["share"])
+        assert last == in_all_errors(reading["share_c1_worst"])["share"]
     assert [sum(row) for row in rows] == pytest.approx([1.0] * len(shown))
     (marks,) = pictures["orders"].axes[0].lines
     late = [reading["without_start"] for reading in shown if "starts=apart" in reading["name"]]
-    assert marks.get_xdata() == pytest.approx([1.0 - held["first_worst"]["share"] for held in late])
+    assert marks.get_xdata() == pytest.approx(
+        [1.0 - in_all_errors(held["share_c1_worst"])["share"] for held in late]
+    )
 
 
 def test_picture_of_the_map(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
@@ -320,7 +323,7 @@ def test_picture_of_the_map(readings: dict[str, Any], pictures: dict[str, Drawin
     for panel, joint in zip(pictures["map"].axes, (2, 3), strict=True):
         (dots, named) = [line for line in panel.lines if line.get_marker() == "o"]
         places = [
-            (held["c1_c2"][f"joint_{joint}"]["median"], held["c2_c3"][f"joint_{joint}"]["median"])
+            (median(held["ratio_c1_c2"], joint), median(held["ratio_c2_c3"], joint))
             for held in readings.values()
         ]
         assert dots.get_xydata().tolist() == [[*place] for place in places if None not in place]
@@ -343,7 +346,7 @@ def test_picture_of_the_ranges(readings: dict[str, Any], pictures: dict[str, Dra
     ratio, joints = pictures["ranges"].axes
     bars = [segment[:, 0] for segment in ratio.collections[0].get_segments()]
     ends = [
-        [readings[name]["c1_c2"]["joint_2"][key] for key in ("q05", "q95")]
+        [readings[name]["ratio_c1_c2"]["all_ok"]["mae"]["joint_2"][key]["value"] for key in ("q05", "q95")]
         for name in SHOWN
         if name in readings
     ]

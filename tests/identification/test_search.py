@@ -11,7 +11,7 @@ from tendonrepro.identification.misfit import Bench
 from tendonrepro.identification.search import Effort, Evaluated, Plants, SearchResult, held_unit, search
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.held import held_at, values_of
+from tendonrepro.monte_carlo.comparison_values import box_at, values_of
 
 EFFORT = Effort(generations=30, population=24, seeds=3)
 ROWS = 6
@@ -136,6 +136,6 @@ def test_held_rows_keep_their_value_to_the_last_bit():
 
 def test_the_point_of_what_is_held_has_its_values():
     """As near as the ranges allow: of an effect that is off, the size is any."""
-    held = held_at(BOX, loaded().compare)
+    held = box_at(BOX, loaded().compare)
     values = BOX.values(held_unit(held)[np.newaxis])[0]
     np.testing.assert_allclose(values, np.clip(held.nominal, BOX.low, BOX.high), rtol=1e-9)

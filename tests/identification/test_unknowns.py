@@ -8,9 +8,9 @@ from tendonrepro.identification.misfit import log_misfit, log_residuals
 from tendonrepro.identification.search import Evaluated, held_unit
 from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.held import held_at
+from tendonrepro.monte_carlo.comparison_values import box_at
 
-BOX = held_at(make_box(loaded().config), loaded().compare)
+BOX = box_at(make_box(loaded().config), loaded().compare)
 HELD = held_unit(BOX)
 FEW = 3
 

@@ -157,19 +157,20 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
     assert not stored["of_paper"]
     assert (stored["around"]["arm"], stored["around"]["spread"]) == ("my arm", 0.2)
-    assert stored["joints"] == [2, 3, 4]
+    population = stored["populations"]["arms"]
+    assert population["joints"] == [2, 3, 4]
     # A sample of delay is in the age of both estimates, 1 ± 0.1 and 1.
-    theory = [entry["theory"]["joint_3"] for entry in stored["readings"]]
+    theory = [entry["theory"]["joint_3"] for entry in population["readings"]]
     assert theory == pytest.approx([2.1 / 2.0, 1.9 / 2.0])
     assert not any(
-        "printed" in joint for joint in stored["readings"][0]["ratio_c1_c2"]["all_ok"]["mae"].values()
+        "printed" in joint for joint in population["readings"][0]["ratio_c1_c2"]["all_ok"]["mae"].values()
     )
     data = read_ensemble(tmp_path / "out")
     first, second = (data.statistic(f"controller_{k}", "printed", "mae")[:, 1] for k in (1, 2))
     kept = (data.status("controller_1", "printed") == 0) & (data.status("controller_2", "printed") == 0)
     (pair,) = [
         row
-        for row in stored["populations"]["arms"]["pairs"]
+        for row in population["pairs"]
         if (row["reading"], row["run"], row["over"], row["joint"])
         == ("printed", "controller_1", "controller_2", 3)
     ]

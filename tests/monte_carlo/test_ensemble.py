@@ -72,11 +72,12 @@ def test_more_draws_reuse_what_is_there(tmp_path):
 
 def test_the_summary_holds_what_the_contract_names(unbroken):
     summary = json.loads((unbroken / "summary.json").read_text())
-    assert {"schema_version", "draws", "readings", "experiments_per_second", "resumed_from"} <= summary.keys()
-    assert summary["draws"] == DRAWS
-    assert set(summary["laws"]["controller_1"]) >= {"ok", "ringing", "diverged"}
-    assert sum(summary["laws"]["controller_1"].values()) == DRAWS
-    for reading in summary["readings"]:
+    assert {"draws", "populations", "experiments_per_second", "resumed_from"} <= summary.keys()
+    assert (summary["schema_version"], summary["draws"]) == (2, DRAWS)
+    (population,) = summary["populations"].values()
+    assert set(population["laws"]["controller_1"]) >= {"ok", "ringing", "diverged"}
+    assert sum(population["laws"]["controller_1"].values()) == DRAWS
+    for reading in population["readings"]:
         for key in ("share_c1_lt_c2_lt_c3", "share_c1_best", "ratio_c1_c2", "ratio_c2_c3"):
             assert set(reading[key]) == {"all_ok", "diverged_last"}
     manifest = json.loads((unbroken / "manifest.json").read_text())

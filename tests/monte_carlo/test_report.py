@@ -42,7 +42,7 @@ def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"readings_box.csv", "readings_box.md"}
     rows = list(csv.DictReader(io.StringIO((tmp_path / "readings_box.csv").read_text())))
     assert [row["reading"] for row in rows] == list(READINGS)
-    for row, reading in zip(rows, summary["readings"], strict=True):
+    for row, reading in zip(rows, summary["populations"]["box"]["readings"], strict=True):
         order = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
         assert [float(row[f"order_mae{end}"]) for end in ("", "_low", "_high")] == [
             order[key] for key in ("share", "low", "high")
@@ -62,7 +62,11 @@ def nowhere_stable():
 
 def test_a_table_without_plants_has_no_numbers(nowhere_stable):
     (table,) = ensemble_tables(nowhere_stable)
-    assert table.rows[0]["order_mae"] is table.rows[0]["distance"] is None
+    assert np.isnan([table.rows[0]["order_mae"], table.rows[0]["distance"]]).all()
+    row = table.md().splitlines()[-1]
+    assert row.count("--") == sum(
+        isinstance(cell, float) and np.isnan(cell) for cell in table.rows[0].values()
+    )
 
 
 def test_ratios_show_median_print_and_theory(mixed):

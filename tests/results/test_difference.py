@@ -1,5 +1,6 @@
 """Two results differ in what was changed alone."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from support.command import answer
 from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.results.difference import difference, difference_text
+from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -94,3 +96,17 @@ def test_missing_samples_are_equal_and_hide_no_change(tmp_path):
     assert between(tmp_path, first, first)["same"]
     (row,) = between(tmp_path, first, second)["traces"]
     assert (row["largest"], row["from_s"]) == (pytest.approx(0.5), RUN.time[9])
+
+
+def test_an_ensemble_stored_before_version_2_is_the_same_under_the_keys_of_today(tmp_path):
+    """Its first population stood at the top, too."""
+    box, firm = ({"plants": plants, "readings": [{"name": "printed"}]} for plants in (64, 16))
+    summary = {"schema_version": 2, "draws": 64, "populations": {"box": box, "firm": firm}}
+    summaries = {"new": summary, "old": {**summary, **box, "schema_version": 1}}
+    for name, content in summaries.items():
+        (tmp_path / name).mkdir()
+        manifest = {"command": "ensemble", "config": {"sha256": "0"}}
+        (tmp_path / name / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+        (tmp_path / name / "summary.json").write_text(json.dumps(content), encoding="utf-8")
+    assert difference(tmp_path / "old", tmp_path / "new")["same"]
+    assert read_result(tmp_path / "old").data == summary

@@ -69,13 +69,11 @@ def printed_like(factor):
 
 
 def whole(data):
-    populations = {"box": population_summary(data)}
     return {
-        **populations["box"],
         "draws": PLANTS,
         "scramblings": SCRAMBLINGS,
         "experiments_per_second": 321.0,
         "out": "reports/ensemble",
-        "populations": populations,
+        "populations": {"box": population_summary(data)},
         "of_paper": True,
     }

@@ -80,7 +80,7 @@ LATE = "late"
 
 
 @dataclass(frozen=True)
-class Choice:
+class Menu:
     """A reading whose values change numbers alone, and the words for its values."""
 
     name: str
@@ -89,14 +89,14 @@ class Choice:
     help: str = ""
 
 
-CHOICES = (
-    Choice("weights", "Weights of the two estimates, Eq. (15)",
+MENUS = (
+    Menu("weights", "Weights of the two estimates, Eq. (15)",
         {"interpolating": "1 − α and α, as published", "extrapolating": "1 + α and −α, a changed sign"}),
-    Choice("Delta_unit", "Unit of Δ", {"rad": "radians", "deg": "degrees"}),
-    Choice("reference_acceleration", "Acceleration of the reference, Eq. (18)",
+    Menu("Delta_unit", "Unit of Δ", {"rad": "radians", "deg": "degrees"}),
+    Menu("reference_acceleration", "Acceleration of the reference, Eq. (18)",
         {"fed_forward": "fed forward, as published", "absent": "not fed forward", LATE: "late"},
         "Without it, the reference causes an error of its own, the same for all controllers."),
-    Choice("error_rate", "Velocity",
+    Menu("error_rate", "Velocity",
         {"backward_difference": "difference of encoder values", "low_pass": "the same, low-pass filtered"}),
 )  # fmt: skip
 RUN = (
@@ -132,29 +132,29 @@ def knobs_of(config: CompareConfig) -> Iterator[Knob]:
             yield knob
 
 
-def choices_of(config: CompareConfig) -> list[Choice]:
+def menus_of(config: CompareConfig) -> list[Menu]:
     """The readings that can be chosen; a value that needs another trace stays as configured."""
-    readings, choices = config.control.readings, []
-    for choice in CHOICES:
-        known = getattr(readings, choice.name) in choice.words
-        if choice.name == "error_rate" and config.control.filter_cutoff is None:
+    readings, menus = config.control.readings, []
+    for menu in MENUS:
+        known = getattr(readings, menu.name) in menu.words
+        if menu.name == "error_rate" and config.control.filter_cutoff is None:
             known = False
-        if choice.name == "Delta_unit" and readings.gain_unit != "radian":
+        if menu.name == "Delta_unit" and readings.gain_unit != "radian":
             known = False
         if known:
-            words = dict(choice.words)
+            words = dict(menu.words)
             if config.control.reference_lag is None:
                 words.pop(LATE, None)
-            choices.append(replace(choice, words=words))
-    return choices
+            menus.append(replace(menu, words=words))
+    return menus
 
 
 def entries_of(config: CompareConfig, key: str) -> list[tuple[int | None, str]]:
     """Entries of a key's quantity, None for a scalar, and the joint that each is of."""
-    held = attrgetter(key)(config)
-    if isinstance(held, Scalar):
+    quantity = attrgetter(key)(config)
+    if isinstance(quantity, Scalar):
         return [(None, "")]
-    joints, every = config.joints, len(held.value)
+    joints, every = config.joints, len(quantity.value)
     return [(every - len(joints) + k, f"joint {joint}") for k, joint in enumerate(joints)]
 
 
@@ -162,4 +162,4 @@ def inputs_of(config: CompareConfig) -> Inputs:
     """What the code of a configuration takes as inputs."""
     numbers = [(knob.key, entry) for knob in knobs_of(config) for entry, _ in entries_of(config, knob.key)]
     units = {knob.key: knob.unit for knob in knobs_of(config)}
-    return Inputs(numbers, units, {choice.name: tuple(choice.words) for choice in choices_of(config)})
+    return Inputs(numbers, units, {menu.name: tuple(menu.words) for menu in menus_of(config)})

@@ -26,10 +26,10 @@ from tendonrepro.reporting.live.controls import (
     RUN,
     START_HELP,
     Knob,
-    choices_of,
     entries_of,
     inputs_of,
     knobs_of,
+    menus_of,
 )
 from tendonrepro.reporting.live.library import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
@@ -84,11 +84,11 @@ def _notes(loops: Mapping[str, Loop]) -> list[str]:
     return notes
 
 
-Control: TypeAlias = tuple[dict[str, object], tuple[float, float]]
+PageControl: TypeAlias = tuple[dict[str, object], tuple[float, float]]
 """What is said of a control under any configuration; its value, and the file's unit in the page's."""
 
 
-def _shared_controls(config: CompareConfig) -> list[Control]:
+def _shared_controls(config: CompareConfig) -> list[PageControl]:
     places = {number: place for place, number in enumerate(inputs_of(config).numbers)}
     return [
         _control(config, knob, entry, part, {"place": places[knob.key, entry]})
@@ -97,7 +97,7 @@ def _shared_controls(config: CompareConfig) -> list[Control]:
     ]
 
 
-def _run_controls(config: CompareConfig) -> list[Control]:
+def _run_controls(config: CompareConfig) -> list[PageControl]:
     """Where each run starts, and the payload of those that carry one."""
     # Of no single run: the script takes it from the errors of all.
     controls = [_control(config, LEFT_OUT, None, "", {"run": "", "place": 0})]
@@ -122,7 +122,7 @@ def _control(
     part: str,
     at: dict[str, object],
     run: str | None = None,
-) -> Control:
+) -> PageControl:
     """One number that can be moved, and where it goes."""
     path = knob.key if run is None else f"runs.{run}.{knob.key}"
     root = config if run is None else config.runs[run]
@@ -179,18 +179,18 @@ def _limits(rule: Physical, unit: str) -> dict[str, object]:
 def _choices(config: CompareConfig) -> list[dict[str, object]]:
     numbers = len(inputs_of(config).numbers)
     choices = []
-    for k, choice in enumerate(choices_of(config)):
-        value, axis = getattr(config.control.readings, choice.name), AXES[choice.name]
+    for k, menu in enumerate(menus_of(config)):
+        value, axis = getattr(config.control.readings, menu.name), AXES[menu.name]
         choices.append(
             {
-                "id": f"control.readings.{choice.name}",
-                "label": choice.label,
+                "id": f"control.readings.{menu.name}",
+                "label": menu.label,
                 "group": READING,
-                "values": list(choice.words),
-                "words": list(choice.words.values()),
+                "values": list(menu.words),
+                "words": list(menu.words.values()),
                 "value": value,
                 "origin": "as published" if value == axis.printed else "not as published",
-                "help": choice.help,
+                "help": menu.help,
                 "place": numbers + k,
             }
         )
@@ -302,7 +302,7 @@ def _tries(config: CompareConfig) -> list[dict[str, object]]:
         {"label": "α = 0", "set": alpha(0.0)},
         {"label": "α = 0.5", "set": alpha(0.5)},
     ]
-    if any(choice.name == "reference_acceleration" for choice in choices_of(config)):
+    if any(menu.name == "reference_acceleration" for menu in menus_of(config)):
         tries.append(
             {"label": "No acceleration", "set": {"control.readings.reference_acceleration": "absent"}}
         )

@@ -21,7 +21,7 @@ _MARK = b'<meta name="generator" content="live page of tendonrepro'
 """What every page has near its beginning."""
 
 
-class Page(TypedDict):
+class LiveFile(TypedDict):
     """What ``--json`` prints of a page: its file, size, and names of its presets."""
 
     schema_version: int
@@ -36,7 +36,7 @@ def check_target(path: Path, *, force: bool) -> None:
     refuse_existing(path, force=force or earlier)
 
 
-def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> Page:
+def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> LiveFile:
     """Write the page, a user's configuration among its presets; return what ``--json`` prints.
 
     It replaces an earlier page, any other file with `force` alone.
@@ -58,7 +58,7 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> Page:
     return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
 
 
-def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> Page:
+def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> LiveFile:
     """Write the page; it has no preset of a user's own configuration that it cannot run."""
     try:
         return write_page(path, loaded, force=force)
@@ -67,6 +67,6 @@ def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: b
         return write_page(path, None, force=force)
 
 
-def live_text(page: Page) -> str:
+def live_text(page: LiveFile) -> str:
     """What the terminal says."""
     return f"{page['path']}: {page['bytes'] / 1e3:.0f} kB, open it in a browser"

@@ -266,8 +266,8 @@ class DrawnRun:
 
     def values(self, variable: str, joint: int) -> Array:
         """Shape (T,), angles in degrees."""
-        found = self.trace[variable][:, self.trace.joint.index(joint)]
-        return np.rad2deg(found) if VARIABLES[variable][0] == "rad" else found
+        values = self.trace[variable][:, self.trace.joint.index(joint)]
+        return np.rad2deg(values) if VARIABLES[variable][0] == "rad" else values
 
 
 def controller_runs(traces: list[Trace]) -> list[DrawnRun]:

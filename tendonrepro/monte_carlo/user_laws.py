@@ -1,21 +1,26 @@
-"""Runs on lanes, and beside them by SciPy those of a user's law that cannot run there."""
+"""Runs of a user's law on lanes, or beside the others by SciPy where it cannot run there."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.errors import TendonreproError
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import run_status
-from tendonrepro.monte_carlo.data import Stored
+from tendonrepro.experiments.user_law import UserLaw, keeps_memory, memory_refused, refused_on_lanes
+from tendonrepro.monte_carlo.around import ArmDraws
+from tendonrepro.monte_carlo.data import ShardArray
+from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import statistics
-from tendonrepro.simulation.batch import Batch, Limits
+from tendonrepro.simulation.batch import Batch, Limits, simulate_batch
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.simulation.streaming import STATISTICS
@@ -26,11 +31,40 @@ Simulate: TypeAlias = Callable[[Sequence[Loop], Limits], Batch]
 MOST_DRAWS_ALONE = 64
 """Arms on which a law runs that cannot run on lanes: the fewest that an ensemble takes."""
 
+_STUB = 64
+"""Samples in which it shows whether a law can run."""
+
+
+def tried(study: EnsembleStudy, law: UserLaw) -> UserLaw:
+    """A law as it can run: on many arms together, else alone; an error where neither goes."""
+    try:
+        loop = _start_of(study, law)
+        simulate_batch([loop], study.loaded.compare.status)
+        if keeps_memory(law, loop):
+            raise memory_refused(law)
+    except Exception as error:
+        refusal = error if isinstance(error, UsageError) else refused_on_lanes(law.name, error)
+        alone = replace(law, alone=refusal.message)
+        simulate(_start_of(study, alone))
+        return alone
+    return law
+
+
+def _start_of(study: EnsembleStudy, law: UserLaw) -> Loop:
+    """The first samples of a law on the arm itself."""
+    study = replace(study, laws=(law,))
+    assert study.arm is not None
+    loops = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
+    loop = loops[study.lookup[law.name, PRINTED]]
+    names = ("time", "q_d", "dq_d", "ddq_d")
+    start = {name: getattr(loop.reference, name)[:_STUB] for name in names}
+    return replace(loop, reference=replace(loop.reference, **start))
+
 
 def runs_alone(loop: Loop) -> bool:
     """Whether a user's law is called in Python, at each sample."""
-    held = loop.controller
-    return isinstance(held, TimeDelayController) and held.command is not None and not held.on_lanes
+    law = loop.controller
+    return isinstance(law, TimeDelayController) and law.command is not None and not law.on_lanes
 
 
 def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simulate) -> Batch:
@@ -40,13 +74,13 @@ def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simul
         return together(loops, config.status)
     batch = together([loops[place] for place in np.flatnonzero(~alone).tolist()], config.status)
 
-    def placed(values: Stored, fill: float) -> Stored:
+    def placed(values: ShardArray, fill: float) -> ShardArray:
         """The values of `together` in the places of its loops."""
         whole = np.full((len(loops), *values.shape[1:]), fill, values.dtype)
         whole[~alone] = values
         return whole
 
-    found = {name: placed(batch.statistics[name], np.nan) for name in STATISTICS}
+    numbers = {name: placed(batch.statistics[name], np.nan) for name in STATISTICS}
     status, time = placed(batch.status, STATUSES.index("unresolved")), placed(batch.status_time, 0.0)
     for place in np.flatnonzero(alone).tolist():
         variables = _by_scipy(loops[place])
@@ -55,8 +89,8 @@ def simulate_mixed(loops: Sequence[Loop], config: CompareConfig, together: Simul
             status[place] = STATUSES.index(told)
             trace = Trace("alone", variables["time"], config.joints, variables, {})
             for name, values in statistics(trace).items():
-                found[name][place] = values
-    return Batch(found, status, time, placed(batch.steps, 0))
+                numbers[name][place] = values
+    return Batch(numbers, status, time, placed(batch.steps, 0))
 
 
 def _by_scipy(loop: Loop) -> dict[str, Array] | None:

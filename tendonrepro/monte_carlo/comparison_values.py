@@ -183,6 +183,6 @@ def _runs(config: CompareConfig) -> _Values:
         yield row, 1.0 if scale is None else scale.si
 
 
-def held_at(box: Box, config: CompareConfig) -> Box:
+def box_at(box: Box, config: CompareConfig) -> Box:
     """Box whose rows keep what a comparison has, where they are not free."""
     return replace(box, nominal=values_of(config, box))

@@ -10,7 +10,7 @@ from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.readings import UNDER_READINGS, parse_reading, under
 from tendonrepro.configuration.quantity import to_si
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
-from tendonrepro.monte_carlo.held import held_at, values_of
+from tendonrepro.monte_carlo.comparison_values import box_at, values_of
 
 DRAWS = 48
 APART = parse_reading("starts=apart+run_friction=drawn")
@@ -88,5 +88,5 @@ def test_what_a_base_does_not_have_stays_nominal():
 
 
 def test_a_box_that_is_held_gives_the_base_at_any_point():
-    held = held_at(box(), ensemble().compare).only(())
+    held = box_at(box(), ensemble().compare).only(())
     np.testing.assert_array_equal(held.values(np.full((1, len(box().names)), 0.9))[0], held.nominal)
