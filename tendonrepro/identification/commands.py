@@ -60,12 +60,12 @@ def identify(
         Begin at the nearest draws of this ensemble, not at the arm.
     """
     from tendonrepro.configuration.plants import load_plants
-    from tendonrepro.identification.search import Effort
+    from tendonrepro.identification.search import SearchEffort
     from tendonrepro.identification.searches import identification
 
     return identification(
         load_plants(config, spread, ranges, overrides=set, seed=seed),
-        Effort(generations, population, seeds),
+        SearchEffort(generations, population, seeds),
         fit=fit,
         errors=None if errors is None else Path(errors),
         readings=readings,

@@ -53,7 +53,7 @@ def tune(
     """
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of
-    from tendonrepro.tuning.search import Effort
+    from tendonrepro.tuning.search import TuningEffort
     from tendonrepro.tuning.tuning import tuning
 
     loaded = load_plants(config, spread, ranges, overrides=set)
@@ -62,7 +62,7 @@ def tune(
         loaded,
         users,
         plants,
-        Effort(searches, generations, population),
+        TuningEffort(searches, generations, population),
         any_plant=any_plant,
         seed=seed,
         jobs=jobs,
