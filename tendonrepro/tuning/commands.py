@@ -3,7 +3,17 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread
+from tendonrepro.studies.parameters import (
+    Changes,
+    ConfigOption,
+    Folder,
+    Jobs,
+    Laws,
+    On,
+    RangesOption,
+    Seed,
+    SpreadOption,
+)
 from tendonrepro.studies.study import Study
 
 __all__ = ["tune"]
@@ -18,10 +28,10 @@ def tune(
     population: int = 6,
     laws: Laws = None,
     any_plant: bool = False,
-    spread: Spread = None,
-    ranges: Ranges = None,
+    spread: SpreadOption = None,
+    ranges: RangesOption = None,
     only: str = "",
-    config: Source = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
