@@ -32,7 +32,7 @@ from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.monte_carlo.summary import RankingShares, Ratio, in_all_errors, median
+from tendonrepro.monte_carlo.summary import RankingShares, ErrorRatio, in_all_errors, median
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
@@ -308,7 +308,7 @@ def shapes(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join(str(shape[key]) for shape in reading["best_shape"])
 
 
-def medians(ratio: Ratio) -> str:
+def medians(ratio: ErrorRatio) -> str:
     """Median ratios of MAE on joints 2 and 3."""
     return " / ".join(contents.two_digits(median(ratio, joint)) for joint in (2, 3))
 

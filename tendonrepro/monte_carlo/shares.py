@@ -18,15 +18,15 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.summary import (
     Agreement,
     BesidePrint,
+    ErrorRatio,
     Quantile,
     Quantiles,
+    QuantilesByJoint,
     Rankings,
-    Ratio,
     RatioName,
     ReadingSummary,
     ShareOfPlants,
-    Shares,
-    Spreads,
+    SharesByJoint,
     StatusShare,
 )
 from tendonrepro.physics.metrics import STATUSES
@@ -35,8 +35,6 @@ from tendonrepro.results.summary import CONTROLLERS
 QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
-
-RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 
 LEAST_PLANTS = 100
 """Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
@@ -189,7 +187,7 @@ def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
     counted = _plants(status)
     errors = _errors(data, reading, status)
 
-    def ratio(key: RatioName) -> Ratio:
+    def ratio(key: RatioName) -> ErrorRatio:
         return {
             plants: {
                 metric: _ratio_quantiles(data, RATIOS[key], metric, sizes, kept)
@@ -253,7 +251,7 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
-) -> Shares:
+) -> SharesByJoint:
     """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
@@ -261,7 +259,7 @@ def _shares(
 
 def _ratio_quantiles(
     data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
-) -> Spreads:
+) -> QuantilesByJoint:
     """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
     above, below = errors[[*pair]]
     ratio = above / below
@@ -272,7 +270,7 @@ def _ratio_quantiles(
 
 def _by_joint(
     joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
-) -> Spreads:
+) -> QuantilesByJoint:
     """Quantiles of values (N, n) on each joint, beside the printed ones."""
     spreads = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
     for quantiles, number in zip(spreads.values(), printed, strict=False):

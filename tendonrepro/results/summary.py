@@ -187,7 +187,7 @@ def run_title(trace: Trace) -> str:
     return trace.name if is_user_law(trace) else trace.name.replace("_", " ").capitalize()
 
 
-class Ranking(TypedDict):
+class RunOrder(TypedDict):
     """An order of runs by size of error.
 
     ``order`` has their names, best first and diverged ones last. ``agrees`` says whether that is the printed
@@ -198,7 +198,7 @@ class Ranking(TypedDict):
     agrees: bool | None
 
 
-def ranking(file: TraceFile) -> dict[str, dict[str, Ranking]]:
+def ranking(file: TraceFile) -> dict[str, dict[str, RunOrder]]:
     """Order of all laws by size of error, and whether the printed order 1 < 2 < 3 holds.
 
     Returns
@@ -209,7 +209,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, Ranking]]:
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]
     papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
-    result: dict[str, dict[str, Ranking]] = {}
+    result: dict[str, dict[str, RunOrder]] = {}
     for metric in METRICS if len(runs) > 1 else ():
         sizes = np.array([table_errors(trace)[metric] for trace in runs])
         for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):
