@@ -19,15 +19,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from given_tables import FOLDS, NOISE, SURE, given_tables
 from pages import fresh, table
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT, SHOWN
+from tendonrepro.configuration.shown import BOTH, CHANGED, GROUPS, KEPT, SHOWN, STEPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.evidence.given_tables import FOLDS, NOISE, SURE, given_tables
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
@@ -41,12 +41,13 @@ from tendonrepro.reporting.stored import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
-from tendonrepro.verdicts.verdict import Verdict, read_ledger
+from tendonrepro.verdicts.ledger import read_ledger
+from tendonrepro.verdicts.verdict import Verdict
 
 DOCS = Path(__file__).parent
 RESULTS = DOCS / "results"
 README = DOCS.parent / "README.md"
-PAGES = (DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
+PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
 Column = Callable[[Any], str]
@@ -483,6 +484,36 @@ def experiments_on_starts() -> str:
     )
 
 
+WHAT_RUNS = {
+    "printed": "as published: each starts on its reference and gets its acceleration",
+    "reference_acceleration=absent": "acceleration not fed forward",
+    "motion=ramp": "straight ramps, which have none to feed forward",
+    "starts=apart": "starts up to 2° from the reference",
+    "motion=ramp+starts=apart": "… on straight ramps",
+    "run_friction=drawn": "friction 0.7 to 1.4 times as large from run to run",
+    STEPS: "a stored torque in steps of 0.016 N m, Δ in degrees",
+    BOTH: "changed: weights (1 + α, −α) in Eq. (15), Δ in degrees",
+}
+"""Interpretations that README shows, and their words."""
+
+
+def what_it_depends_on() -> str:
+    """How often Controller 1 is the worst or the best, and how near an arm comes, by what runs."""
+    shares = {held["name"]: held for held in stored("ensemble")["populations"]["box"]["readings"]}
+    misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
+    return table(
+        ["what runs", "Controller 1 is the worst", "… the best", "published order", "the closest arm misses by"],
+        [
+            [
+                words,
+                *(percent(shares[name][kind]["share"]) for kind in ("first_worst", "first_best", "in_order")),
+                off(misfits[name]),
+            ]
+            for name, words in WHAT_RUNS.items()
+        ],
+    )
+
+
 READINGS: Mapping[str, Column] = {
     "interpretation": lambda held: f"`{held['name']}`",
     "plants": lambda held: f"{contents.stable_plants(held):,}",
@@ -528,6 +559,7 @@ QUESTIONS: Mapping[str, Column] = {
     "verdict on the first": lambda row: row["verdict"],
 }
 MAKERS: Mapping[str, Callable[[], str]] = {
+    "what it depends on": what_it_depends_on,
     "the answer": lambda: words("answer"),
     "why": lambda: words("why"),
     "robustness": lambda: table(contents.ROBUSTNESS_HEADS, contents.robustness(stored("ensemble"))),

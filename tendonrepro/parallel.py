@@ -39,9 +39,9 @@ LOOK_SECONDS = 1.0
 
 def processors() -> int:
     """Processors that this process may use: what its affinity and its container's limits leave."""
-    import joblib
+    import loky
 
-    return int(joblib.cpu_count())
+    return int(loky.cpu_count())
 
 
 @contextmanager
@@ -155,8 +155,8 @@ def _processes(jobs: int) -> Iterator[Executor]:
     """Start processes, and end them with the block, whatever they are at."""
     from multiprocessing import get_context, resource_tracker
 
-    from joblib.externals.loky import ProcessPoolExecutor
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
+    from loky import ProcessPoolExecutor
+    from loky.process_executor import TerminatedWorkerError
 
     context = get_context("fork") if _can_fork() else None
     executor = ProcessPoolExecutor(jobs, context=context, initializer=_end_with, initargs=(os.getpid(),))

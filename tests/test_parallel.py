@@ -24,12 +24,16 @@ from tendonrepro.parallel import as_ready, counted, interrupts_blocked, workers
 
 
 @pytest.fixture(params=[(1, True), (2, True), (2, False)], ids=["alone", "copies", "started anew"])
-def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
+def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Beside another thread a copy of the process would not be sound, so workers are started anew."""
     count, copies = request.param
     monkeypatch.setattr(parallel, "processors", lambda: count)
+    done = threading.Event()
+    other = threading.Thread(target=done.wait)
     if not copies:
-        monkeypatch.setattr(parallel, "_can_fork", lambda: False)
-    return int(count)
+        other.start()
+    yield int(count)
+    done.set()
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity there")

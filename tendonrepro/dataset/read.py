@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from tendonrepro.dataset.arrays import Source, Tables, Unreadable, read_hdf5, tables_of
 from tendonrepro.dataset.digitised import packaged, read_package

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -13,19 +12,19 @@ from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
-from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.readings import parse_reading, under
-from tendonrepro.experiments.loops import build_law, build_loops
-from tendonrepro.physics.control import Law, polynomial
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD, Readings
+from tendonrepro.physics.control import Law, estimator_weights, polynomial
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 
 PUBLISHED_PERIOD = 1e-3
 """Sampling period, s, of which the doubled one is a variation."""
+DOUBLED_PERIOD = "controller_1_period_doubled"
+"""Name of Controller 1's loop at twice the published period: its motion and filters are others, too."""
 
 Loops: TypeAlias = Mapping[str, Loop]
-Change: TypeAlias = Callable[[CompareConfig, Path, Loops], Loop]
-"""From a configuration, its folder and its loops to the loop of the changed run."""
+"""Loops of one plant by run, and that of `DOUBLED_PERIOD`."""
+Change: TypeAlias = Callable[[Loops, Readings], Loop]
+"""From the loops of a plant, and the readings that they have, to the loop of the changed run."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +41,15 @@ class BenchExperiment:
     error: str = "mae"
 
 
-def _run(name: str, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _run(name: str, loops: Loops, _: Readings) -> Loop:
     return loops[name]
 
 
-def with_alpha(alpha: float, config: CompareConfig, _: Path, loops: Loops) -> Loop:
+def with_alpha(alpha: float, loops: Loops, readings: Readings) -> Loop:
     """Controller 1 with one alpha on all joints."""
-    value = config.control.gains.alpha.model_copy(update={"value": (alpha,) * len(config.joints)})
-    gains = config.control.gains.model_copy(update={"alpha": value})
-    control = config.control.model_copy(update={"gains": gains})
-    return _with_law(loops[FIRST], build_law(config.model_copy(update={"control": control}), FIRST))
+    law = law_of(loops[FIRST])
+    weights = estimator_weights(np.full_like(law.M_bar, alpha), readings.weights)
+    return _with_law(loops[FIRST], law._replace(weights=weights))
 
 
 def _with_law(loop: Loop, law: Law) -> Loop:
@@ -64,7 +62,7 @@ def law_of(loop: Loop) -> Law:
     return loop.controller.law
 
 
-def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _slower(loops: Loops, _: Readings) -> Loop:
     loop = loops[FIRST]
     motion, L = loop.reference, loop.L
     time = L * np.arange(2 * motion.time.size - 1, dtype=np.float64)
@@ -80,7 +78,7 @@ def _slower(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     return replace(loop, reference=DesiredMotion(time, *rates, 2.0 * motion.period))
 
 
-def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _last_joint_alone(loops: Loops, _: Readings) -> Loop:
     loop = loops[FIRST]
 
     def alone(values: Array) -> Array:
@@ -93,7 +91,7 @@ def _last_joint_alone(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     return replace(loop, reference=motion)
 
 
-def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _same_slope(loops: Loops, _: Readings) -> Loop:
     """Controller 2 with η = β / γ₁ for a Delta of 0.2 rad, 1.548 as published, in degrees too."""
     law = law_of(loops[SECOND])
     gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
@@ -102,22 +100,17 @@ def _same_slope(_: CompareConfig, __: Path, loops: Loops) -> Loop:
     return _with_law(loops[SECOND], law._replace(eta=eta, rate_gain=rate))
 
 
-def _with_inertia(factor: float, _: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _with_inertia(factor: float, loops: Loops, _: Readings) -> Loop:
     law = law_of(loops[FIRST])
     return _with_law(loops[FIRST], law._replace(M_bar=factor * law.M_bar))
 
 
-def _started_elsewhere(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _started_elsewhere(loops: Loops, _: Readings) -> Loop:
     """Controller 1 once more, from where Controller 2 started."""
     return replace(loops[FIRST], start_offset=loops[SECOND].start_offset)
 
 
-def _twice_the_period(config: CompareConfig, folder: Path, _: Loops) -> Loop:
-    doubled = under(parse_reading("sampling_period=2ms"), config, {})
-    return dict(build_loops(doubled, folder))[FIRST]
-
-
-def _other_encoders(_: CompareConfig, __: Path, loops: Loops) -> Loop:
+def _other_encoders(loops: Loops, _: Readings) -> Loop:
     law = law_of(loops[FIRST])
     return _with_law(loops[FIRST], law._replace(motor_side=not law.motor_side))
 
@@ -155,7 +148,7 @@ EXPERIMENTS = (
     BenchExperiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
     BenchExperiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
     BenchExperiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
-    BenchExperiment("period_doubled", "Controller 1 with L doubled", _twice_the_period),
+    BenchExperiment("period_doubled", "Controller 1 with L doubled", partial(_run, DOUBLED_PERIOD)),
     BenchExperiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
     BenchExperiment(
         "other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders

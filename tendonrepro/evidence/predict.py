@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import FIRST, RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
-from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
-from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import Box, configured, make_box
+from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, BenchExperiment, experiments_on
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
+from tendonrepro.monte_carlo.box import Box, make_box
+from tendonrepro.monte_carlo.plants import Draws
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -66,7 +66,7 @@ def predictions(
             errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
-                loops = [loop for row in rows for loop in _loops(loaded, plants, row, reading)]
+                loops = [*_loops(loaded, plants, rows, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(base) + len(experiments)
@@ -78,16 +78,28 @@ def predictions(
             yield from _ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
 
 
-def _loops(loaded: LoadedEnsemble, plants: Box | AroundArm, row: Array, reading: Reading) -> Iterator[Loop]:
-    """Loops of one plant under one reading: those of `RUNS` that there are, then one for each experiment."""
-    folder = loaded.base.folder
-    if isinstance(plants, AroundArm):
-        config, motion = under(reading, plants.configured(row), {}), plants.motion
-    else:
-        config, motion = under(reading, configured(loaded.base, plants, row), plants.named(row)), None
-    loops = dict(build_loops(config, folder, motion))
-    yield from (loops[name] for name in RUNS if name in loops)
-    yield from (experiment.change(config, folder, loops) for experiment in experiments_on(loaded))
+def _loops(
+    loaded: LoadedEnsemble, plants: Box | AroundArm, values: Array, reading: Reading
+) -> Iterator[Loop]:
+    """Loops of plants (N, P) under a reading, plant by plant: those of `RUNS`, then of experiments."""
+    experiments = experiments_on(loaded)
+    runs = [run for run in RUNS if run in loaded.compare.runs]
+    cases = {run: (run, reading) for run in runs}
+    if any(experiment.name == "period_doubled" for experiment in experiments):
+        slower = Reading(DOUBLED_PERIOD, (*reading.settings, ("sampling_period", "2ms")))
+        cases[DOUBLED_PERIOD] = FIRST, slower
+    of_cases = [*cases.values()]
+    draws = (
+        ArmDraws(plants, values, of_cases)
+        if isinstance(plants, AroundArm)
+        else Draws(loaded.base, plants, values, of_cases)
+    )
+    # What experiments ask of readings, no draw decides.
+    readings = under(reading, loaded.compare, plants.named(values[0])).control.readings
+    for k in range(len(values)):
+        loops = dict(zip(cases, draws.loops(k), strict=True))
+        yield from (loops[run] for run in runs)
+        yield from (experiment.change(loops, readings) for experiment in experiments)
 
 
 def _ratios(

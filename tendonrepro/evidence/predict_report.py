@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -51,6 +52,8 @@ def predict_outcome(
     if draws & (draws - 1):
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
+    if seconds := errors_from(loaded.compare):
+        talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
     chosen, joints, experiments_run = _chosen(loaded, readings), loaded.compare.joints, experiments_on(loaded)
     predicted = list(predictions(loaded, chosen, draws, talk, device))
     names = [reading.name for reading in chosen]

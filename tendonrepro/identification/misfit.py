@@ -28,7 +28,7 @@ SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late", "settled": "_settl
 _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 _STUB = 64
 # A plant's reference takes about a megabyte.
-_PLANTS_AT_ONCE = 256
+PLANTS_AT_ONCE = 256
 
 
 class Simulated(NamedTuple):
@@ -75,7 +75,7 @@ class Bench:
 
     def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         """Simulate points (N, P), in batches."""
-        pieces = np.split(units, range(_PLANTS_AT_ONCE, len(units), _PLANTS_AT_ONCE))
+        pieces = np.split(units, range(PLANTS_AT_ONCE, len(units), PLANTS_AT_ONCE))
         found = [self._measure(piece, reading, runs) for piece in pieces]
         sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return Simulated(sizes, status, lasted)

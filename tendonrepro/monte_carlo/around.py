@@ -136,6 +136,10 @@ class AroundArm:
         config = self.loaded.compare
         return build_reference(config.reference, config, self.loaded.base.folder)
 
+    def motion_under(self, reading: Reading) -> DesiredMotion | None:
+        """The shared motion; none where a reading samples at another period, and needs one of its own."""
+        return None if "sampling_period" in dict(reading.settings) else self.motion
+
 
 class ArmDraws:
     """Arms, by factors (N, P), as closed loops of cases: runs, each under a reading."""
@@ -150,11 +154,11 @@ class ArmDraws:
         self._arm, self._values, self._cases, self._laws = arm, values, cases, laws
 
     def loops(self, k: int) -> list[Loop]:
-        """Loops of arm k, from 0, by case; all share their motion."""
+        """Loops of arm k, from 0, by case; all with the same sampling period share their motion."""
         config, folder = self._arm.configured(self._values[k]), self._arm.loaded.base.folder
         readings = dict.fromkeys(reading for _, reading in self._cases)
         loops = {
-            reading: dict(build_loops(under(reading, config, {}), folder, self._arm.motion))
+            reading: dict(build_loops(under(reading, config, {}), folder, self._arm.motion_under(reading)))
             for reading in readings
         }
         for law, of_reading in product(self._laws, loops.values()):

@@ -17,7 +17,7 @@ from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.verdict import Ledger, read_ledger
+from tendonrepro.verdicts.ledger import Ledger, read_ledger
 
 PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, KeysView, Mapping, Sequence
 from dataclasses import asdict
-from itertools import groupby, product
+from itertools import combinations, groupby, product
 from operator import itemgetter
 
 import numpy as np
@@ -113,20 +113,28 @@ def question_rows(rows: Sequence[Row], titles: Mapping[str, str]) -> Iterator[Ro
         }
 
 
+def pairs_among(laws: KeysView[str]) -> list[tuple[str, str]]:
+    """Pairs to compare: the questions, a user's laws over NTSM and PID, and any two if some were chosen."""
+    own = product((name for name in laws if name not in LAWS), ("ntsm", "pid"))
+    pairs = [pair for pair in (*QUESTIONS, *own) if set(pair) <= set(laws)]
+    if not laws >= LAWS.keys():
+        asked = set(map(frozenset, pairs))
+        pairs += [pair for pair in combinations(laws, 2) if frozenset(pair) not in asked]
+    return pairs
+
+
 def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
-    """Numbers, tables and figure; a user's laws are compared with NTSM and PID."""
+    """Numbers, tables and figure."""
     from tendonrepro.tuning.figure import draw_tuning
 
     joints = task.loaded.compare.joints
     gains = task.gains_told
     titles = {name: law.title.replace("published", gains) for name, law in task.laws.items()}
-    own = product((name for name in titles if name not in LAWS), ("ntsm", "pid"))
     rows, lost = (
         [{"draw": plant["draw"], **row} for plant in drawn for row in plant[part]]
         for part in ("rows", "lost")
     )
-    pairs = [pair for pair in (*QUESTIONS, *own) if set(pair) <= titles.keys()]
-    compared, at_best = [*comparisons(rows, pairs, task.seed)], [*law_rows(rows, joints)]
+    compared, at_best = [*comparisons(rows, pairs_among(titles.keys()), task.seed)], [*law_rows(rows, joints)]
     questions = [*question_rows(compared, titles)]
     scattered = count_scattered(compared)
     around = task.loaded.around

@@ -36,7 +36,7 @@ def validate(
     from tendonrepro.configuration.load import ExperimentName, load_config
     from tendonrepro.files import sha256_of
     from tendonrepro.validation.report import validation_outcome
-    from tendonrepro.verdicts.measured import read_measured
+    from tendonrepro.verdicts.measurement import read_measured
 
     path = Path(measured)
     file = read_measured(path)

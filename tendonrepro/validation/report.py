@@ -25,8 +25,8 @@ from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.study import Site
 from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
 from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
-from tendonrepro.verdicts.measured import Measured, measured_of
-from tendonrepro.verdicts.rules import Evidence, Judged
+from tendonrepro.verdicts.measurement import Measurement, measurement_of
+from tendonrepro.verdicts.rules import Evidence, Ruling
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {run: row_of(run) for run in CONTROLLERS},
@@ -52,7 +52,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     paper, known = published(), json.loads(file.manifest_json)
-    measured = measured_of(file, paper)
+    measured = measurement_of(file, paper)
     tables, reference = measured.tables, measured.reference
     judged = judge_measured(measured, paper)
     models, missing = reruns(measured, base, path.name, site.files, site.talk)
@@ -85,8 +85,7 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
         "reference": motion,
         "claims": claims,
         "numbers": {
-            name: {"verdict": number.decision.verdict, "ours": number.ours}
-            for name, number in numbers.items()
+            name: {"verdict": number.verdict, "ours": number.ours} for name, number in numbers.items()
         },
         "residuals": {"rows": rows, "coupling": coupling, "status": status},
         "diverged": "diverged" in status.values(),
@@ -132,14 +131,14 @@ class JudgedClaim(TypedDict):
     evidence: Evidence
 
 
-def _judged_claims(judged: Mapping[str, Judged], paper: Published) -> list[JudgedClaim]:
+def _judged_claims(judged: Mapping[str, Ruling], paper: Published) -> list[JudgedClaim]:
     return [
         {
             "id": name,
             "where": paper.entries[name].where,
             "rule": paper.judgements[name].rule,
             "kind": "measured",
-            "verdict": claim.decision.verdict,
+            "verdict": claim.verdict,
             "evidence": claim.evidence,
         }
         for name, claim in judged.items()
@@ -184,7 +183,7 @@ def closest_window(tables: PrintedTables) -> Tried | None:
     return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
 
 
-def measured_tables(measured: Measured, paper: Published, origin: str) -> Iterator[Table]:
+def measured_tables(measured: Measurement, paper: Published, origin: str) -> Iterator[Table]:
     """Tables 2 and 3 over the window that decides, and all numbers of all windows."""
     window = measured.tables.deciding
     for table in _ROWS:

@@ -23,7 +23,7 @@ from tendonrepro.results.records import READ_OFF, PlantRecord, Trace, TraceFile
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.traces import write_traces
-from tendonrepro.verdicts.measured import Measured
+from tendonrepro.verdicts.measurement import Measurement
 
 _Prepared: TypeAlias = tuple[Path, dict[str, float]]
 """A configuration, and by run when its rerun begins on the measured time axis, s."""
@@ -38,7 +38,7 @@ _SMOOTH = 0.05
 
 
 def reruns(
-    measured: Measured, base: LoadedConfig, name: str, folder: Path, talk: Talk
+    measured: Measurement, base: LoadedConfig, name: str, folder: Path, talk: Talk
 ) -> tuple[dict[str, Trace], list[str]]:
     """Run the model `base` on the motions of a measured file of that `name`.
 
@@ -79,7 +79,7 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     return {trace.name: aligned(trace, measured.runs[trace.name], zeros[trace.name]) for trace in traces}
 
 
-def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+def write_compare(measured: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
     """Write the recovered motion and a configuration on it; return its path, and when reruns begin, s.
 
     Of `base` only the reference changes, and payloads measured with other masses.
@@ -107,7 +107,7 @@ def write_compare(measured: Measured, base: LoadedConfig, name: str, folder: Pat
     return _write_config(tree, folder / "compare.yaml"), zeros
 
 
-def write_decouple(measured: Measured, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+def write_decouple(measured: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
     """Do the same for the decoupling run; its motors drive the rerun, else the joints' encoders.
 
     If `base` is of the comparison, the shipped model takes over its manipulator and seed.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
-from tendonrepro.verdicts.from_print import PERCENTAGES, formula_of
-from tendonrepro.verdicts.plants import UNRESOLVED, Plants
-from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, missing
-from tendonrepro.verdicts.statements import Findings, Statement, findings_of, smaller, together
+from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, formula_of
+from tendonrepro.verdicts.plants import UNRESOLVED, EnsemblePlants
+from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
+from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."
@@ -26,14 +26,11 @@ HARDWARE = "The paper measured hardware; this is what the printed equations do o
 VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
 """Rules of claims that print values, and how the ids of these begin."""
 
-NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
-"""Rules of numbers."""
-
 LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """What a family of numbers cannot be below: an RMSE is never below its MAE."""
 
 
-def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+def numbers_of(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
     """A printed number on every plant, in its unit, and the plants judged, (N,) each."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
@@ -43,7 +40,7 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
+def _direction(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
     """What a percentage claims besides its size, and the plants that rank it."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
@@ -51,56 +48,54 @@ def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[State
     return statements[plants.joints.index(joint)], plants.rankable(*runs)
 
 
-def judge(plants: Plants, paper: Published, identifier: str) -> Judged:
+def judge_plants(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
     """Judge a number or a claim under one reading."""
     rule = paper.judgements[identifier].rule
     try:
         return _number(plants, paper, identifier) if rule in NUMBERS else _claim(plants, paper, rule)
     except DataMissingError as error:
-        return missing(error.message, COMMAND)
+        return not_testable(error.message, COMMAND)
 
 
 def _check_enough(judged: Mask) -> None:
     count = int(judged.sum())
     if count < LEAST_PLANTS:
-        found = f"only {count} of {len(judged)} plants can be judged"
-        raise DataMissingError(f"{found}, {LEAST_PLANTS} are needed: more --draws")
+        told = f"only {count} of {len(judged)} plants can be judged"
+        raise DataMissingError(f"{told}, {LEAST_PLANTS} are needed: more --draws")
 
 
-def _share(plants: Plants, holds: Mask, counted: Mask) -> Share:
-    return share_of(holds[counted], plants.data.replicate[counted])
+def _share(plants: EnsemblePlants, holds: Mask, counted: Mask) -> Share:
+    return share_of(holds[counted], plants.replicate[counted])
 
 
-def _number(plants: Plants, paper: Published, identifier: str) -> Judged:
+def _number(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
     values, judged = numbers_of(plants, paper, identifier)
     _check_enough(judged)
-    box = spread_of(values[judged], plants.data.replicate[judged])
+    box = spread_of(values[judged], plants.replicate[judged])
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
-    decision, remarks = rules.of_number((low, high), box, None, power), []
+    ruling, remarks = rules.of_number((low, high), box, None, power), []
     if identifier.startswith(PERCENTAGES):
         statement, rankable = _direction(plants, paper, identifier)
         share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
         evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
-        decision, ranked = (
-            rules.of_number((low, high), box, direction, power) for direction in (share, last)
-        )
-        if ranked.verdict != decision.verdict:
+        ruling, ranked = (rules.of_number((low, high), box, direction, power) for direction in (share, last))
+        if ranked.verdict != ruling.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
-    return Judged(decision, box.median, evidence | _remarks(decision, remarks))
+    return replace(ruling, ours=box.median, evidence=evidence | _remarks(ruling, remarks))
 
 
-def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
-    findings = findings_of(plants, paper, rule)
-    _check_enough(findings.judged)
-    decision, evidence = _by_statements(plants, findings, findings.judged)
-    evidence["share_judged"] = float(findings.judged.mean())
-    remarks = [*findings.remarks]
-    if findings.beside:
-        evidence["beside"] = _rows(plants, findings.beside, findings.judged)
-    if findings.chance:
-        evidence["chance"], evidence["chance_together"] = findings.chance
+def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
+    claim = claim_on(plants, paper, rule)
+    _check_enough(claim.judged)
+    ruling = _by_statements(plants, claim, claim.judged)
+    evidence = ruling.evidence | {"share_judged": float(claim.judged.mean())}
+    remarks = [*claim.remarks]
+    if claim.beside:
+        evidence["beside"] = _rows(plants, claim.beside, claim.judged)
+    if claim.chance:
+        evidence["chance"], evidence["chance_together"] = claim.chance
     if "measure" in evidence:
         shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
         remarks.append(
@@ -108,50 +103,51 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Judged:
         )
     unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
     if unresolved:
-        remarks.append(f"left out: {count_of(int(unresolved), 'plant')} too fast for the integrator")
-    if findings.rankable is not None:
-        last, evidence["diverged_last"] = _by_statements(plants, findings, findings.rankable)
-        if last.verdict != decision.verdict:
+        remarks.append(f"left out: {count_of(unresolved, 'plant')} too fast for the integrator")
+    if claim.rankable is not None:
+        last = _by_statements(plants, claim, claim.rankable)
+        evidence["diverged_last"] = last.evidence
+        if last.verdict != ruling.verdict:
             remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
         # P1 is its values; an order that fails needs none.
-        if rule == "payload" or decision.verdict == "compatible":
-            decision = rules.of_values(decision, [value.decision for value in values])
-        if decision.verdict in rules.INSIDE:
+        if rule == "payload" or ruling.verdict == "compatible":
+            ruling = replace(rules.of_values(ruling, values), ours=ruling.ours)
+        if ruling.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
-    evidence |= _remarks(decision, remarks)
-    if findings.untestable:
-        return missing(findings.untestable, None, **evidence)
-    return Judged(decision, evidence["share"], evidence)
+    evidence |= _remarks(ruling, remarks)
+    if claim.untestable:
+        return not_testable(claim.untestable, None, **evidence)
+    return replace(ruling, evidence=evidence)
 
 
-def _by_statements(plants: Plants, findings: Findings, counted: Mask) -> tuple[Decision, Evidence]:
+def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Ruling:
     """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
         none = np.logical_and.reduce([~part.holds for part in statements])
-        return _share(plants, findings.opposite.holds if findings.opposite else none, counted)
+        return _share(plants, claim.opposite.holds if claim.opposite else none, counted)
 
-    wholes = {name: _share(plants, together(parts), counted) for name, parts in findings.measures.items()}
+    wholes = {name: _share(plants, together(parts), counted) for name, parts in claim.measures.items()}
     best = max(wholes, key=lambda name: wholes[name].share)
-    overall = against(findings.statements)
+    overall = against(claim.statements)
     evidence: Evidence = asdict(wholes[best])
     if len(wholes) > 1:
-        by = {name: rules.of_claim(wholes[name], against(parts)) for name, parts in findings.measures.items()}
+        by = {name: rules.of_claim(wholes[name], against(parts)) for name, parts in claim.measures.items()}
         evidence["measure"] = best
         evidence["by_measure"] = [
             {"measure": name, "verdict": part.verdict, **asdict(wholes[name])} for name, part in by.items()
         ]
-    told = findings.opposite.text if findings.opposite else "no statement holds"
+    told = claim.opposite.text if claim.opposite else "no statement holds"
     evidence["opposite"] = {"statement": told, **asdict(overall)}
-    evidence["statements"] = _rows(plants, findings.statements, counted)
-    return rules.of_claim(wholes[best], overall), evidence
+    evidence["statements"] = _rows(plants, claim.statements, counted)
+    return replace(rules.of_claim(wholes[best], overall), ours=wholes[best].share, evidence=evidence)
 
 
-def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
+def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
     rows = []
     for statement in statements:
         share = _share(plants, statement.holds, counted)
@@ -162,22 +158,6 @@ def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> lis
     return rows
 
 
-def _remarks(decision: Decision, remarks: Sequence[str]) -> Evidence:
-    hardware = [HARDWARE] if decision.verdict == "contradicted" else []
+def _remarks(ruling: Ruling, remarks: Sequence[str]) -> Evidence:
+    hardware = [HARDWARE] if ruling.verdict == "contradicted" else []
     return {"remarks": [*hardware, *remarks]}
-
-
-def outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """What a verdict depends on, and the plants judged, (N,) each.
-
-    Of a claim 1 or 0; of a number its value, or logarithm if all are positive.
-    """
-    rule = paper.judgements[identifier].rule
-    if rule in NUMBERS:
-        values, judged = numbers_of(plants, paper, identifier)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(values) if (values[judged] > 0.0).all() else values, judged
-    claim = findings_of(plants, paper, rule)
-    ways = map(together, claim.measures.values())
-    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
-    return deciding.astype(np.float64), claim.judged

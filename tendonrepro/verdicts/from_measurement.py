@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED
-from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
-from tendonrepro.results.records import TraceFile
+from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_ensemble import NUMBERS
-from tendonrepro.verdicts.from_print import PERCENTAGES, cut, formula_of
-from tendonrepro.verdicts.measured import RATE_WINDOW, Measured, OneArm
-from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import Evidence, Judged, missing, of_model
-from tendonrepro.verdicts.statements import Findings, findings_of, larger_with_load, together
+from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, cut, formula_of
+from tendonrepro.verdicts.measured_arm import RATE_WINDOW, MeasuredArm
+from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
+from tendonrepro.verdicts.statements import Claim, claim_on, larger_with_load, together
 
 JUDGED = ("K3", "K5", "C1", "C2", "F1", "F2", "C3", "C4", "C5", "C6", "P1")
 """Claims that a measurement is asked about."""
@@ -31,26 +29,26 @@ LEAST_RANGE = float(np.deg2rad(1.0))
 """Range below which a joint or motor counts as at rest, rad."""
 
 
-def judge_measured(measured: Measured, paper: Published) -> dict[str, Judged]:
+def judge_measured(measurement: Measurement, paper: Published) -> dict[str, Ruling]:
     """Judge the claims `JUDGED` and all printed errors and percentages, by id."""
     numbers = [name for name, how in paper.judgements.items() if how.rule in (*NUMBERS, "same_as")]
-    judged = {name: _number(measured, paper, name) for name in numbers}
+    rulings = {name: _number(measurement, paper, name) for name in numbers}
     for name in JUDGED:
         try:
-            judged[name] = _claim(measured, paper, name, judged)
+            rulings[name] = _claim(measurement, paper, name)
         except DataMissingError as error:
-            judged[name] = missing(error.message)
-    return judged
+            rulings[name] = not_testable(error.message)
+    return rulings
 
 
-def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
+def _number(measurement: Measurement, paper: Published, identifier: str) -> Ruling:
     """Judge a percentage by how it would be printed, others by the printed interval."""
-    tables, formula = measured.tables, formula_of(paper, identifier)
+    tables, formula = measurement.tables, formula_of(paper, identifier)
     window: Evidence = {"window": tables.window}
     sizes: list[float | Fraction] = []
     for error in formula.errors:
         if error.id not in tables.deciding.sizes:
-            return missing(f"the measured errors of {error}", **window)
+            return not_testable(f"the measured errors of {error}", **window)
         sizes.append(tables.deciding.sizes[error.id])
     by_digits = identifier.startswith(PERCENTAGES)
     if by_digits:
@@ -60,63 +58,68 @@ def _number(measured: Measured, paper: Published, identifier: str) -> Judged:
     try:
         ours = formula.value(*sizes)
     except ZeroDivisionError:
-        return missing(f"an error of {formula.errors[-1]} that is not zero", **window)
+        return not_testable(f"an error of {formula.errors[-1]} that is not zero", **window)
     low, high = paper.interval(identifier)
     holds = cut(ours, paper.digits(identifier)) != "neither" if by_digits else low <= ours <= high
-    return Judged(of_model(holds), float(ours), window)
+    return of_model(holds, float(ours), window)
 
 
-def _claim(measured: Measured, paper: Published, identifier: str, numbers: Mapping[str, Judged]) -> Judged:
-    if identifier == "K3":
-        return decoupling(measured.file)
-    if identifier == "K5":
-        return motor_angles(measured.file)
-    rule, runs = paper.judgements[identifier].rule, measured.compare.runs
-    arm, remarks = OneArm(measured), []
-    plants = Plants(arm, PRINTED)
-    needed: tuple[str, ...] = (*CONTROLLERS, LOADED)
+def _claim(measurement: Measurement, paper: Published, identifier: str) -> Ruling:
+    rule = paper.judgements[identifier].rule
+    if identifier in ANGLES:
+        return ANGLES[identifier](measurement.file)
     if rule == "payload":
-        needed = (FIRST, LOADED)
-        findings = Findings(larger_with_load(plants), plants.ok(*needed), None)
-    else:
-        findings = findings_of(plants, paper, rule)
-    lost = [name for name in needed if name in runs and runs[name].status != "ok"]
+        return _payload(measurement, paper)
+    arm, runs = MeasuredArm(measurement), measurement.compare.runs
+    claim = claim_on(arm, paper, rule)
+    remarks = []
     if rule == "stable":
-        for name in CONTROLLERS:
+        for run in CONTROLLERS:
             # A status that was judged without the error of a joint says nothing about it.
-            arm.statistic(name, PRINTED, "max_error")
-        remarks += [f"{name} is {runs[name].told_status}" for name in lost if name in CONTROLLERS]
-    elif not findings.judged[0]:
-        message = f"a run of {lost[0]} that is ok; the one measured is {runs[lost[0]].told_status}"
-        raise DataMissingError(message)
+            arm.statistic(run, "max_error")
+        remarks += [f"{run} is {runs[run].told_status}" for run in CONTROLLERS if runs[run].status != "ok"]
+    else:
+        _check_ok(claim, runs, (*CONTROLLERS, LOADED))
     if rule == "similar_surfaces" and "s" not in runs[FIRST]:
         remarks.append(
             "s was not recorded: computed from e by Eq. (11) with the printed gains, the rate of e by its "
             f"difference over {1e3 * RATE_WINDOW:g} ms"
         )
-    by = [name for name, parts in findings.measures.items() if together(parts)[0]]
-    if by and len(findings.measures) > 1:
-        remarks.append(f"holds by {', '.join(by)}")
-    evidence: Evidence = {
-        "statements": [
-            {"statement": part.text, "holds": bool(part.holds[0])} for part in findings.statements
-        ],
-        "statistics": arm.asked,
-        "remarks": remarks,
+    measures = [name for name, parts in claim.measures.items() if together(parts)[0]]
+    if measures and len(claim.measures) > 1:
+        remarks.append(f"holds by {', '.join(measures)}")
+    return of_model(bool(measures), evidence=_evidence(claim, arm, measurement, remarks))
+
+
+def _payload(measurement: Measurement, paper: Published) -> Ruling:
+    """P1: it needs Controller 1 and the loaded run alone, and its percentages besides."""
+    arm = MeasuredArm(measurement)
+    claim = Claim(larger_with_load(arm), arm.ok(FIRST, LOADED), None)
+    _check_ok(claim, measurement.compare.runs, (FIRST, LOADED))
+    increases = {
+        name: _number(measurement, paper, name).verdict
+        for name in paper.judgements
+        if name.startswith("increase.")
     }
-    if any("mae_deg" in asked for asked in arm.asked.values()):
-        evidence["window"] = measured.tables.window
-    holds = bool(by)
-    if rule == "payload":
-        values = {
-            name: part.decision.verdict for name, part in numbers.items() if name.startswith("increase.")
-        }
-        evidence["percentages"] = values
-        holds = holds and {*values.values()} == {"reproduced"}
-    return Judged(of_model(holds), None, evidence)
+    holds = together(claim.statements)[0] and {*increases.values()} == {"reproduced"}
+    return of_model(holds, evidence=_evidence(claim, arm, measurement, []) | {"percentages": increases})
 
 
-def decoupling(file: TraceFile) -> Judged:
+def _check_ok(claim: Claim, runs: Mapping[str, Trace], needed: Sequence[str]) -> None:
+    """Refuse to judge where a run that was measured diverged or rings."""
+    if not claim.judged[0]:
+        lost = next(run for run in needed if run in runs and runs[run].status != "ok")
+        raise DataMissingError(f"a run of {lost} that is ok; the one measured is {runs[lost].told_status}")
+
+
+def _evidence(claim: Claim, arm: MeasuredArm, measurement: Measurement, remarks: list[str]) -> Evidence:
+    statements = [{"statement": part.text, "holds": bool(part.holds[0])} for part in claim.statements]
+    evidence = {"statements": statements, "statistics": arm.looked_up, "remarks": remarks}
+    by_tables = any("mae_deg" in sizes for sizes in arm.looked_up.values())
+    return evidence | ({"window": measurement.tables.window} if by_tables else {})
+
+
+def decoupling(file: TraceFile) -> Ruling:
     """K3: joint angles from the motors against the encoders."""
     trace = file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):
@@ -135,7 +138,7 @@ def decoupling(file: TraceFile) -> Judged:
     rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
     decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
     remarks = [] if decided == other else ["with the start offset left in, the verdict is the other one"]
-    return Judged(of_model(decided), None, rows | {"remarks": remarks})
+    return of_model(decided, evidence=rows | {"remarks": remarks})
 
 
 def _agreement(size: Array, reach: Array) -> Evidence:
@@ -151,7 +154,7 @@ def _agreement(size: Array, reach: Array) -> Evidence:
     }
 
 
-def motor_angles(file: TraceFile) -> Judged:
+def motor_angles(file: TraceFile) -> Ruling:
     """K5: motor angles from measured against desired joint angles."""
     rows = []
     for name in CONTROLLERS:
@@ -176,4 +179,8 @@ def motor_angles(file: TraceFile) -> Judged:
             rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)
     if not rows:
         raise DataMissingError("q_encoder and q_d of joints 2 and 3 of a controller whose motors move")
-    return Judged(of_model(all(row["holds"] for row in rows)), None, {"statements": rows})
+    return of_model(all(row["holds"] for row in rows), evidence={"statements": rows})
+
+
+ANGLES: Mapping[str, Callable[[TraceFile], Ruling]] = {"K3": decoupling, "K5": motor_angles}
+"""Claims that compare angles."""

@@ -22,15 +22,16 @@ from tendonrepro.errors import UsageError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
-from tendonrepro.verdicts.from_ensemble import COMMAND, NUMBERS, judge
+from tendonrepro.verdicts.formulas import NUMBERS, ErrorOf, formula_of
+from tendonrepro.verdicts.from_ensemble import COMMAND, judge_plants
 from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.from_print import FROM_THE_PRINT, ErrorOf, formula_of
-from tendonrepro.verdicts.measured import measured_of
-from tendonrepro.verdicts.plants import Plants
-from tendonrepro.verdicts.rules import VERDICTS, ByChoice, Judged, missing
+from tendonrepro.verdicts.from_print import judge_print
+from tendonrepro.verdicts.measurement import measurement_of
+from tendonrepro.verdicts.plants import EnsemblePlants
+from tendonrepro.verdicts.rules import VERDICTS, Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
-from tendonrepro.verdicts.verdict import Verdict
+from tendonrepro.verdicts.verdict import ByChoice, Verdict
 
 SCHEMA_VERSION = 1
 SHARE = "share of the box"
@@ -64,85 +65,93 @@ def judge_all(
         For an id that is not printed, or is an input.
     """
     paper = paper or published()
-    judged = [name for name, rule in paper.judgements.items() if rule.kind != "input"]
+    wanted = _wanted(paper, only)
+    over_the_box = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
+    measured = judge_measured(measurement_of(sources.measured, paper), paper) if sources.measured else {}
+    shipped = _shipped_numbers(sources.compare, paper)
+    verdicts = []
+    for name in wanted:
+        kind = paper.judgements[name].kind
+        rulings = over_the_box.get(name) or _without_ensemble(sources, paper, name)
+        beside: Evidence = {}
+        if decided_by and sources.ensemble and kind == "ensemble":
+            beside["decided_by"] = deciding(sources.ensemble, paper, name)
+        if name in measured and kind == "measured":
+            rulings = {PRINTED: measured[name]}
+        elif name in measured:
+            head = {"verdict": measured[name].verdict, "ours": measured[name].ours}
+            beside["measured"] = head | measured[name].evidence
+        if name in shipped:
+            beside["shipped_run"] = shipped[name]
+        verdicts.append(_verdict(paper, name, rulings, beside))
+    return verdicts
+
+
+def _wanted(paper: Published, only: Sequence[str]) -> Sequence[str]:
+    """All that is judged, or `only` some; a UsageError for what is not."""
+    judged = [name for name, judgement in paper.judgements.items() if judgement.kind != "input"]
     for name in only:
         if name not in judged:
             message = f"no claim or number {name!r} is judged"
             raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
-    wanted = list(only) or judged
-    verdicts = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
-    for name in wanted:
-        verdicts.setdefault(name, _without_ensemble(sources, paper, name))
-        if decided_by and sources.ensemble and paper.judgements[name].kind == "ensemble":
-            verdicts[name].evidence["decided_by"] = deciding(sources.ensemble, paper, name)
-    measured = judge_measured(measured_of(sources.measured, paper), paper) if sources.measured else {}
-    for name in verdicts.keys() & measured.keys():
-        beside = measured[name]
-        if paper.judgements[name].kind == "measured":
-            verdicts[name] = beside
-        else:
-            head = {"verdict": beside.decision.verdict, "ours": beside.ours}
-            verdicts[name].evidence["measured"] = head | beside.evidence
-    shipped = _shipped_numbers(sources.compare, paper)
-    return [_verdict(paper, name, verdicts[name], shipped.get(name)) for name in wanted]
+    return only or judged
 
 
 def _over_the_box(
     data: EnsembleData | None, paper: Published, wanted: Sequence[str], progress: Callable[[int], None]
-) -> dict[str, Judged]:
+) -> Mapping[str, Rulings]:
     """Judge by an ensemble, one reading in memory at a time."""
     names = [name for name in wanted if paper.judgements[name].kind == "ensemble"]
     if data is None or PRINTED not in data.readings or not names:
         return {}
-    plants = Plants(data, PRINTED)
-    judged = {name: judge(plants, paper, name) for name in names}
-    progress(1)
-    for reading in data.readings:
-        if reading != PRINTED:
-            plants = Plants(data, reading)
-            for name in names:
-                other = judge(plants, paper, name)
-                judged[name].other_readings[reading] = other.decision.verdict
-                if is_choice(reading):
-                    judged[name].by_choice.append(ByChoice(reading, other.decision.verdict, other.ours))
-            progress(1)
-    return judged
+    rulings: dict[str, dict[str, Ruling]] = {name: {} for name in names}
+    for reading in dict.fromkeys((PRINTED, *data.readings)):
+        plants = EnsemblePlants(data, reading)
+        for name in names:
+            rulings[name][reading] = judge_plants(plants, paper, name)
+        progress(1)
+    return rulings
 
 
-def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Judged:
-    rule = paper.judgements[identifier]
-    if rule.rule == "tension":
+def _without_ensemble(sources: Sources, paper: Published, identifier: str) -> Rulings:
+    judgement = paper.judgements[identifier]
+    if judgement.rule == "tension":
         return tension(sources.ensemble)
-    if rule.rule in FROM_THE_PRINT:
-        return FROM_THE_PRINT[rule.rule](paper, identifier)
-    if rule.kind == "measured":
-        return missing("the measured motor and joint angles of the paper's data set", FETCH)
-    return missing("the ensemble", COMMAND)
+    if judgement.kind in {"arithmetic", "model"}:
+        return judge_print(paper, identifier)
+    if judgement.kind == "measured":
+        return {PRINTED: not_testable("the measured motor and joint angles of the paper's data set", FETCH)}
+    return {PRINTED: not_testable("the ensemble", COMMAND)}
 
 
-def _verdict(paper: Published, identifier: str, judged: Judged, shipped: float | None) -> Verdict:
-    entry, rule = paper.entries[identifier], paper.judgements[identifier]
-    verdict, evidence, others = judged.decision.verdict, dict(judged.evidence), judged.other_readings
-    if shipped is not None:
-        evidence["shipped_run"] = shipped
-    unknown = [name for name, other in others.items() if other == "not_testable"]
-    if unknown and verdict != "not_testable":
-        evidence["not_testable_under"] = unknown
+def _verdict(paper: Published, identifier: str, rulings: Rulings, beside: Evidence) -> Verdict:
+    """Put a verdict together from rulings by reading, and evidence `beside` that of the rule."""
+    ruling = rulings[PRINTED]
+    others = {reading: other for reading, other in rulings.items() if reading != PRINTED}
+    unknown = [reading for reading, other in others.items() if other.verdict == "not_testable"]
+    if unknown and ruling.verdict != "not_testable":
+        beside = beside | {"not_testable_under": unknown}
     printed, unit = _as_printed(paper, identifier)
     return Verdict(
         id=identifier,
-        where=entry.where,
+        where=paper.entries[identifier].where,
         printed=printed,
         unit=unit,
-        ours=judged.ours if shipped is None else shipped,
-        verdict=verdict,
-        borderline=judged.decision.borderline,
-        evidence=evidence,
+        ours=beside.get("shipped_run", ruling.ours),
+        verdict=ruling.verdict,
+        borderline=ruling.borderline,
+        evidence=ruling.evidence | beside,
         readings_that_change_it=tuple(
-            name for name, other in others.items() if other not in {verdict, "not_testable"}
+            reading
+            for reading, other in others.items()
+            if other.verdict not in {ruling.verdict, "not_testable"}
         ),
-        by_choice=tuple(judged.by_choice),
-        **rule.model_dump(exclude={"ids"}),
+        by_choice=tuple(
+            ByChoice(reading, other.verdict, other.ours)
+            for reading, other in others.items()
+            if is_choice(reading)
+        ),
+        **paper.judgements[identifier].model_dump(exclude={"ids"}),
     )
 
 

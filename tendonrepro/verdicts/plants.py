@@ -1,16 +1,17 @@
-"""An ensemble as the rules see it."""
+"""Plants as the rules see them: statuses and statistics of runs, wherever these come from."""
 
 from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.data import EnsembleData, ShardArray
+from tendonrepro.configuration.models.readings import Reading
+from tendonrepro.monte_carlo.data import CaseName, EnsembleData, ShardArray
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.verdicts.measured import OneArm
 from tendonrepro.verdicts.rules import Mask
 
 OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
@@ -19,52 +20,89 @@ OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", 
 SHAPE = "rmse/mae"
 
 
-class Plants:
-    """All N plants under one reading; ``run@variation`` is a variation of a run."""
+class RunUnder(NamedTuple):
+    """A run under a reading or variation of its own, such as with half of M_bar."""
 
-    def __init__(self, data: EnsembleData | OneArm, reading: str) -> None:
-        self.data = data
-        self.reading = reading
-        self.joints = data.joints
-        self._kept: dict[tuple[str, str], ShardArray] = {}
+    run: str
+    reading: Reading
 
-    def status(self, run: str) -> NDArray[np.int8]:
-        """Status codes of a run, (N,)."""
-        if (run, "status") not in self._kept:
-            self._kept[run, "status"] = self.data.status(*self._address(run))
-        return self._kept[run, "status"]
+    def __str__(self) -> str:
+        return f"{self.run}@{self.reading.name}"
 
-    def __getitem__(self, key: tuple[str, str]) -> Array:
-        """Statistic (N, n) by (run, name)."""
+
+Run: TypeAlias = str | RunUnder
+"""A run under the reading that is judged, by its name, or under one of its own."""
+
+
+class Plants(ABC):
+    """N plants with n joints under one reading: all of an ensemble, or the one arm that was measured."""
+
+    joints: tuple[int, ...]
+    reading: str
+
+    @abstractmethod
+    def has(self, run: Run) -> bool:
+        """Whether there is such a run."""
+
+    @abstractmethod
+    def status(self, run: Run) -> NDArray[np.int8]:
+        """Status codes of a run, (N,); else a DataMissingError."""
+
+    @abstractmethod
+    def statistic(self, run: Run, name: str) -> Array:
+        """One statistic of a run, SI, (N, n); else a DataMissingError."""
+
+    def __getitem__(self, key: tuple[Run, str]) -> Array:
+        """Statistic (N, n) by (run, name), `SHAPE` too."""
         run, name = key
         if name == SHAPE:
-            return np.asarray(self[run, "rmse"] / self[run, "mae"])
-        if key not in self._kept:
-            self._kept[key] = self.data.statistic(*self._address(run), name)
-        return self._kept[key]
+            return np.asarray(self.statistic(run, "rmse") / self.statistic(run, "mae"))
+        return self.statistic(run, name)
 
-    def ranked(self, run: str, name: str) -> Array:
+    def ranked(self, run: Run, name: str) -> Array:
         """The same, infinite where the run diverged."""
         return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, self[run, name])
 
-    def ok(self, *runs: str) -> Mask:
+    def ok(self, *runs: Run) -> Mask:
         """Where all these runs are ``ok``."""
         return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
 
-    def none(self, code: int, *runs: str) -> Mask:
+    def none(self, code: int, *runs: Run) -> Mask:
         """Where none of these runs has a status."""
         return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
 
-    def rankable(self, *runs: str) -> Mask:
+    def rankable(self, *runs: Run) -> Mask:
         """Where these runs are resolved and not all diverged."""
         lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
         return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
 
-    def _address(self, run: str) -> tuple[str, str]:
-        name, _, variation = run.partition("@")
-        reading = variation or self.reading
-        if variation and self.reading != PRINTED:
-            raise DataMissingError(f"variations of {name} are run under reading {PRINTED!r} alone")
-        if not self.data.has(name, reading):
-            raise DataMissingError(f"the ensemble holds no run {name!r} under {reading!r}")
-        return name, reading
+
+class EnsemblePlants(Plants):
+    """All plants of an ensemble under one reading, each with its scrambling `replicate` (N,)."""
+
+    def __init__(self, data: EnsembleData, reading: str) -> None:
+        self.joints = data.joints
+        self.reading = reading
+        self.replicate = data.replicate
+        self._data = data
+        # Claims ask for the same statistics, which a large ensemble reads from all its files.
+        self._kept: dict[tuple[Run, str], ShardArray] = {}
+
+    def has(self, run: Run) -> bool:
+        """Whether a run was simulated."""
+        return self._data.has(*self._case(run))
+
+    def status(self, run: Run) -> NDArray[np.int8]:
+        """Status codes of a run, (N,)."""
+        if (run, "status") not in self._kept:
+            self._kept[run, "status"] = self._data.status(*self._case(run))
+        return self._kept[run, "status"]
+
+    def statistic(self, run: Run, name: str) -> Array:
+        """One of `simulation.streaming.STATISTICS`, SI, (N, n)."""
+        if (run, name) not in self._kept:
+            self._kept[run, name] = self._data.statistic(*self._case(run), name)
+        return self._kept[run, name]
+
+    def _case(self, run: Run) -> CaseName:
+        return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)

@@ -13,8 +13,9 @@ from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, summary
+from tendonrepro.verdicts.ledger import Origin
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
-from tendonrepro.verdicts.verdict import Origin, Verdict
+from tendonrepro.verdicts.verdict import Verdict
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
@@ -134,7 +135,7 @@ def headline(verdicts: Sequence[Verdict]) -> str:
 
 def unless_text(verdict: Verdict) -> str:
     """Which choice of what the paper leaves open gives another verdict, and which."""
-    return "; ".join(f"{one.reading}: {one.verdict}" for one in verdict.unless)
+    return "; ".join(f"{choice.reading}: {choice.verdict}" for choice in verdict.unless)
 
 
 def _size(verdict: Verdict, ours: float | None) -> str:

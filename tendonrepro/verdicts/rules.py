@@ -55,43 +55,26 @@ Bounds: TypeAlias = tuple[Fraction | float, Fraction | float]
 
 
 @dataclass(frozen=True)
-class Decision:
-    """A verdict; `borderline`: a threshold lies inside an interval."""
+class Ruling:
+    """What a rule says of a claim or number, from one source, under one reading.
+
+    `borderline`: a threshold lies inside an interval. `ours` is the share of plants on which a claim holds,
+    or our number in the printed unit.
+    """
 
     verdict: str
     borderline: bool = False
-
-
-@dataclass(frozen=True)
-class ByChoice:
-    """A verdict under another choice of what the paper leaves open, and our share or number under it."""
-
-    reading: str
-    verdict: str
-    ours: float | None
-
-
-def changing(verdict: str, choices: Sequence[ByChoice]) -> tuple[ByChoice, ...]:
-    """Choices with another verdict, each with no more in it than that takes; `not_testable` is none."""
-    found = [one for one in choices if one.verdict not in {verdict, "not_testable"}]
-    parts = {one.reading: set(one.reading.split("+")) for one in found}
-    return tuple(one for one in found if not any(part < parts[one.reading] for part in parts.values()))
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Outcome of a rule; `by_choice` are the other readings that change no equation."""
-
-    decision: Decision
     ours: float | None = None
     evidence: Evidence = field(default_factory=dict)
-    other_readings: dict[str, str] = field(default_factory=dict)
-    by_choice: list[ByChoice] = field(default_factory=list)
 
 
-def missing(what: str, command: str | None = None, **evidence: object) -> Judged:
-    """Not testable, for what is missing; `command` supplies it."""
-    return Judged(Decision("not_testable"), None, {"missing": what, "run": command} | evidence)
+Rulings: TypeAlias = Mapping[str, Ruling]
+"""Rulings on one claim or number by the name of the reading; the one under ``printed`` decides."""
+
+
+def not_testable(what: str, command: str | None = None, **evidence: object) -> Ruling:
+    """Rule that something is missing; `command` supplies it."""
+    return Ruling("not_testable", evidence={"missing": what, "run": command} | evidence)
 
 
 def meets(first: Bounds, second: Bounds) -> bool:
@@ -99,16 +82,16 @@ def meets(first: Bounds, second: Bounds) -> bool:
     return first[0] <= second[1] and second[0] <= first[1]
 
 
-def of_number(printed: Ends, spread: Spread, direction: Share | None, power: float) -> Decision:
+def of_number(printed: Ends, spread: Spread, direction: Share | None, power: float) -> Ruling:
     """Judge a printed interval by the spread over plants, else by direction."""
     near = any(edge and meets(printed, edge) for edge in (spread.low_interval, spread.high_interval))
     if meets(printed, (spread.low, spread.high)):
-        return Decision("no_power" if power >= NO_POWER else "compatible", near)
+        return Ruling("no_power" if power >= NO_POWER else "compatible", near)
     if direction is None:
-        return Decision("outside_model", near)
+        return Ruling("outside_model", near)
     by_direction = of_share(direction)
     verdict = "direction_only" if by_direction.verdict == "compatible" else by_direction.verdict
-    return Decision(verdict, near or by_direction.borderline)
+    return Ruling(verdict, near or by_direction.borderline)
 
 
 def power_of(printed: Ends, spread: Spread, least: float = 0.0) -> float:
@@ -123,50 +106,50 @@ def power_of(printed: Ends, spread: Spread, least: float = 0.0) -> float:
     return float(decades[1] - decades[0])
 
 
-def of_share(share: Share) -> Decision:
+def of_share(share: Share) -> Ruling:
     """Judge one statement."""
     near = _near(share, MOST) or _near(share, FEW)
     if share.share >= MOST:
-        return Decision("compatible", near)
-    return Decision("contradicted" if share.share <= FEW else "depends_on_plant", near)
+        return Ruling("compatible", near)
+    return Ruling("contradicted" if share.share <= FEW else "depends_on_plant", near)
 
 
-def of_claim(whole: Share, opposite: Share) -> Decision:
+def of_claim(whole: Share, opposite: Share) -> Ruling:
     """Judge a claim of several statements."""
     near = _near(whole, MOST) or _near(opposite, MOST) or _near(whole, FEW)
     if whole.share >= MOST:
-        return Decision("compatible", near)
+        return Ruling("compatible", near)
     if opposite.share >= MOST:
-        return Decision("contradicted", near)
-    return Decision("not_met" if whole.share <= FEW else "depends_on_plant", near)
+        return Ruling("contradicted", near)
+    return Ruling("not_met" if whole.share <= FEW else "depends_on_plant", near)
 
 
 def _near(share: Share, limit: float) -> bool:
     return share.interval is not None and meets(share.interval, (limit, limit))
 
 
-def of_values(claim: Decision, values: Sequence[Decision]) -> Decision:
+def of_values(claim: Ruling, values: Sequence[Ruling]) -> Ruling:
     """Judge a claim by the weakest of its values if all are inside, else by its direction."""
     near = any(value.borderline for value in values)
     inside = {value.verdict for value in values}
     if inside <= INSIDE:
-        return Decision("no_power" if "no_power" in inside else "compatible", near)
+        return Ruling("no_power" if "no_power" in inside else "compatible", near)
     verdict = "direction_only" if claim.verdict == "compatible" else claim.verdict
-    return Decision(verdict, near or claim.borderline)
+    return Ruling(verdict, near or claim.borderline)
 
 
-def of_arithmetic(consistent: bool) -> Decision:
+def of_arithmetic(consistent: bool, ours: float | None = None, evidence: Evidence | None = None) -> Ruling:
     """Judge what follows from other printed numbers."""
-    return Decision("exact" if consistent else "not_reproduced")
+    return Ruling("exact" if consistent else "not_reproduced", ours=ours, evidence=evidence or {})
 
 
-def of_courses(ways: Sequence[Decision]) -> Decision:
+def of_courses(ways: Sequence[Ruling]) -> Ruling:
     """Judge by every way that an unpublished part can be, where they agree."""
     near = any(way.borderline for way in ways)
     verdicts = {way.verdict for way in ways}
-    return Decision(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)
+    return Ruling(verdicts.pop() if len(verdicts) == 1 else "depends_on_plant", near)
 
 
-def of_model(holds: bool) -> Decision:
+def of_model(holds: bool, ours: float | None = None, evidence: Evidence | None = None) -> Ruling:
     """Judge what follows without any unknown."""
-    return Decision("reproduced" if holds else "not_reproduced")
+    return Ruling("reproduced" if holds else "not_reproduced", ours=ours, evidence=evidence or {})

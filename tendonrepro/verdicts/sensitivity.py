@@ -1,28 +1,27 @@
-"""Which unknowns decide an outcome: sensitivity indices by SALib."""
+"""Which unknowns decide an outcome, by their sensitivity indices."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.from_ensemble import outcome
-from tendonrepro.verdicts.from_print import ErrorOf
-from tendonrepro.verdicts.plants import Plants
-
-if TYPE_CHECKING:
-    from tendonrepro.results.figures.style import Drawing
+from tendonrepro.verdicts.first_order import first_order_index, half_width
+from tendonrepro.verdicts.formulas import NUMBERS, ErrorOf
+from tendonrepro.verdicts.from_ensemble import numbers_of
+from tendonrepro.verdicts.plants import EnsemblePlants
+from tendonrepro.verdicts.rules import Mask
+from tendonrepro.verdicts.statements import claim_on, together
 
 RESAMPLES = 50
 SHUFFLES = 40
@@ -31,35 +30,23 @@ FLOOR_QUANTILE = 0.95
 LEAST_OTHERS = 20
 """Outcomes that differ from the commonest; a bootstrap of rarer ones may well hold none."""
 
-# The method's usual ten harmonics fit more of the noise of a few hundred plants.
-_HARMONICS = 6
-
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
-SHOWN = 12
-"""Unknowns in the picture."""
-LEAST_FITTED = 300
-"""Plants below which no surrogate is fitted."""
-MOST_TOTAL = 2.0
-"""Total index beyond which a surrogate is no fit; it is at most 1 where it is one."""
-SURROGATE = 8
-"""The strongest unknowns, which have a total index."""
 
 
 class Influence(TypedDict):
-    """First-order index (RBD-FAST) of an unknown, half its 95 % bootstrap interval, and its total index."""
+    """First-order index of an unknown, and half its 95 % interval."""
 
     name: str
     index: float
     half_width: float
-    total: float | None
 
 
 class Influences(TypedDict):
     """Unknowns by their share of an outcome's variance, the largest first.
 
-    ``noise_floor`` is the 95 % quantile over shuffles of the largest index; ``unexplained`` is what rows
-    above it leave; ``draws`` is their number.
+    ``noise_floor`` is the 95 % quantile over shuffles of the largest index, or the largest index of what
+    cannot act; ``unexplained`` is what rows above it leave; ``draws`` is their number.
     """
 
     rows: list[Influence]
@@ -69,11 +56,12 @@ class Influences(TypedDict):
 
 
 def ranked(
-    names: Sequence[str], draws: Array, outcome: Array, noise_floor: float | None = None
+    names: Sequence[str], draws: Array, outcome: Array, inert: Collection[str] = ()
 ) -> Influences | None:
     """Rank unknowns by their share of an outcome's variance (N,), from draws (N, P).
 
-    A `noise_floor` may be taken from another outcome on as many draws.
+    Those that are `inert` cannot act. What share they seem to have is the draws' doing, so it is no less than
+    the noise floor.
 
     Returns
     -------
@@ -85,35 +73,33 @@ def ranked(
     commonest = np.unique(outcome, return_counts=True)[1].max(initial=0)
     if len(outcome) < LEAST_PLANTS or len(outcome) - commonest < LEAST_OTHERS:
         return None
-    from SALib.analyze import rbd_fast
-
     rng = np.random.default_rng(SEED)
     # Equal values of an unknown must not keep the order of the sequence they were drawn in.
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
-    problem = {"num_vars": len(names), "names": list(names)}
-    indices = rbd_fast.analyze(problem, draws, outcome, M=_HARMONICS, num_resamples=RESAMPLES, seed=rng)
+    acts = np.array([name not in inert for name in names])
     rows: list[Influence] = [
-        {"name": name, "index": float(index), "half_width": float(half), "total": None}
-        for name, index, half in zip(names, indices["S1"], indices["S1_conf"], strict=True)
+        {
+            "name": name,
+            "index": first_order_index(unknown, outcome),
+            "half_width": half_width(unknown, outcome, RESAMPLES, rng),
+        }
+        for name, unknown in zip(np.array(names)[acts].tolist(), draws[:, acts].T, strict=True)
     ]
     rows.sort(key=lambda row: -row["index"])
-    for row, total in zip(rows, _totals([row["name"] for row in rows], names, draws, outcome), strict=False):
-        row["total"] = total
-    if noise_floor is None:
-        largest = [_largest_index(draws, rng.permutation(outcome)) for _ in range(SHUFFLES)]
-        noise_floor = float(np.quantile(largest, FLOOR_QUANTILE))
+    by_chance = [_largest_index(draws[:, acts], rng.permutation(outcome)) for _ in range(SHUFFLES)]
+    of_inert = _largest_index(draws[:, ~acts], outcome)
+    noise_floor = max(float(np.quantile(by_chance, FLOOR_QUANTILE)), of_inert)
     left = max(1.0 - sum(row["index"] for row in rows if row["index"] > noise_floor), 0.0)
     return {"rows": rows, "noise_floor": noise_floor, "unexplained": left, "draws": len(outcome)}
 
 
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
-    plants = Plants(data, PRINTED)
+    plants = EnsemblePlants(data, PRINTED)
 
-    def rank(values: Array, *runs: str, floor: float | None = None) -> Influences | None:
-        kept = plants.ok(*runs)
-        return ranked(data.names, data.draws[kept], values[kept], floor)
+    def rank(values: Array, *runs: str) -> Influences | None:
+        return _ranked(data, plants.ok(*runs), values)
 
     rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,84 +108,39 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
         rankings_of[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
-    # About as many plants, so the same floor.
-    first = rankings_of[f"ratio_joint_{data.joints[0]}"]
-    floor = None if first is None else first["noise_floor"]
     for (run, metric), errors in logs.items():
         for i, joint in enumerate(data.joints):
-            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run, floor=floor)
-    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST, floor=floor)
+            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run)
+    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST)
     return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
-        values, judged = outcome(Plants(data, PRINTED), paper, identifier)
+        values, judged = _outcome(EnsemblePlants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
-    return ranked(data.names, data.draws[judged], values[judged])
+    return _ranked(data, judged, values)
 
 
-def _totals(strongest: Sequence[str], names: Sequence[str], draws: Array, outcome: Array) -> list[float]:
-    """Total indices of the first `SURROGATE` unknowns, by HDMR."""
-    from SALib.analyze import hdmr
+def _outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+    """1 or 0 of a claim, a number or its logarithm if all are positive; and the plants judged; (N,) each."""
+    rule = paper.judgements[identifier].rule
+    if rule in NUMBERS:
+        values, judged = numbers_of(plants, paper, identifier)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(values) if (values[judged] > 0.0).all() else values, judged
+    claim = claim_on(plants, paper, rule)
+    ways = map(together, claim.measures.values())
+    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
+    return deciding.astype(np.float64), claim.judged
 
-    if len(outcome) < LEAST_FITTED:
-        return []
-    chosen = [names.index(name) for name in strongest[:SURROGATE]]
-    X = draws[:, chosen]
-    free = X.max(axis=0) > X.min(axis=0)
-    X = X[:, free]
-    problem = {
-        "num_vars": X.shape[1],
-        "names": np.array(names)[chosen][free].tolist(),
-        "bounds": np.column_stack([X.min(axis=0), X.max(axis=0)]).tolist(),
-    }
-    with warnings.catch_warnings():
-        # What SALib would have instead fails on unknowns that are choices.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        # Its fit runs away where two choices that are rare together meet in few plants.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        analysis = hdmr.analyze(problem, X, outcome, maxorder=2, K=1, seed=SEED)
-    totals = np.zeros(len(chosen))
-    totals[free] = analysis["ST"][: X.shape[1]]
-    return totals.tolist() if (np.abs(totals) <= MOST_TOTAL).all() else []
+
+def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:
+    """Rank by some plants of an ensemble under the equations as printed."""
+    return ranked(data.names, data.draws[kept], values[kept], UNDER_READINGS)
 
 
 def _largest_index(draws: Array, outcome: Array) -> float:
-    from SALib.analyze import rbd_fast
-
-    raw = [
-        rbd_fast.compute_first_order(rbd_fast.permute_outputs(column, outcome), _HARMONICS)
-        for column in draws.T
-    ]
-    return float(rbd_fast.unskew_S1(max(raw), _HARMONICS, len(outcome)))
-
-
-def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
-    """Draw the strongest unknowns' shares of each outcome's variance."""
-    from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
-
-    shares = {
-        name: {row["name"]: row["index"] if row["total"] is None else row["total"] for row in parts["rows"]}
-        for name, parts in rankings.items()
-    }
-    unknowns = sorted(
-        next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
-    )[:SHOWN]
-    cells = np.array([[100.0 * parts[name] for parts in shares.values()] for name in unknowns])
-    with journal_style():
-        figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
-        axes = figure.subplots()
-        axes.imshow(cells, cmap="Blues", vmin=0.0, vmax=60.0, aspect="auto")
-        for (row, column), value in np.ndenumerate(cells):
-            if value >= 1.0:
-                ink = "white" if value > 35.0 else "black"
-                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
-        axes.set_yticks(np.arange(len(unknowns)), unknowns)
-        names = [name.replace(".", " ").replace("_", " ") for name in shares]
-        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
-        axes.set_title("What decides each claim and number: share of the variance, %")
-    caption = "Share of the variance of an outcome that an unknown explains, alone or with one other."
-    return Drawing("decides", figure, [axes], caption)
+    return max((first_order_index(unknown, outcome) for unknown in draws.T), default=0.0)

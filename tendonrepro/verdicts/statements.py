@@ -12,15 +12,17 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, reading
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants
+from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants, Run, RunUnder
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 
-IDEAL = "encoder=ideal"
-SHORTER, LONGER, HALVED = "sampling_period=0.5ms", "sampling_period=2ms", "M_bar=halved"
+AS_PRINTED, IDEAL, HALVED = reading({}), reading({"encoder": "ideal"}), reading({"M_bar": "halved"})
+SHORTER, LONGER = (reading({"sampling_period": period}) for period in ("0.5ms", "2ms"))
+IDEAL_SHORTER, IDEAL_LONGER = (reading(dict(IDEAL.settings + way.settings)) for way in (SHORTER, LONGER))
 
 RIVALS = CONTROLLERS[1:]
 ERRORS: Mapping[str, str] = {"mae": "MAE", "rmse": "RMSE"}
@@ -40,8 +42,8 @@ class Statement:
 
 
 @dataclass(frozen=True)
-class Findings:
-    """What a rule finds, and the plants that it judges and ranks; a diverged law ranks last.
+class Claim:
+    """A claim as statements, and the plants that it judges and ranks; a diverged law ranks last.
 
     `opposite`, where given, replaces that no statement holds. `beside` does not count. `chance` is from
     `_by_chance`. `untestable` says why no plant can tell.
@@ -60,10 +62,10 @@ class Findings:
     def measures(self) -> Mapping[str, Sequence[Statement]]:
         """Statements by measure; a claim holds by one where all of its statements do."""
         names = dict.fromkeys(statement.measure for statement in self.statements)
-        return {name: [one for one in self.statements if one.measure == name] for name in names}
+        return {name: [part for part in self.statements if part.measure == name] for name in names}
 
 
-def findings_of(plants: Plants, paper: Published, rule: str) -> Findings:
+def claim_on(plants: Plants, paper: Published, rule: str) -> Claim:
     """Apply a rule; nothing holds of a missing number."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return CLAIMS[rule](plants, paper)
@@ -71,17 +73,17 @@ def findings_of(plants: Plants, paper: Published, rule: str) -> Findings:
 
 def _over(
     plants: Plants,
-    runs: Sequence[str],
+    runs: Sequence[Run],
     statements: Sequence[Statement],
     *,
     remarks: Sequence[str] = (),
     opposite: Statement | None = None,
     beside: Sequence[Statement] = (),
     chance: tuple[float, float] | None = None,
-) -> Findings:
+) -> Claim:
     """Judge statements where some runs are ``ok``, and rank these runs."""
     judged, rankable = plants.ok(*runs), plants.rankable(*runs)
-    return Findings(statements, judged, rankable, remarks, opposite, beside, chance)
+    return Claim(statements, judged, rankable, remarks, opposite, beside, chance)
 
 
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
@@ -92,14 +94,14 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
 
 
 def _of_runs(
-    plants: Plants, text: str, holds: Mask, runs: Sequence[str], measure: str = ""
+    plants: Plants, text: str, holds: Mask, runs: Sequence[Run], measure: str = ""
 ) -> list[Statement]:
     """One statement a joint, which fails where a run diverged."""
     return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
 
 
 def smaller(
-    plants: Plants, name: str, first: str, second: str, what: str, measure: str = ""
+    plants: Plants, name: str, first: Run, second: Run, what: str, measure: str = ""
 ) -> list[Statement]:
     """`first` has the smaller statistic, on each joint; diverged is largest."""
     holds = plants.ranked(first, name) < plants.ranked(second, name)
@@ -108,7 +110,7 @@ def smaller(
 
 def together(statements: Sequence[Statement]) -> Mask:
     """Where all hold."""
-    return np.asarray(np.logical_and.reduce([one.holds for one in statements]))
+    return np.asarray(np.logical_and.reduce([part.holds for part in statements]))
 
 
 def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
@@ -116,27 +118,27 @@ def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
     return float(orders) ** -len(plants.joints), 1.0 / orders
 
 
-def stable(plants: Plants, _: Published) -> Findings:
+def stable(plants: Plants, _: Published) -> Claim:
     """C1: all controllers are ``ok``."""
     resolved = plants.none(UNRESOLVED, *CONTROLLERS)
     statements = [Statement(f"{run} is ok", plants.ok(run)) for run in CONTROLLERS]
     untestable = None
     if resolved.mean() < 1.0 - MOST_UNRESOLVED:
         untestable = f"only {100.0 * resolved.mean():.3g} % of the plants could be integrated"
-    return Findings(statements, resolved, None, untestable=untestable)
+    return Claim(statements, resolved, None, untestable=untestable)
 
 
-def order(plants: Plants, _: Published) -> Findings:
+def order(plants: Plants, _: Published) -> Claim:
     """C2: controllers 1 < 2 < 3 in both metrics."""
     return _in_order(plants, ERRORS)
 
 
-def rising_shape(plants: Plants, _: Published) -> Findings:
+def rising_shape(plants: Plants, _: Published) -> Claim:
     """F1: RMSE/MAE of controllers 1 < 2 < 3."""
     return _in_order(plants, {SHAPE: "RMSE/MAE"})
 
 
-def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
+def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
     published, reverse = (
         [
             statement
@@ -157,7 +159,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Findings:
     return _over(plants, CONTROLLERS, published, opposite=opposite, beside=beside, chance=chance)
 
 
-def joints_alike(plants: Plants, paper: Published) -> Findings:
+def joints_alike(plants: Plants, paper: Published) -> Claim:
     """F2: joint 3 over joint 2 errs at least as much as in the paper."""
     least = min(float(paper.interval(name)[0]) for name in paper.entries if name.startswith("joints."))
     first, last = plants.joints[0], plants.joints[-1]
@@ -170,7 +172,7 @@ def joints_alike(plants: Plants, paper: Published) -> Findings:
     return _over(plants, runs, statements)
 
 
-def rapid_advantage(plants: Plants, _: Published) -> Findings:
+def rapid_advantage(plants: Plants, _: Published) -> Claim:
     """C3: Controller 1 is ahead in rapid phases, and by more than elsewhere."""
     statements: list[Statement] = []
     for rival in RIVALS:
@@ -182,7 +184,7 @@ def rapid_advantage(plants: Plants, _: Published) -> Findings:
     return _over(plants, CONTROLLERS, statements)
 
 
-def similar_surfaces(plants: Plants, _: Published) -> Findings:
+def similar_surfaces(plants: Plants, _: Published) -> Claim:
     """C4: s is of similar size."""
     statements: list[Statement] = []
     for name, what in (("s_rms", "RMS of s"), ("s_slow_rms", "RMS of s below 3 Hz")):
@@ -196,7 +198,7 @@ def _similar(sizes: Sequence[Array]) -> Mask:
     return np.asarray(np.min(sizes, axis=0) >= (1.0 - SIMILAR) * np.max(sizes, axis=0))
 
 
-def estimate_size(plants: Plants, _: Published) -> Findings:
+def estimate_size(plants: Plants, _: Published) -> Claim:
     """C5: Controller 1's estimate is smaller moving up, similar moving down."""
     statements: list[Statement] = []
     for size, measure in SIZES.items():
@@ -208,7 +210,7 @@ def estimate_size(plants: Plants, _: Published) -> Findings:
     return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
 
 
-def torque_size(plants: Plants, _: Published) -> Findings:
+def torque_size(plants: Plants, _: Published) -> Claim:
     """C6: Controller 1's torque is significantly smaller moving up, smaller and smoother overall."""
     statements: list[Statement] = []
     for size, measure in SIZES.items():
@@ -229,7 +231,7 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
     return statements
 
 
-def payload(plants: Plants, _: Published) -> Findings:
+def payload(plants: Plants, _: Published) -> Claim:
     """P1: the payload makes errors of Controller 1 larger."""
     runs = (*CONTROLLERS, LOADED)
     return _over(plants, runs, larger_with_load(plants), chance=_by_chance(plants, 2))
@@ -237,24 +239,24 @@ def payload(plants: Plants, _: Published) -> Findings:
 
 def larger_with_load(plants: Plants) -> list[Statement]:
     """Statements of P1, which need no other controller."""
-    return [one for name, what in ERRORS.items() for one in smaller(plants, name, FIRST, LOADED, what)]
+    return [part for name, what in ERRORS.items() for part in smaller(plants, name, FIRST, LOADED, what)]
 
 
-def better_estimate(plants: Plants, _: Published) -> Findings:
+def better_estimate(plants: Plants, _: Published) -> Claim:
     """E1: Controller 1's estimate is better than Controller 2's."""
     statements: list[Statement] = []
     beside: list[Statement] = []
-    ideal = Plants(plants.data, IDEAL)
+    first, second = (RunUnder(run, IDEAL) for run in (FIRST, SECOND))
     for name, what in (("epsilon_rms", "RMS of epsilon"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz")):
         statements += smaller(plants, name, FIRST, SECOND, what, what)
-        if plants.reading == PRINTED and plants.data.has(FIRST, IDEAL):
-            text, holds = f"with an ideal encoder {what}", ideal[FIRST, name] < ideal[SECOND, name]
+        if plants.reading == PRINTED and plants.has(first):
+            text, holds = f"with an ideal encoder {what}", plants[first, name] < plants[second, name]
             beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
             beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
     return _over(plants, CONTROLLERS, statements, beside=beside, chance=_by_chance(plants, 2))
 
 
-def robustness(plants: Plants, _: Published) -> Findings:
+def robustness(plants: Plants, _: Published) -> Claim:
     """E1a: where only one of Controllers 1 and 2 is ``ok``, it is 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
     resolved = plants.none(UNRESOLVED, FIRST, SECOND)
@@ -263,15 +265,16 @@ def robustness(plants: Plants, _: Published) -> Findings:
         f"both are ok on {count_of(int((first & second).sum()), 'plant')} and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
-    return Findings(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
+    return Claim(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
 
 
-def delay_time(plants: Plants, _: Published) -> Findings:
+def delay_time(plants: Plants, _: Published) -> Claim:
     """E2: a smaller L is better for Controller 2, a larger one worse."""
-    published = (f"{SECOND}@{SHORTER}", SECOND, f"{SECOND}@{LONGER}")
-    ideal = tuple(f"{SECOND}@{IDEAL}{period}" for period in (f"+{SHORTER}", "", f"+{LONGER}"))
+    _check_printed(plants)
+    published = (RunUnder(SECOND, SHORTER), SECOND, RunUnder(SECOND, LONGER))
+    ideal = tuple(RunUnder(SECOND, way) for way in (IDEAL_SHORTER, IDEAL, IDEAL_LONGER))
 
-    def along(periods: Sequence[str], more: str) -> list[Statement]:
+    def along(periods: Sequence[Run], more: str) -> list[Statement]:
         return [
             statement
             for name, what in (("mae", "MAE"), ("epsilon_slow_rms", "RMS of epsilon below 3 Hz"))
@@ -289,14 +292,21 @@ def delay_time(plants: Plants, _: Published) -> Findings:
     return _over(plants, (*published, *ideal), statements, remarks=[remark], beside=beside, chance=chance)
 
 
-def small_inertia(plants: Plants, _: Published) -> Findings:
+def small_inertia(plants: Plants, _: Published) -> Claim:
     """E2a: half of M̄ makes Controller 2's torque smoother."""
-    halved = f"{SECOND}@{HALVED}"
-    found = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
-    return _over(plants, (SECOND, halved), found, chance=_by_chance(plants, 2))
+    _check_printed(plants)
+    halved = RunUnder(SECOND, HALVED)
+    statements = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
+    return _over(plants, (SECOND, halved), statements, chance=_by_chance(plants, 2))
 
 
-def overshoot(plants: Plants, paper: Published) -> Findings:
+def _check_printed(plants: Plants) -> None:
+    """Refuse to compare a variation of the printed reading with a run under another."""
+    if plants.reading != PRINTED:
+        raise DataMissingError(f"variations of {SECOND} are run under reading {PRINTED!r} alone")
+
+
+def overshoot(plants: Plants, paper: Published) -> Claim:
     """E3: Controller 1 overshoots less than Controller 2, or neither by more than an encoder step."""
     sizes = np.array([plants[run, "overshoot"] for run in (FIRST, SECOND)])
     neither = (sizes <= np.deg2rad(paper.number("hardware.encoder_resolution"))).all(axis=0)
@@ -312,29 +322,29 @@ def overshoot(plants: Plants, paper: Published) -> Findings:
     remark = (
         f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
     )
-    return Findings(statements, ok & counted, rankable & counted, [remark])
+    return Claim(statements, ok & counted, rankable & counted, [remark])
 
 
-def bounds(plants: Plants, paper: Published) -> Findings:
+def bounds(plants: Plants, paper: Published) -> Claim:
     """L1: Controller 1 stays inside the bounds of section 4.3."""
-    printed = Plants(plants.data, PRINTED)
+    first, *rivals = (RunUnder(run, AS_PRINTED) for run in CONTROLLERS)
     lam, eta, b, Delta = (
         np.array(paper.per_joint(f"gain.{name}", plants.joints)) for name in ("lam", "eta", "b", "Delta")
     )
-    omega = printed[FIRST, "epsilon_max"] / lam
+    omega = plants[first, "epsilon_max"] / lam
     error = np.minimum(Delta, (omega / eta) ** (1.0 / b))
     inside = {
-        "|e| inside Eq. (30) as printed": printed[FIRST, "max_error"] <= error,
-        "|de/dt| inside Eq. (31)": printed[FIRST, "rate_max"] <= omega + eta * error**b,
+        "|e| inside Eq. (30) as printed": plants[first, "max_error"] <= error,
+        "|de/dt| inside Eq. (31)": plants[first, "rate_max"] <= omega + eta * error**b,
     }
     statements = [
         statement
         for text, holds in inside.items()
-        for statement in _of_runs(printed, f"the largest {text}", holds, [FIRST])
+        for statement in _of_runs(plants, f"the largest {text}", holds, [first])
     ]
-    judged = printed.ok(*CONTROLLERS)
+    judged = plants.ok(first, *rivals)
     remarks = ["judged under the reading printed, whatever the reading"]
-    return Findings(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
+    return Claim(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
 
 
 def _beyond_divergence(bound: Array) -> str | None:
@@ -350,7 +360,7 @@ def _beyond_divergence(bound: Array) -> str | None:
     )
 
 
-CLAIMS: Mapping[str, Callable[[Plants, Published], Findings]] = {
+CLAIMS: Mapping[str, Callable[[Plants, Published], Claim]] = {
     rule.__name__: rule
     for rule in (
         *(stable, order, rising_shape, joints_alike, rapid_advantage, similar_surfaces, estimate_size),

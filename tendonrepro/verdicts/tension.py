@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from itertools import product
 from typing import NamedTuple
@@ -14,13 +14,14 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.experiments.statics import COURSES, Mechanism, mechanism
 from tendonrepro.monte_carlo.box import make_box, put_links, scrambled_sobol
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import share_of
 from tendonrepro.physics.arm import weight_moment
 from tendonrepro.physics.statics import SLACK, tendon_tension
-from tendonrepro.verdicts.rules import Decision, Evidence, Judged, Mask, of_claim, of_courses
+from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, Rulings, not_testable, of_claim, of_courses
 
 MARGINS = (5.0, 10.0, 20.0)
 """How far every link stays away from the edges of the half-plane, deg; a verdict has to hold for all."""
@@ -40,46 +41,47 @@ class Machines(NamedTuple):
     replicate: NDArray[np.int64]
 
 
-def tension(data: EnsembleData | None) -> Judged:
+def tension(data: EnsembleData | None) -> Rulings:
     """T1 on the draws of an ensemble, else of the shipped box."""
     config = load_config(None, "decouple").config
     machines = machines_of(data, config.manipulator)
-    decisions = {}
-    rows: list[Evidence] = []
-    for course in COURSES:
-        decisions[course], row = _course(course, mechanism(config, course), machines)
-        rows.append(row)
+    courses = {course: _course(course, mechanism(config, course), machines) for course in COURSES}
     evidence: Evidence = {
-        "courses": rows,
+        "courses": [ruling.evidence for ruling in courses.values()],
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
         "remarks": [
             "the course of tendon 4 is not printed; at rest",
             "that a motor's pull is constant is an input of the model, no result",
         ],
     }
-    readings = {f"tensioner={course}": decision.verdict for course, decision in decisions.items()}
-    # The claim is about tendon 4, so a machine without it can tell nothing.
-    readings["tensioner=absent"] = "not_testable"
-    return Judged(of_courses(list(decisions.values())), None, evidence, readings)
+    return {
+        PRINTED: replace(of_courses(list(courses.values())), evidence=evidence),
+        **{f"tensioner={course}": ruling for course, ruling in courses.items()},
+        # The claim is about tendon 4, so a machine without it can tell nothing.
+        "tensioner=absent": not_testable("tendon 4"),
+    }
 
 
-def _course(course: str, route: Mechanism, machines: Machines) -> tuple[Decision, Evidence]:
+def _course(course: str, route: Mechanism, machines: Machines) -> Ruling:
+    """T1 with one course of tendon 4, where all margins agree."""
     travel = route.travel()
-    shares, decisions = {}, []
+    shares, by_margin = {}, []
     for margin in MARGINS:
         tense = _tense(margin, machines, route)
         masks = (tense & (travel > 0.0), ~tense & (travel <= 0.0), tense)
         whole, opposite, kept = (share_of(hits, machines.replicate) for hits in masks)
-        decisions.append(of_claim(whole, opposite))
-        shares[f"at_{margin:g}_deg"] = asdict(kept) | {"verdict": decisions[-1].verdict}
-    decision = of_courses(decisions)
-    return decision, {
+        by_margin.append(of_claim(whole, opposite))
+        shares[f"at_{margin:g}_deg"] = asdict(kept) | {"verdict": by_margin[-1].verdict}
+    ruling = of_courses(by_margin)
+    evidence = {
         "course": course,
-        **asdict(decision),
+        "verdict": ruling.verdict,
+        "borderline": ruling.borderline,
         "every_tendon_tense": shares,
         "spring_varies": travel > 0.0,
         "length_change_mm": 1e3 * travel,
     }
+    return replace(ruling, evidence=evidence)
 
 
 def _tense(margin: float, machines: Machines, route: Mechanism) -> Mask:

@@ -1,13 +1,19 @@
-"""A verdict, and the ledger: all verdicts, and which ensemble judged them."""
+"""A verdict, as it stands in the ledger."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TypedDict
+from dataclasses import dataclass
 
-from tendonrepro.files import Json
-from tendonrepro.verdicts.rules import ByChoice, Evidence, changing
+from tendonrepro.verdicts.rules import Evidence
+
+
+@dataclass(frozen=True)
+class ByChoice:
+    """A verdict under another choice of what the paper leaves open, and our share or number under it."""
+
+    reading: str
+    verdict: str
+    ours: float | None
 
 
 @dataclass(frozen=True)
@@ -42,36 +48,13 @@ class Verdict:
 
     @property
     def unless(self) -> tuple[ByChoice, ...]:
-        """Choices with another verdict, each with no more in it than that takes."""
-        return changing(self.verdict, self.by_choice)
-
-
-class Origin(TypedDict):
-    """Which ensemble judged the claims."""
-
-    source: str
-    draws: int
-    tendonrepro_version: str
-    created: str
-    rules_edition: int
-
-
-@dataclass(frozen=True)
-class Ledger:
-    """Verdicts by their ids, and which ensemble judged."""
-
-    verdicts: Mapping[str, Verdict]
-    ensemble: Origin
-
-
-def read_ledger(content: Json) -> Ledger:
-    """Ledger from what ``claims.json`` holds, of an earlier version too."""
-    verdicts = map(_read_verdict, content["claims"])
-    return Ledger({verdict.id: verdict for verdict in verdicts}, content["ensemble"])
-
-
-def _read_verdict(entry: Json) -> Verdict:
-    known = {field.name: entry[field.name] for field in fields(Verdict) if field.name in entry}
-    lists = {name: tuple(known[name]) for name in ("depends_on", "readings_that_change_it")}
-    choices = tuple(ByChoice(**choice) for choice in entry.get("by_choice", ()))
-    return Verdict(**(known | lists | {"by_choice": choices}))
+        """Choices with another verdict, each with no more in it than that takes; `not_testable` is none."""
+        changing = [
+            choice for choice in self.by_choice if choice.verdict not in {self.verdict, "not_testable"}
+        ]
+        settings = {choice.reading: set(choice.reading.split("+")) for choice in changing}
+        return tuple(
+            choice
+            for choice in changing
+            if not any(fewer < settings[choice.reading] for fewer in settings.values())
+        )

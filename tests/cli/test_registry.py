@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
 import pytest
 from support import ROOT
@@ -17,7 +19,9 @@ from tendonrepro.cli.app import app
 from tendonrepro.commands import COMMANDS
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.command import word_of
+from tendonrepro.studies.lifecycle import DIVERGED
 from tendonrepro.studies.parameters import Telling
+from tendonrepro.studies.study import Study
 
 STUDIES = [name for name, command in COMMANDS.items() if command.has_dry_run]
 
@@ -76,9 +80,65 @@ def test_a_dry_run_checks_and_writes_nothing(place: Path, name: str) -> None:
     assert [path.name for path in place.iterdir()] == ["measured.h5"]
 
 
+UNDECIDING = ["ensemble --draws 1025"]
+"""They change no number of an earlier result: this one goes on with its draws."""
+
+NOT_SIMULATED = {"explain"}
+"""Studies of controllers whose loops do not run."""
+
+
+def with_another_value(name: str) -> Iterator[str]:
+    """For each parameter that is a study's own, and plain: its command with another value."""
+    for key, parameter in COMMANDS[name].signature.parameters.items():
+        kind, default = parameter.annotation, parameter.default
+        option = f"{name} --{(word_of(kind).option or key).lstrip('-').replace('_', '-')}"
+        if kind is bool:
+            yield option
+        elif kind in (int, float):
+            yield f"{option} {default + 1}"
+        elif get_origin(kind) is Literal:
+            yield f"{option} {next(choice for choice in get_args(kind) if choice != default)}"
+
+
+def digest_of(name: str, words: list[str], place: Path) -> str:
+    """Digest of all that decides the results of a study, checked and not run."""
+    shell = get_command(app).commands[name]  # type: ignore[attr-defined]
+    given = shell.make_context(name, [*SMALL.get(name, []), *words]).params
+    own = COMMANDS[name].signature.parameters.keys() - {"figures"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        study = COMMANDS[name].function(**{key: given[key] for key in given.keys() & own if given[key]})
+    assert isinstance(study, Study)
+    assert study.basis
+    return study.basis.sha256
+
+
+CHANGED = [line for name in STUDIES for line in with_another_value(name) if line not in UNDECIDING]
+
+
+@pytest.mark.parametrize("line", CHANGED)
+def test_another_value_is_another_result(place: Path, line: str) -> None:
+    """Else one would be written over the other, or taken for it."""
+    name, *words = line.split()
+    assert digest_of(name, words, place) != digest_of(name, [], place), (
+        f"{words[0]} decides numbers: name it in `decided_by` of the Study, or here in UNDECIDING"
+    )
+
+
+SIMULATED = [name for name in STUDIES if "controllers" in COMMANDS[name].signature.parameters]
+
+
+@pytest.mark.parametrize("name", sorted({*SIMULATED} - NOT_SIMULATED))
+def test_a_diverged_run_is_told_by_the_exit_code(tmp_path: Path, name: str) -> None:
+    """`diverged` of an Outcome says so."""
+    limit = ["--set", "status.divergence_limit=1e-6", "--no-figures"]
+    answer(name, *SMALL.get(name, []), *limit, cwd=tmp_path, code=DIVERGED)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_page_of_the_documentation_shows_it(name: str) -> None:
     pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
     if not pages[1:]:
         pytest.skip("no docs folder beside the package")
-    assert any(f"tendonrepro {name}" in page.read_text(encoding="utf-8") for page in pages)
+    shown = any(f"tendonrepro {name}" in page.read_text(encoding="utf-8") for page in pages)
+    assert shown, "`make pages` writes docs/cli.md again, with every command"

@@ -8,6 +8,7 @@ import itertools
 import json
 import re
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -158,13 +159,12 @@ def words(command: str) -> list[str]:
     return list(itertools.takewhile(lambda part: part not in {">", "<", "|", "|&", "&&"}, parts))
 
 
-def parse(command: Any, parts: list[str], name: str = "tendonrepro", parent: Any = None) -> Any:
+def parse(command: Any, parts: list[str], name: str = "tendonrepro") -> Any:
     """Let typer parse a command without running it."""
-    context = command.make_context(name, list(parts), parent=parent)
-    if not hasattr(command, "resolve_command"):
-        return context
-    below, chosen, rest = command.resolve_command(context, [*context._protected_args, *context.args])
-    return parse(chosen, rest, below, context)
+    if not hasattr(command, "commands") or parts[0].startswith("-"):
+        return command.make_context(name, list(parts))
+    assert parts[0] in command.commands, parts
+    return parse(command.commands[parts[0]], parts[1:], parts[0])
 
 
 def test_brackets_are_quoted() -> None:
@@ -334,6 +334,17 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
 
 
 # ---- traces ------------------------------------------------------------------------------------------------
+
+
+def test_every_dependency_has_its_reason() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = {re.split(r"[^\w-]", entry, maxsplit=1)[0] for entry in project["dependencies"]}
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = page.partition("## Dependencies")[2].partition("Optional ones")[0].splitlines()
+    told = {
+        name for row in rows if row.startswith("| `") for name in re.findall("`(.+?)`", row.split("|")[1])
+    }
+    assert told == names
 
 
 def test_architecture_draws_every_room() -> None:

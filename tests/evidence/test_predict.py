@@ -22,18 +22,21 @@ from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import bench_runs, predict, predict_report
-from tendonrepro.evidence.bench_runs import EXPERIMENTS, experiments_on, law_of, with_alpha
+from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, EXPERIMENTS, experiments_on, law_of, with_alpha
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.box import configured, make_box
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
 COMPARE = LOADED.compare
+READINGS_OF = COMPARE.control.readings
 LOOPS = dict(build_loops(COMPARE, LOADED.base.folder))
+SLOWER = under(parse_reading("sampling_period=2ms"), COMPARE, {})
+LOOPS[DOUBLED_PERIOD] = dict(build_loops(SLOWER, LOADED.base.folder))[FIRST]
 BY_NAME = {one.name: one for one in EXPERIMENTS}
 BOX = make_box(LOADED.config)
 NOMINAL = BOX.named(BOX.nominal)
@@ -56,14 +59,14 @@ def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.Mo
 def test_alpha_0_is_controller_2_while_that_keeps_eta(reading: str, is_one: bool) -> None:
     config = under(parse_reading(reading), COMPARE, {})
     loops = dict(build_loops(config, LOADED.base.folder))
-    both = [with_alpha(0.0, config, LOADED.base.folder, loops), loops[SECOND]]
+    both = [with_alpha(0.0, loops, config.control.readings), loops[SECOND]]
     changed, beside = simulate_batch(both, COMPARE.status).statistics["mae"]
     assert (changed == beside).all() == is_one
 
 
 def test_what_is_changed_and_nothing_else() -> None:
     def changed(name: str) -> object:
-        return BY_NAME[name].change(COMPARE, LOADED.base.folder, LOOPS)
+        return BY_NAME[name].change(LOOPS, READINGS_OF)
 
     first = LOOPS[FIRST]
     assert changed("controllers_1_2") is first
@@ -92,10 +95,10 @@ def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     compare, folder = loaded.config, loaded.folder
     assert isinstance(compare, CompareConfig)
     at_rest = dict(build_loops(compare, folder))
-    together = BY_NAME["repeat"].change(compare, folder, at_rest)
+    together = BY_NAME["repeat"].change(at_rest, READINGS_OF)
     apart = compare.model_copy(update={"runs": {**compare.runs, SECOND: _beside(compare.runs[SECOND])}})
     loops = dict(build_loops(apart, folder))
-    elsewhere = BY_NAME["repeat"].change(apart, folder, loops)
+    elsewhere = BY_NAME["repeat"].change(loops, READINGS_OF)
     found = simulate_batch([loops[FIRST], together, elsewhere], compare.status).statistics
     first, same, other = found["mae"]
     assert (same == first).all()
@@ -106,6 +109,27 @@ def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
 def _beside(run: CompareRun) -> CompareRun:
     offset = Moving.model_validate({"value": [-1.0, -1.0], "unit": "deg", "source": "assumed: a test"})
     return run.model_copy(update={"start_offset": offset})
+
+
+def test_loops_of_a_plant_are_those_of_its_configuration() -> None:
+    """The array way to a plant gives what its configuration gives; at twice the period, too."""
+    row = BOX.sample(7, 0, 0, 1)
+    reading = parse_reading("weights=extrapolating")
+    config = under(reading, configured(LOADED.base, BOX, row[0]), BOX.named(row[0]))
+    slower = under(parse_reading("sampling_period=2ms"), config, {})
+    expected = dict(build_loops(config, LOADED.base.folder))
+    expected[DOUBLED_PERIOD] = dict(build_loops(slower, LOADED.base.folder))[FIRST]
+    given = [*predict._loops(LOADED, BOX, row, reading)]
+    assert len(given) == len(RUNS) + len(EXPERIMENTS)
+    names = [one.name for one in EXPERIMENTS]
+    shown = [
+        (given[0], expected[FIRST]),
+        (given[len(RUNS) + names.index("period_doubled")], expected[DOUBLED_PERIOD]),
+        (given[len(RUNS) + names.index("alpha_0.3")], with_alpha(0.3, expected, config.control.readings)),
+    ]
+    both = [loop for pair in shown for loop in pair]
+    errors = simulate_batch(both, LOADED.compare.status).statistics["mae"]
+    assert (errors[0::2] == errors[1::2]).all()
 
 
 def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,7 +147,7 @@ def test_ramps_keep_their_corners_at_half_the_speed() -> None:
     changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
     loaded = load_config("plain", "compare", overrides=changed)
     loops = dict(build_loops(loaded.config, loaded.folder))
-    slow, first = BY_NAME["half_speed"].change(loaded.config, loaded.folder, loops), loops[FIRST]
+    slow, first = BY_NAME["half_speed"].change(loops, READINGS_OF), loops[FIRST]
     assert not slow.reference.ddq_d.any()
     assert set(np.unique(slow.reference.dq_d)) == set(np.unique(0.5 * first.reference.dq_d))
     steps = np.diff(slow.reference.q_d, axis=0) / slow.L

@@ -65,7 +65,7 @@ class TestBench:
             sizes.append(len(loops))
             return made_up(loops, limits)
 
-        monkeypatch.setattr("tendonrepro.identification.misfit._PLANTS_AT_ONCE", 16)
+        monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
         space = space_of(loaded())
         bench = Bench(space, "whole", counting)
         found = bench.measure(scrambled_sobol(space.box, 1, 0, 0, 20), reading({}), RUNS[1:3])

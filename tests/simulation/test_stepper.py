@@ -497,6 +497,6 @@ def test_the_address_of_an_arrays_numbers_is_looked_at_before_use(monkeypatch):
     """Whatever Python and NumPy these are: elsewhere machine code would read what is no number."""
     values = np.arange(3.0)
     assert callback.address_in(values) == values.ctypes.data
-    monkeypatch.setattr(callback, "_HEAD", callback._HEAD + 8)
+    monkeypatch.setattr(callback, "address_in", lambda array: array.ctypes.data + 8)
     with pytest.raises(TendonreproError):
         callback.callable_on_array(0, values, values)

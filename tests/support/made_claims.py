@@ -5,10 +5,19 @@ import numpy as np
 from support.other_print import with_numbers
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
+from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.sensitivity import ranked
-from tendonrepro.verdicts.statements import HALVED, IDEAL, LONGER, SHORTER, SIZES
+from tendonrepro.verdicts.statements import (
+    HALVED,
+    IDEAL,
+    IDEAL_LONGER,
+    IDEAL_SHORTER,
+    LONGER,
+    SHORTER,
+    SIZES,
+)
 
 RUNS = (*CONTROLLERS, "controller_1_payload")
 KNOWN = 3
@@ -38,15 +47,15 @@ class MadeEnsemble:
         self.draws[KNOWN] = 0.5
         self.codes = {}
         self.values = {}
-        for reading in (*readings, IDEAL):
+        for reading in (*readings, IDEAL.name):
             for run in RUNS:
                 self._make(run, reading)
         variations = {SHORTER: 0.5, LONGER: 2.0, HALVED: 0.5}
-        variations |= {f"{IDEAL}+{SHORTER}": 0.5, f"{IDEAL}+{LONGER}": 2.0}
+        variations |= {IDEAL_SHORTER: 0.5, IDEAL_LONGER: 2.0}
         for variation, factor in variations.items():
-            self._make("controller_2", variation)
+            self._make("controller_2", variation.name)
             for name in ("mae", "epsilon_slow_rms", "torque_step_rms"):
-                self.values["controller_2", variation, name] *= factor
+                self.values["controller_2", variation.name, name] *= factor
 
     def _make(self, run, reading):
         count, place = len(self.draws), ORDER[run]
@@ -82,6 +91,8 @@ class MadeEnsemble:
         return (run, reading) in self.codes
 
     def status(self, run, reading):
+        if not self.has(run, reading):
+            raise DataMissingError(f"the ensemble holds no run {run!r} under {reading!r}")
         return self.codes[run, reading]
 
     def statistic(self, run, reading, name):

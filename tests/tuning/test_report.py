@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tendonrepro.files import to_json
-from tendonrepro.tuning.report import FEWEST, comparisons, count_scattered
+from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.report import FEWEST, QUESTIONS, comparisons, count_scattered, pairs_among
 from tendonrepro.tuning.search import CAPS, CONDITIONS
 
 DRAWS = 2 * FEWEST
@@ -53,6 +54,17 @@ def test_cases_without_a_difference_that_their_searches_leave_open(
     found = list(comparisons(rows(ratio, scatter=scatter), [("a", "b")], 0))
     cases = json.loads(to_json({"cases": count_scattered(found), "comparisons": found}))["cases"]
     assert cases == share * len(found)
+
+
+@pytest.mark.parametrize(
+    "chosen", [("ntsm", "pid"), ("alpha_free", "pid", "ntsm"), ("mine", "tdc"), ("mine", *LAWS)]
+)
+def test_chosen_laws_are_compared_each_with_each(chosen: tuple[str, ...]) -> None:
+    pairs = pairs_among(dict.fromkeys(chosen).keys())
+    together = {frozenset(pair) for pair in combinations(chosen, 2)}
+    asked = {frozenset(pair) for pair in (*QUESTIONS, ("mine", "ntsm"), ("mine", "pid"))}
+    assert len({frozenset(pair) for pair in pairs}) == len(pairs)
+    assert {frozenset(pair) for pair in pairs} == (together & asked if "dob" in chosen else together)
 
 
 def test_a_draw_without_gains_is_left_out() -> None:

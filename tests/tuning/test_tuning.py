@@ -105,6 +105,7 @@ def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     assert found["joints"] == [1]
     assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"tsm", "pid"}
     assert {(row["law"], row["over"]) for row in found["comparisons"]} == {("tsm", "pid")}
+    assert len(found["questions"]) == 1
     tuned = [row["error"] for row in found["by_plant"] if row["law"] == "pid" and row["cap"] == "none"]
     published = [
         row["error"] for row in found["by_plant"] if row["law"] == "controller_2" and not row.get("alpha")

@@ -23,7 +23,7 @@ from tendonrepro.validation.rerun import (
     write_compare,
     write_decouple,
 )
-from tendonrepro.verdicts.measured import measured_of
+from tendonrepro.verdicts.measurement import measurement_of
 
 STEP = 0.005
 MOVES = make_compare_file(step=STEP, source="measured")
@@ -120,7 +120,7 @@ class TestSizes:
 
 @pytest.fixture(scope="module", name="measured")
 def _measured():
-    return measured_of(MOVES, published())
+    return measurement_of(MOVES, published())
 
 
 class TestDeparture:
@@ -204,7 +204,7 @@ def test_why_there_is_no_rerun_is_said(tmp_path):
 
 
 def missing_of(file, folder):
-    measured, base = measured_of(file, published()), load_config(None, "compare")
+    measured, base = measurement_of(file, published()), load_config(None, "compare")
     return reruns(measured, base, "SYNTHETIC.h5", folder, QUIET)[1]
 
 
@@ -213,7 +213,7 @@ def test_the_decoupling_motion_is_that_of_what_was_recorded(drives, variable, tm
     file = make_decouple_file(step=0.2, source="measured")
     trace = file.runs["decouple"]
     kept = {name: trace[name] for name in ("q_encoder", variable)}
-    measured = measured_of(with_runs(file, decouple=replace(trace, variables=kept)), published())
+    measured = measurement_of(with_runs(file, decouple=replace(trace, variables=kept)), published())
     changed = ["manipulator.gravity=9.7", "seed=5", "reference.periods=2"]
     base = load_config(None, "compare", overrides=changed)
     write_decouple(measured, base, "SYNTHETIC.h5", tmp_path)

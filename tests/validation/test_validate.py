@@ -23,7 +23,7 @@ from tendonrepro.results.records import PlantRecord
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.report import closest_window, measured_tables, table_data
-from tendonrepro.verdicts.measured import Measured, measured_of
+from tendonrepro.verdicts.measurement import Measurement, measurement_of
 
 SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.2")
 
@@ -75,7 +75,7 @@ class TestMeasuredTables:
         assert row["agree"] == {"mae_deg": [False, False], "rmse_deg": [True, None]}
 
     def test_their_files_hold_every_number_of_every_window(self):
-        measured = Measured(make_compare_file(), PrintedTables((self.TRIED,), {}, 1.0), None)
+        measured = Measurement(make_compare_file(), PrintedTables((self.TRIED,), {}, 1.0), None)
         second, windows = measured_tables(measured, published(), "SYNTHETIC.h5")
         assert second.name == "table2"
         assert [(row["mae_measured"], row["rmse_agree"]) for row in second.rows] == [(0.3, True), (0.2, None)]
@@ -215,7 +215,7 @@ def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides():
     larger = first["e"].copy()
     larger[first.time >= PERIOD, 0] *= 1.02
     runs = dict(file.runs) | {"controller_1": replace(first, variables=dict(first.variables) | {"e": larger})}
-    measured = measured_of(replace(file, runs=runs), published())
+    measured = measurement_of(replace(file, runs=runs), published())
     closest = closest_window(measured.tables)
     assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
     agree = table_data(closest, published())["table2"]

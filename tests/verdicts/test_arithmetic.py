@@ -9,6 +9,7 @@ from support.oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.configuration.published import PrintedNumber, exact, published, quotient, rounding, table_1
 from tendonrepro.verdicts import from_print
+from tendonrepro.verdicts.formulas import cut
 from tendonrepro.verdicts.rules import meets
 
 
@@ -59,7 +60,7 @@ class TestPercentages:
         ],
     )
     def test_how_a_value_was_printed(self, value, digits, way):
-        assert from_print.cut(Fraction(value), printed(digits)) == way
+        assert cut(Fraction(value), printed(digits)) == way
 
     def test_those_of_the_paper_and_what_rounding_allows(self):
         found = from_print.all_percentages(published(), "A1").evidence
@@ -101,7 +102,7 @@ class TestMatrices:
         table = table_1(published()).copy()
         table[1, 2] = ratio
         monkeypatch.setattr(from_print, "table_1", lambda _: table)
-        assert (from_print.FROM_THE_PRINT[rule](published(), rule).decision.verdict == "reproduced") is holds
+        assert (from_print.FROM_THE_PRINT[rule](published(), rule).verdict == "reproduced") is holds
 
     @pytest.mark.parametrize(("apart", "holds"), [(2e-12, True), (3e-12, False)])
     def test_branches_agree_to_1e_12(self, monkeypatch, apart, holds):
@@ -109,4 +110,4 @@ class TestMatrices:
         exact = from_print.polynomial
         monkeypatch.setattr(from_print, "polynomial", lambda *of: (exact(*of)[0], exact(*of)[1] + apart))
         found = from_print.FROM_THE_PRINT["smooth_branch"](published(), "smooth")
-        assert (found.decision.verdict == "reproduced") is holds
+        assert (found.verdict == "reproduced") is holds

@@ -8,13 +8,13 @@ import pytest
 from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
-from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.measured import Measured, OneArm
+from tendonrepro.verdicts.measured_arm import MeasuredArm
+from tendonrepro.verdicts.measurement import Measurement
 
 
 def comparison(sizes=None, **options):
@@ -32,7 +32,7 @@ def judged(file):
     timing = {name: Timing(0.0, PERIOD) for name in file.part("compare").runs}
     paper = published()
     tables = try_windows(file.part("compare"), paper, timing)
-    return judge_measured(Measured(file, tables, None), paper)
+    return judge_measured(Measurement(file, tables, None), paper)
 
 
 def with_joint_1(trace):
@@ -58,7 +58,7 @@ def without(trace, *names):
 
 
 def verdict(file, claim):
-    return judged(file)[claim].decision.verdict
+    return judged(file)[claim].verdict
 
 
 DECOUPLE_FILE = make_decouple_file(source="measured")
@@ -77,13 +77,13 @@ class TestComparison:
         assert verdict(comparison(GROWING), "C2") == "reproduced"
         reverse = GROWING | {"controller_1": 1.5, "controller_3": 1.0}
         found = judged(comparison(reverse))["C2"]
-        assert found.decision.verdict == "not_reproduced"
+        assert found.verdict == "not_reproduced"
         assert sum(not row["holds"] for row in found.evidence["statements"]) == 8
 
     def test_stability_is_the_status_of_the_runs(self):
         assert verdict(comparison(), "C1") == "reproduced"
         found = judged(comparison(diverged={"controller_3": 7.0}))["C1"]
-        assert found.decision.verdict == "not_reproduced"
+        assert found.verdict == "not_reproduced"
         (remark,) = found.evidence["remarks"]
         assert "controller_3" in remark
 
@@ -108,7 +108,7 @@ class TestComparison:
     )
     def test_what_lacks_is_named(self, claim, options, missing):
         found = judged(comparison(**options))[claim]
-        assert found.decision.verdict == "not_testable"
+        assert found.verdict == "not_testable"
         assert re.fullmatch(missing, found.evidence["missing"])
 
     def test_what_a_surface_is_computed_from_is_named_where_it_lacks(self):
@@ -116,16 +116,16 @@ class TestComparison:
         lacking = without(file.runs["controller_3"], "s", "e")
         bare = replace(file, runs={name: without(trace, "s") for name, trace in file.runs.items()})
         for held, message in ((file, "^s of all controllers"), (bare, "^s or e of the run controller_3")):
-            arm = OneArm(Measured(with_run(held, lacking), EMPTY, None))
+            arm = MeasuredArm(Measurement(with_run(held, lacking), EMPTY, None))
             with pytest.raises(DataMissingError, match=message):
-                arm.statistic("controller_3", PRINTED, "s_rms")
+                arm.statistic("controller_3", "s_rms")
 
     def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
         file = replace(comparison(GROWING), plant=make_decouple_file().plant)
         runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
         two, three = judged(file), judged(replace(file, runs=runs))
-        assert two["K5"].decision.verdict != "not_testable"
-        assert all(one.decision == two[name].decision for name, one in three.items())
+        assert two["K5"].verdict != "not_testable"
+        assert all(one.verdict == two[name].verdict for name, one in three.items())
         assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
     @pytest.mark.parametrize("joint", [2, 3])
@@ -138,7 +138,7 @@ class TestComparison:
         gone = file.runs[name][variable].copy()
         gone[:, joint - 2] = np.nan
         found = judged(with_values(file, name, **{variable: gone}))[claim]
-        assert found.decision.verdict == "not_testable"
+        assert found.verdict == "not_testable"
         assert name in found.evidence["missing"]
         assert found.evidence["missing"].startswith((variable, "the tracking error"))
 
@@ -156,7 +156,7 @@ class TestComparison:
         thin = replace(one, time=one.time[::2], variables={k: v[::2] for k, v in one.variables.items()})
         found = judged(with_run(file, thin))
         assert "sampled alike" in found["C6"].evidence["missing"]
-        assert found["C2"].decision.verdict != "not_testable"
+        assert found["C2"].verdict != "not_testable"
         paused = one.time + np.where(np.arange(len(one.time)) < 100, 0.0, 0.5)
         for time, alike in ((1.005 * one.time, True), (1.1 * one.time, False), (paused, True)):
             found = judged(with_run(file, replace(one, time=time)))
@@ -174,7 +174,7 @@ class TestComparison:
 
     def test_the_payload_is_its_percentages(self):
         found = judged(comparison(GROWING))["P1"]
-        assert found.decision.verdict == "not_reproduced"
+        assert found.verdict == "not_reproduced"
         assert all(row["holds"] for row in found.evidence["statements"])
         assert set(found.evidence["percentages"].values()) == {"not_reproduced"}
 
@@ -192,10 +192,10 @@ def test_the_printed_numbers_are_reproduced_with_all_percentages():
     file = printed_file(lambda time: time < np.inf)
     found = judged(file)
     families = ("table2.", "table3.", "rmse_over_mae.", "share.", "increase.")
-    numbers = {name: one.decision.verdict for name, one in found.items() if name.startswith(families)}
+    numbers = {name: one.verdict for name, one in found.items() if name.startswith(families)}
     assert len(numbers) == 40
     assert set(numbers.values()) == {"reproduced"}
-    assert {found[name].decision.verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
+    assert {found[name].verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
     assert found["C2"].evidence["window"] == "whole"
     for factor in (0.9, 1.1):
         runs = {name: measured_trace(trace, e=factor * trace["e"]) for name, trace in file.runs.items()}
@@ -214,7 +214,7 @@ class TestAngles:
 
     def test_a_start_offset_is_taken_off_and_said(self):
         found = decoupling(self.file(0.005, 0.02, 0.04, start=0.1))
-        assert (found.decision.verdict, bool(found.evidence["remarks"])) == ("reproduced", True)
+        assert (found.verdict, bool(found.evidence["remarks"])) == ("reproduced", True)
         assert not decoupling(self.file(0.005, 0.02, 0.04)).evidence["remarks"]
 
     def test_calculated_angles_follow_from_the_motors(self):
@@ -256,7 +256,7 @@ class TestAngles:
         variables = {"q_d": q_d, "q_encoder": q_encoder}
         run = replace(measured_trace(trace), time=trace.time[: len(q_d)], variables=variables)
         found = motor_angles(replace(file, runs={"controller_2": run}))
-        assert found.decision.verdict == ("reproduced" if share < 0.05 else "not_reproduced")
+        assert found.verdict == ("reproduced" if share < 0.05 else "not_reproduced")
         rows = found.evidence["statements"]
         assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
         assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
@@ -276,7 +276,7 @@ class TestAngles:
     def test_k3_is_the_mae_over_the_range_of_each_joint(self, sizes_deg, held):
         ranges_deg = (40.0, 20.0, 60.0)
         judgement = decoupling(self.on_ranges(sizes_deg, ranges_deg))
-        assert judgement.decision.verdict == ("reproduced" if all(held) else "not_reproduced")
+        assert judgement.verdict == ("reproduced" if all(held) else "not_reproduced")
         found = judgement.evidence["start_offset_removed"]
         assert found["mae_deg"] == pytest.approx(sizes_deg, rel=5e-3)
         assert found["share_of_range"] == pytest.approx(np.divide(sizes_deg, ranges_deg), rel=5e-3)

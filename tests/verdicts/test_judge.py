@@ -13,7 +13,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import Sources, changed, judge_all
 from tendonrepro.verdicts.report import as_data, claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
-from tendonrepro.verdicts.statements import IDEAL, LONGER
+from tendonrepro.verdicts.statements import IDEAL_LONGER, LONGER
 
 
 class TestReadings:
@@ -71,12 +71,12 @@ class TestWhatIsMissing:
         assert {(v.verdict, v.evidence["run"]) for v in waiting} == {("not_testable", "tendonrepro ensemble")}
 
     def test_a_variation_or_reading(self, data, paper):
-        del data.codes["controller_2", LONGER]
-        assert LONGER in one(data, paper, "E2").evidence["missing"]
+        del data.codes["controller_2", LONGER.name]
+        assert LONGER.name in one(data, paper, "E2").evidence["missing"]
         assert one(data, paper, "E2a").verdict == "compatible"
-        data.codes["controller_2", LONGER] = data.codes["controller_2", PRINTED]
-        del data.codes["controller_2", f"{IDEAL}+{LONGER}"]
-        assert f"{IDEAL}+{LONGER}" in one(data, paper, "E2").evidence["missing"]
+        data.codes["controller_2", LONGER.name] = data.codes["controller_2", PRINTED]
+        del data.codes["controller_2", IDEAL_LONGER.name]
+        assert IDEAL_LONGER.name in one(data, paper, "E2").evidence["missing"]
         assert one(data, paper, "C2").verdict == "compatible"
 
     def test_what_only_a_measurement_can_tell(self):

@@ -15,9 +15,10 @@ from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.ledger import claims_study, shipped_ledger, with_shipped
+from tendonrepro.verdicts.ledger import shipped_ledger, with_shipped
 from tendonrepro.verdicts.report import as_data
 from tendonrepro.verdicts.rules import EDITION, FAILURES
+from tendonrepro.verdicts.study import claims_study
 
 
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
@@ -131,8 +132,8 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     (tmp_path / "ensemble").mkdir()
     (tmp_path / "ensemble" / PLAN).touch()
     (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
-    monkeypatch.setattr("tendonrepro.verdicts.ledger.read_ensemble", lambda _: own)
-    monkeypatch.setattr("tendonrepro.verdicts.ledger.rankings", lambda _: {})
+    monkeypatch.setattr("tendonrepro.verdicts.study.read_ensemble", lambda _: own)
+    monkeypatch.setattr("tendonrepro.verdicts.study.rankings", lambda _: {})
     ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}

@@ -10,7 +10,7 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUAN
 from tendonrepro.simulation.streaming import SLOW
 from tendonrepro.verdicts import from_print, rules
 from tendonrepro.verdicts.from_measurement import AGREES, LEAST_RANGE, TINY
-from tendonrepro.verdicts.rules import Decision
+from tendonrepro.verdicts.rules import Ruling
 from tendonrepro.verdicts.statements import CLAIMS
 from tendonrepro.verdicts.tension import MARGINS
 
@@ -106,24 +106,24 @@ class TestClaims:
         assert not rules.of_claim(low, high).borderline
 
     def test_a_claim_has_the_weakest_verdict_of_its_values(self):
-        good, weak, bad = Decision("compatible"), Decision("no_power"), Decision("outside_model")
-        assert rules.of_values(Decision("contradicted"), [good]).verdict == "compatible"
-        assert rules.of_values(Decision("contradicted"), [good, weak]).verdict == "no_power"
-        assert rules.of_values(Decision("compatible"), [weak, bad]).verdict == "direction_only"
-        assert rules.of_values(Decision("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
+        good, weak, bad = Ruling("compatible"), Ruling("no_power"), Ruling("outside_model")
+        assert rules.of_values(Ruling("contradicted"), [good]).verdict == "compatible"
+        assert rules.of_values(Ruling("contradicted"), [good, weak]).verdict == "no_power"
+        assert rules.of_values(Ruling("compatible"), [weak, bad]).verdict == "direction_only"
+        assert rules.of_values(Ruling("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
 
     def test_values_near_an_end_make_the_claim_borderline(self):
-        near, far = Decision("compatible", borderline=True), Decision("outside_model")
-        assert rules.of_values(Decision("compatible"), [near]).borderline
+        near, far = Ruling("compatible", borderline=True), Ruling("outside_model")
+        assert rules.of_values(Ruling("compatible"), [near]).borderline
         assert rules.of_values(near, [far]).borderline
-        assert not rules.of_values(near, [Decision("compatible")]).borderline
+        assert not rules.of_values(near, [Ruling("compatible")]).borderline
 
     def test_ways_that_agree_have_their_verdict(self):
-        good, bad = Decision("compatible"), Decision("contradicted")
-        near = Decision("compatible", borderline=True)
+        good, bad = Ruling("compatible"), Ruling("contradicted")
+        near = Ruling("compatible", borderline=True)
         assert rules.of_courses([good, near]) == near
         assert rules.of_courses([bad, bad]) == bad
-        assert rules.of_courses([good, bad]) == Decision("depends_on_plant")
+        assert rules.of_courses([good, bad]) == Ruling("depends_on_plant")
 
 
 @pytest.mark.skipif(not PAGE.is_file(), reason="no docs folder beside the package")
@@ -138,7 +138,7 @@ class TestPage:
         rows = set(re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.M))
         used = {judgement.rule for judgement in published().judgements.values()} - {"input"}
         assert rows == rules.VERDICTS.keys() | used
-        assert used >= set(CLAIMS) | set(from_print.FROM_THE_PRINT)
+        assert used >= {*CLAIMS, *from_print.FROM_THE_PRINT, *from_print.TURNS}
 
     def test_failures(self, text):
         (names,) = re.findall(r"exit code 3 when a verdict is (.*?)\. With", text)

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from SALib.analyze import rbd_fast
 from support.made_claims import NAMES, MadeEnsemble, ranking_of
 
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
-from tendonrepro.verdicts.sensitivity import draw_influences, ranked
+from tendonrepro.verdicts.figures import draw_influences
+from tendonrepro.verdicts.first_order import HARMONICS, first_order_index, half_width
+from tendonrepro.verdicts.sensitivity import ranked
 
 
 def index(ranking, name):
@@ -29,19 +32,24 @@ class TestKnownIndices:
         assert ranking["unexplained"] > 0.9
         assert ranking["rows"][0]["index"] < 0.1
 
-    def test_what_two_explain_together_is_in_the_totals(self, draws):
-        """(a - 1/2)(b - 1/2) has no share of either alone; c alone has the rest of the variance."""
-        product = 12.0 * (draws[:, 0] - 0.5) * (draws[:, 1] - 0.5)
-        ranking = ranking_of(draws, product + np.sqrt(12.0) * (draws[:, 2] - 0.5))
-        total = {row["name"]: row["total"] for row in ranking["rows"]}
-        assert [total[name] for name in "abcd"] == pytest.approx([0.5, 0.5, 0.5, 0.0], abs=0.06)
-        assert index(ranking, "a") < 0.05
-
     def test_a_discrete_unknown(self, draws):
         coarse = draws.copy()
         coarse[:, 2] = np.floor(3.0 * coarse[:, 2])
         assert index(ranking_of(coarse, coarse[:, 2] == 1.0), "c") > 0.8
         assert index(ranking_of(coarse, coarse[:, 0]), "c") < 0.05
+
+
+@pytest.mark.parametrize("plants", [101, 400])
+def test_indices_and_intervals_are_those_of_salib(draws, plants):
+    X = np.column_stack([draws[:plants, :2], np.floor(3.0 * draws[:plants, 2])])
+    Y = 3.0 * X[:, 0] + X[:, 2] + draws[:plants, 1] * draws[:plants, 3]
+    problem = {"num_vars": 3, "names": ["a", "b", "c"]}
+    theirs = rbd_fast.analyze(problem, X, Y, M=HARMONICS, num_resamples=400, seed=1)
+    rng = np.random.default_rng(2)
+    for i, unknown in enumerate(X.T):
+        assert first_order_index(unknown, Y) == pytest.approx(theirs["S1"][i], abs=1e-12)
+        # Two bootstraps of 400 differ by a twentieth.
+        assert half_width(unknown, Y, 400, rng) == pytest.approx(theirs["S1_conf"][i], rel=0.2)
 
 
 def test_chance_stays_below_the_floor(draws):
@@ -52,6 +60,19 @@ def test_chance_stays_below_the_floor(draws):
         above += ranking["rows"][0]["index"] > ranking["noise_floor"]
     # One in 20 is expected.
     assert above <= 4
+
+
+def test_an_unknown_that_cannot_act_raises_the_floor_to_what_it_seems_to_explain(draws):
+    alike = draws.copy()
+    alike[:, 3] = 0.7 * draws[:, 0] + 0.3 * draws[:, 3]
+    outcome = draws[:, 0] + 0.2 * draws[:, 1]
+    ranking = ranked(NAMES, alike, outcome, inert=("d",))
+    assert [row["name"] for row in ranking["rows"]][:1] == ["a"]
+    assert "d" not in [row["name"] for row in ranking["rows"]]
+    # A linear sum: corr(a, d)^2 times the share of a.
+    assert ranking["noise_floor"] == pytest.approx(0.49 / 0.58 / 1.04, abs=0.03)
+    assert index(ranking, "b") < ranking["noise_floor"]
+    assert ranking_of(draws, outcome)["noise_floor"] < 0.06
 
 
 def test_nothing_to_rank(draws):
@@ -71,30 +92,30 @@ def test_the_picture_has_a_column_an_outcome_and_the_strongest_unknowns_on_top(d
     names = [label.get_text() for label in axes.get_yticklabels()]
     assert names[:2] == ["a", "c"]
     for column, held in enumerate(found.values()):
-        totals = {row["name"]: 100.0 * row["total"] for row in held["rows"]}
+        shares = {row["name"]: 100.0 * row["index"] for row in held["rows"]}
         assert axes.images[0].get_array()[:, column].tolist() == pytest.approx(
-            [totals[name] for name in names]
+            [shares[name] for name in names]
         )
 
 
 def test_what_is_ranked_are_ratio_numbers_and_joint_3_over_joint_2(monkeypatch):
     data, seen = MadeEnsemble(), []
 
-    def spied(_names, _draws, values, floor=None):
-        seen.append((values, floor))
-        return {"noise_floor": 0.25}
+    def spied(_names, _draws, values, inert):
+        seen.append(values)
+        assert set(inert) == set(UNDER_READINGS)
+        return {}
 
     monkeypatch.setattr(sensitivity, "ranked", spied)
     found = dict(zip(sensitivity.rankings(data), seen, strict=True))
     error = {run: data.values[run, PRINTED, "mae"] for run in CONTROLLERS}
     for i, joint in enumerate(data.joints):
-        values, floor = found[f"ratio_joint_{joint}"]
-        assert values == pytest.approx(np.log(error[CONTROLLERS[0]] / error[CONTROLLERS[1]])[:, i])
-        assert floor is None
-        values, floor = found[f"table2.controller_3.mae.joint_{joint}"]
-        assert values == pytest.approx(np.log(error[CONTROLLERS[2]])[:, i])
-        assert floor == 0.25
-    values, floor = found["joint_3_over_2"]
-    assert values == pytest.approx(np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0]))
-    assert floor == 0.25
+        expected = np.log(error[CONTROLLERS[0]] / error[CONTROLLERS[1]])[:, i]
+        assert found[f"ratio_joint_{joint}"] == pytest.approx(expected)
+        assert found[f"table2.controller_3.mae.joint_{joint}"] == pytest.approx(
+            np.log(error[CONTROLLERS[2]])[:, i]
+        )
+    assert found["joint_3_over_2"] == pytest.approx(
+        np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0])
+    )
     assert sum(name.startswith("table") for name in found) == 16

@@ -8,7 +8,7 @@ from support.oracles import ROPE, TENDON_4
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.models.readings import AXES
+from tendonrepro.configuration.models.readings import AXES, PRINTED
 from tendonrepro.monte_carlo.box import configured, make_box
 from tendonrepro.verdicts import tension as rule
 
@@ -42,7 +42,7 @@ def test_no_posture_in_between_is_lower_than_the_corners(course, margin):
     joint = np.cumsum(torque[::-1], axis=0)[::-1] - (np.outer(TENDON_4[course], force))[:, :, np.newaxis]
     tension = np.einsum("nj,jkp->nkp", np.linalg.inv(ROPE.T), joint)
     by_hand = (tension.min(axis=(0, 2)) > 0.0).mean()
-    (row,) = (row for row in rule.tension(data).evidence["courses"] if row["course"] == course)
+    (row,) = (row for row in rule.tension(data)[PRINTED].evidence["courses"] if row["course"] == course)
     assert row["every_tendon_tense"][f"at_{margin:g}_deg"]["share"] == pytest.approx(by_hand)
     assert (by_hand < 1.0) == (course == "distal_only")
 
@@ -63,10 +63,10 @@ def test_moments_are_those_of_the_plants_that_are_simulated():
 
 def test_where_the_distance_from_the_edges_decides_the_course_depends():
     found = rule.tension(None)
-    rows = {row["course"]: row for row in found.evidence["courses"]}
+    rows = {row["course"]: row for row in found[PRINTED].evidence["courses"]}
     verdicts = [rows[course]["verdict"] for course in ("negative", "distal_only", "alternating")]
     assert verdicts == ["compatible", "depends_on_plant", "compatible"]
     by_margin = rows["distal_only"]["every_tendon_tense"]
     assert by_margin["at_5_deg"]["verdict"] != by_margin["at_20_deg"]["verdict"]
-    assert found.decision.verdict == "depends_on_plant"
-    assert found.other_readings["tensioner=absent"] == "not_testable"
+    assert found[PRINTED].verdict == "depends_on_plant"
+    assert found["tensioner=absent"].verdict == "not_testable"

@@ -1,15 +1,17 @@
 """Naming an interpretation by the ratios of its errors does as well as theory allows, and no better."""
 
+import importlib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
+from support.pages import DOCS, NEEDS_DOCS
 
 from tendonrepro.configuration.published import published
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.given_tables import NOISE, given_tables
 
+pytestmark = NEEDS_DOCS
 PLANTS = 400
 TABLES = {
     "controller_1": "table2.controller_1",
@@ -17,6 +19,13 @@ TABLES = {
     "controller_3": "table2.controller_3",
     "controller_1_payload": "table3.with_load",
 }
+
+
+@pytest.fixture
+def naming(monkeypatch):
+    """docs/given_tables.py."""
+    monkeypatch.syspath_prepend(DOCS)
+    return importlib.import_module("given_tables")
 
 
 class Held(SimpleNamespace):
@@ -41,48 +50,48 @@ def ensemble(shifts, spread=0.0, unstable=()):
     return Held(joints=(2, 3), statistic=statistic, status=status)
 
 
-def test_the_same_ratios_cannot_be_told_apart():
-    found = given_tables(ensemble({"a": 0.0, "b": 0.0}), ["a", "b"])
+def test_the_same_ratios_cannot_be_told_apart(naming):
+    found = naming.given_tables(ensemble({"a": 0.0, "b": 0.0}), ["a", "b"])
     assert found.probability == pytest.approx([0.5, 0.5], abs=1e-6)
     assert found.accuracy == pytest.approx(0.5, abs=0.05)
     assert found.typical > 0.5
 
 
-def test_ratios_far_apart_are_named_and_sure():
-    found = given_tables(ensemble({"a": 0.0, "b": 0.3}), ["a", "b"])
+def test_ratios_far_apart_are_named_and_sure(naming):
+    found = naming.given_tables(ensemble({"a": 0.0, "b": 0.3}), ["a", "b"])
     assert found.probability == pytest.approx([1.0, 0.0], abs=1e-6)
     assert (found.accuracy, found.sure, found.accuracy_when_sure) == (1.0, 1.0, 1.0)
     assert found.confused == pytest.approx(np.eye(2))
 
 
-def test_accuracy_is_that_of_the_best_rule_for_two_normal_clouds():
+def test_accuracy_is_that_of_the_best_rule_for_two_normal_clouds(naming):
     """Four errors shifted by d; the mean over the runs takes a quarter: they lie sqrt(3) d apart."""
     shift = 0.04
-    found = given_tables(ensemble({"a": 0.0, "b": shift}), ["a", "b"])
-    best = norm.cdf(0.5 * np.sqrt(3.0) * shift / NOISE)
+    found = naming.given_tables(ensemble({"a": 0.0, "b": shift}), ["a", "b"])
+    best = norm.cdf(0.5 * np.sqrt(3.0) * shift / naming.NOISE)
     assert found.accuracy == pytest.approx(best, abs=0.03)
     for held in found.calibration:
         if held.plants > 50:
             assert held.right == pytest.approx(held.probability, abs=0.1)
 
 
-def test_ratios_like_none_are_said_to_be_like_none():
-    found = given_tables(ensemble({"a": 0.5, "b": 0.9}), ["a", "b"])
+def test_ratios_like_none_are_said_to_be_like_none(naming):
+    found = naming.given_tables(ensemble({"a": 0.5, "b": 0.9}), ["a", "b"])
     assert found.typical == 0.0
 
 
-def test_what_is_stable_too_seldom_is_left_out():
+def test_what_is_stable_too_seldom_is_left_out(naming):
     data = ensemble({"a": 0.0, "b": 0.3, "c": 0.0}, unstable=("c",))
-    found = given_tables(data, ["a", "c", "b"])
+    found = naming.given_tables(data, ["a", "c", "b"])
     assert (found.names, found.left_out) == (("a", "b"), ("c",))
     assert found.plants.tolist() == [PLANTS, PLANTS]
     with pytest.raises(UsageError):
-        given_tables(data, ["a", "c"])
+        naming.given_tables(data, ["a", "c"])
 
 
-def test_another_size_of_all_errors_changes_nothing():
+def test_another_size_of_all_errors_changes_nothing(naming):
     data = ensemble({"a": 0.0, "b": 0.02}, spread=0.01)
     larger = Held(**vars(data) | {"statistic": lambda *names: 3.0 * data.statistic(*names)})
-    first, second = given_tables(data, ["a", "b"]), given_tables(larger, ["a", "b"])
+    first, second = naming.given_tables(data, ["a", "b"]), naming.given_tables(larger, ["a", "b"])
     assert second.probability == pytest.approx(first.probability, rel=1e-9)
     assert second.accuracy == first.accuracy

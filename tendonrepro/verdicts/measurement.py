@@ -1,0 +1,67 @@
+"""A measured trace file, with what follows from it: its desired motion and its errors over every window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from tendonrepro.configuration.published import Published
+from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
+from tendonrepro.dataset.windows import PrintedTables, try_windows
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.results.records import TraceFile
+from tendonrepro.results.traces import read_traces
+
+MEASURED = Path("data") / "measured.h5"
+"""Where ``tendonrepro ingest`` writes the measured trace file by default."""
+
+_THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
+
+
+def read_measured(path: Path) -> TraceFile:
+    """Read a measured trace file.
+
+    Raises
+    ------
+    DataMissingError
+        If there is none or it cannot be read.
+    UsageError
+        If it is simulated, or holds no run.
+    """
+    try:
+        file = read_traces(path)
+    except DataMissingError as error:
+        message = error.message if path.exists() else "there is no measured trace file"
+        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
+    if file.source != "measured":
+        raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
+    if not file.runs:
+        raise UsageError("holds no runs", where=str(path), hint="name them under runs of the mapping")
+    return file
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measured file and what follows from it; `unrecovered` says why there is no `reference`."""
+
+    file: TraceFile
+    tables: PrintedTables
+    reference: Reference | None
+    unrecovered: str = ""
+
+    @cached_property
+    def compare(self) -> TraceFile:
+        """Its runs of the comparison."""
+        return self.file.part("compare")
+
+
+def measurement_of(file: TraceFile, paper: Published) -> Measurement:
+    """Recover the reference of a file and try every averaging window."""
+    reference, unrecovered = None, ""
+    try:
+        reference = recover_reference(file)
+    except DataMissingError as error:
+        unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
+    tables = try_windows(file.part("compare"), paper, timing_of(file, reference))
+    return Measurement(file, tables, reference, unrecovered)
