@@ -42,9 +42,6 @@ LEAST_PLANTS = 100
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
 
-NEAR = 2.0
-"""Factor of a printed error within which one of ours counts as of its size."""
-
 MOST, FEW = 0.95, 0.05
 """Shares that confirm a direction, or confirm its opposite."""
 
@@ -281,25 +278,16 @@ def _by_joint(
 def _beside_print(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
 ) -> BesidePrint:
-    """RMSE over MAE of every controller, joint 3 over joint 2, and a plant's distance from the print.
+    """Shapes of errors, whether Controller 1 is the smoothest, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
-    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale. The
-    reverse order counts where every MAE is within a factor `NEAR` of the print.
+    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale.
     """
     printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
-    shape, printed_shape = rmse / mae, printed_rmse / printed_mae
+    shape = rmse / mae
     scaleless = np.concatenate([mae[:-1] / mae[1:], shape])
-    printed_scaleless = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_shape])
-    apart = np.log(scaleless / printed_scaleless[:, np.newaxis])
-    times = np.rad2deg(mae) / printed_mae[:, np.newaxis]
-    near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
-    order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
-    smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
-
-    def on_both(hits: Flags) -> ShareOfPlants:
-        return share_of(_all(hits, axis=1), replicate).as_row()
-
+    printed = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_rmse / printed_mae])
+    apart = np.log(scaleless / printed[:, np.newaxis])
     return {
         "joint_3_over_2": {
             run: {
@@ -308,18 +296,10 @@ def _beside_print(
             }
             for place, run in enumerate(CONTROLLERS)
         },
-        "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
-        "rmse_over_mae": {
-            run: _by_joint(joints, shape[place], replicate, printed_shape[place].tolist())
-            for place, run in enumerate(CONTROLLERS)
-        },
         "rmse_over_mae_growth": _by_joint(joints, shape[-1] / shape[0], replicate),
-        "share_rmse_over_mae_rises": _shares(joints, rises, replicate),
+        "share_rmse_over_mae_rises": _shares(joints, _in_order(shape), replicate),
         "distance": quantiles_of(np.sqrt((apart**2).mean(axis=(0, 2))), replicate),
-        "share_c1_smoother": on_both(smoother),
-        "share_order_and_smoother": on_both(order & smoother),
-        "share_order_and_rise": on_both(order & rises),
-        "share_order_rise_and_smoother": on_both(order & rises & smoother),
+        "share_c1_smoother": share_of(_all(steps[0] < steps[1:], axis=(0, 2)), replicate).as_row(),
     }
 
 

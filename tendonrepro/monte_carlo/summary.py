@@ -93,15 +93,10 @@ class BesidePrint(TypedDict, total=False):
     """Shapes of errors, and how far a plant is from the print; nothing of it is said of another arm."""
 
     joint_3_over_2: dict[str, dict[str, Quantiles]]
-    share_reverse_near_print: ShareOfPlants
-    rmse_over_mae: dict[str, QuantilesByJoint]
     rmse_over_mae_growth: QuantilesByJoint
     share_rmse_over_mae_rises: SharesByJoint
     distance: Quantiles
     share_c1_smoother: ShareOfPlants
-    share_order_and_smoother: ShareOfPlants
-    share_order_and_rise: ShareOfPlants
-    share_order_rise_and_smoother: ShareOfPlants
     agreement: Agreement
 
 
