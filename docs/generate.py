@@ -499,14 +499,14 @@ WHAT_RUNS = {
 
 def what_it_depends_on() -> str:
     """How often Controller 1 is the worst or the best, and how near an arm comes, by what runs."""
-    shares = {held["name"]: held for held in stored("ensemble")["populations"]["box"]["readings"]}
+    readings = contents.by_name(stored("ensemble"))
     misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
     return table(
         ["what runs", "Controller 1 is the worst", "… the best", "published order", "the closest arm misses by"],
         [
             [
                 words,
-                *(percent(shares[name][kind]["share"]) for kind in ("first_worst", "first_best", "in_order")),
+                *(share_of(readings[name][f"share_{kind}"]) for kind in ("c1_worst", "c1_best", "c1_lt_c2_lt_c3")),
                 off(misfits[name]),
             ]
             for name, words in WHAT_RUNS.items()
