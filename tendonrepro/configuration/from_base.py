@@ -18,7 +18,7 @@ USER = "user: given without a source"
 
 Item = TypeVar("Item")
 
-Sizes: TypeAlias = Callable[[Key, int], int]
+LengthOf: TypeAlias = Callable[[Key, int], int]
 """Number of entries that a list at a path of keys has in the file, from that in the base."""
 
 
@@ -84,7 +84,7 @@ class _Merge:
     def __init__(
         self,
         document: Document,
-        size: Sizes,
+        size: LengthOf,
         whole: Callable[[Key, Tree], bool],
         mark: str,
         *,

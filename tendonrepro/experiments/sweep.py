@@ -32,7 +32,7 @@ OPTION = "--over"
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
-Over: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
+SweptValues: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
 """Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
@@ -130,7 +130,7 @@ class Sweep:
 
 
 def load_grid(
-    over: Over,
+    over: SweptValues,
     source: ConfigLike = None,
     *,
     overrides: Overrides | None = None,
@@ -192,7 +192,7 @@ def _check_comparable(points: Sequence[Point]) -> None:
         raise UsageError("a sweep averages whole runs, so errors_from must be 0", where=OPTION, hint=hint)
 
 
-def parse_over(over: Over) -> dict[str, list[Node]]:
+def parse_over(over: SweptValues) -> dict[str, list[Node]]:
     """Values by key; a UsageError where it is not over one or two keys."""
     if isinstance(over, Mapping):
         pairs = [(key, _checked(str(key), override(key, values).value)) for key, values in over.items()]
@@ -218,7 +218,7 @@ def _checked(text: str, values: Node) -> list[Node]:
     return values
 
 
-def _words_of(over: Over) -> list[str]:
+def _words_of(over: SweptValues) -> list[str]:
     """What was asked for, as on the command line."""
     if not isinstance(over, Mapping):
         return list(over)
