@@ -495,6 +495,8 @@ WHAT_RUNS = {
     BOTH: "changed: weights (1 + α, −α) in Eq. (15), Δ in degrees",
 }
 """Interpretations that README shows, and their words."""
+RANKED = ("share_c1_worst", "share_c1_best", "share_c1_lt_c2_lt_c3")
+"""Rankings of which README shows the shares."""
 
 
 def what_it_depends_on() -> str:
@@ -504,11 +506,7 @@ def what_it_depends_on() -> str:
     return table(
         ["what runs", "Controller 1 is the worst", "… the best", "published order", "the closest arm misses by"],
         [
-            [
-                words,
-                *(share_of(readings[name][f"share_{kind}"]) for kind in ("c1_worst", "c1_best", "c1_lt_c2_lt_c3")),
-                off(misfits[name]),
-            ]
+            [words, *(share_of(readings[name][ranking]) for ranking in RANKED), off(misfits[name])]
             for name, words in WHAT_RUNS.items()
         ],
     )

@@ -78,8 +78,19 @@ def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
 
 
 def test_each_experiment_gives_its_figures() -> None:
-    assert available(decouple_file()) + available(compare_file()) == list(FIGURES)
-    assert list(FIGURES) == sorted(UNITS)
+    assert sorted(available(decouple_file()) + available(compare_file())) == sorted(FIGURES)
+    assert UNITS.keys() <= FIGURES.keys()
+
+
+@every_figure
+def test_every_panel_with_a_time_says_its_unit_and_a_figure_is_as_wide_as_a_column_or_page(name: str) -> None:
+    artists = drawn(name)
+    labels = [panel.get_ylabel() for panel in artists.axes.values() if panel.axison]
+    assert labels
+    assert [label for label in labels if not re.search(r"\(.+\)$", label)] == []
+    assert artists.figure.get_figwidth() * 25.4 == pytest.approx(85.0) or (
+        artists.figure.get_figwidth() * 25.4 == pytest.approx(175.0)
+    )
 
 
 @pytest.mark.parametrize("name", UNITS)
