@@ -37,7 +37,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
-from tendonrepro.reporting.stored import thinned
+from tendonrepro.reporting.shown_keys import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS

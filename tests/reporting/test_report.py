@@ -15,7 +15,8 @@ from tendonrepro.files import to_json
 from tendonrepro.reporting.contents import OF_ANSWER, robustness
 from tendonrepro.reporting.figures import draw_orders, draw_ranges
 from tendonrepro.reporting.page import run_report
-from tendonrepro.reporting.stored import stored_under, thinned
+from tendonrepro.reporting.shown_keys import thinned
+from tendonrepro.reporting.stored import stored_under
 
 
 @pytest.mark.slow
