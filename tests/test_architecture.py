@@ -37,7 +37,7 @@ OWNERS = {
     "yaml": ["configuration/strict_yaml.py"],
     "h5netcdf": ["results/traces.py"],
     "xarray": ["results/traces.py", "studies/result.py"],
-    "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
+    "h5py": ["dataset/nested.py", "dataset/matlab.py"],
     "pandas": [
         "dataset/runs.py",
         "dataset/cells.py",
@@ -50,7 +50,7 @@ OWNERS = {
     ],
     "pyarrow": ["results/traces.py"],
     "matio": ["dataset/matlab.py"],
-    "nptdms": ["dataset/instruments.py"],
+    "nptdms": ["dataset/labview.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
     "filelock": ["results/place.py"],
@@ -166,6 +166,17 @@ def test_parameters_are_called_by_what_they_are() -> None:
         for function in functions if room_of(file) not in UNTYPED else ():
             names = {node.arg for node in ast.walk(function.args) if isinstance(node, ast.arg)}
             assert not names & {"found", "held", "one"}, f"{file}: {function.name}"
+
+
+def test_a_class_has_a_name_of_its_own() -> None:
+    """One name stands for one thing, wherever a reader meets it."""
+    rooms: dict[str, set[str]] = {}
+    for file in INNER:
+        for node in ast.walk(tree_of(file)):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                rooms.setdefault(node.name, set()).add(room_of(file))
+    assert len(rooms) > 100
+    assert {name: where for name, where in rooms.items() if len(where) > 1} == {}
 
 
 def test_the_house_is_small_enough_to_know() -> None:

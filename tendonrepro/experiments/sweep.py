@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import LoadedConfig, Source, config_digest, find_source, load_config
+from tendonrepro.configuration.load import ConfigLike, LoadedConfig, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig, errors_from
 from tendonrepro.configuration.overrides import Overrides, override, overrides_of
 from tendonrepro.configuration.strict_yaml import Node, load
@@ -92,7 +92,7 @@ class Grid:
         return list(self.points[0].loops)
 
 
-class Ratio(NamedTuple):
+class ErrorRatio(NamedTuple):
     """Ratio of two runs' MAE, (P, n), NaN where one did not last; and as a slow load would give it."""
 
     simulated: Array
@@ -121,7 +121,7 @@ class Sweep:
     status_time: Array
     steps: NDArray[np.int64]
     sizes: Mapping[str, Array]
-    ratios: Mapping[str, Ratio]
+    ratios: Mapping[str, ErrorRatio]
 
     def named(self, status: str) -> list[str]:
         """Points and runs that ended so."""
@@ -131,7 +131,7 @@ class Sweep:
 
 def load_grid(
     over: Over,
-    source: Source = None,
+    source: ConfigLike = None,
     *,
     overrides: Overrides | None = None,
     seed: int | None = None,
@@ -280,7 +280,7 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
         steps=np.array([batch.steps for batch in batches]),
         sizes=sizes | {name: stacked(name) for name in IN_SI},
         ratios={
-            pair: Ratio(
+            pair: ErrorRatio(
                 ratio_of(sizes["mae_deg"], status, [grid.runs.index(run) for run in both]),
                 np.array([_predicted(point, both) for point in grid.points]),
             )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Seed, Source
+from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Folder, Seed
 from tendonrepro.studies.study import Site, Study
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ __all__ = ["validate"]
 @study(DATA, "tendonrepro validate data/measured.h5")
 def validate(
     measured: Annotated[Path | str, ARGUMENT] = Path("data/measured.h5"),
-    config: Source = None,
+    config: ConfigOption = None,
     *,
     set: Changes = None,
     seed: Seed = None,

@@ -52,15 +52,15 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
 ) -> None:
     whole = run(tmp_path / "whole")
     done: list[int] = []
-    tuned = search.Task.tuned
+    tuned = search.TuningTask.tuned
 
-    def dying(task: search.Task, number: int) -> dict[str, Any]:
+    def dying(task: search.TuningTask, number: int) -> dict[str, Any]:
         done.append(number)
         if len(done) == 2:
             raise KeyboardInterrupt
         return tuned(task, number)
 
-    monkeypatch.setattr(search.Task, "tuned", dying)
+    monkeypatch.setattr(search.TuningTask, "tuned", dying)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert not (tmp_path / "killed").exists()

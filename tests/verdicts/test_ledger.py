@@ -95,7 +95,10 @@ class TestFreshClone:
     def test_every_claim_has_the_stored_verdict(self, ledger):
         stored, found = shipped_ledger().verdicts, entries(ledger.data)
         shipped = {name for name, entry in found.items() if entry["shipped"]}
-        assert shipped == {name for name, entry in found.items() if entry["kind"] == "ensemble"}
+        # A new claim has no verdict until the ensemble is judged again; check-release asks for that.
+        assert shipped == stored.keys() & {
+            name for name, entry in found.items() if entry["kind"] == "ensemble"
+        }
         for name in shipped:
             for key in ("verdict", "ours", "borderline", "rule", "printed", "unit"):
                 assert found[name][key] == getattr(stored[name], key), name
