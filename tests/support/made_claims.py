@@ -136,7 +136,7 @@ def verdicts(data, paper, *only):
     return {verdict.id: verdict for verdict in judge_all(Sources(ensemble=data), paper, only)}
 
 
-def one(data, paper, name):
+def verdict_on(data, paper, name):
     return verdicts(data, paper, name)[name]
 
 

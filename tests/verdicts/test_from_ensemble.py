@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from support.made_claims import ESTIMATES, RUNS, MadeEnsemble, one, paper_of, sizes_of, spoil, verdicts
+from support.made_claims import ESTIMATES, RUNS, MadeEnsemble, paper_of, sizes_of, spoil, verdict_on, verdicts
 from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, default_readings
@@ -52,19 +52,19 @@ class TestKnownAnswers:
             first, third = (data.values[f"controller_{k}", PRINTED, name].copy() for k in (1, 3))
             data.values["controller_1", PRINTED, name] = third
             data.values["controller_3", PRINTED, name] = first
-        found = one(data, paper, "C2")
+        found = verdict_on(data, paper, "C2")
         assert found.verdict == "contradicted"
         assert found.ours == 0.0
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
         assert [row["share"] for row in found.evidence["beside"]] == [0.0, 1.0] * 2
         assert any("measured hardware" in remark for remark in found.evidence["remarks"])
-        assert one(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
+        assert verdict_on(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
 
     def test_half_of_the_box_makes_it_depend_on_the_plant(self, data, paper):
         half = data.draws[:, 0] > 0.5
         data.values["controller_1", PRINTED, "mae"][half] *= 2.0
-        found = one(data, paper, "C2")
+        found = verdict_on(data, paper, "C2")
         assert found.verdict == "depends_on_plant"
         assert found.ours == pytest.approx(np.mean(~half))
 
@@ -112,10 +112,10 @@ PARTS = [
 class TestEveryClaimCanFail:
     @pytest.mark.parametrize("claim", OPPOSITES)
     def test_the_opposite_is_contradicted(self, data, paper, claim):
-        assert one(data, paper, claim).verdict == "compatible"
+        assert verdict_on(data, paper, claim).verdict == "compatible"
         for run, reading, names, factor in OPPOSITES[claim]:
             spoil(data, run, names, factor, reading)
-        found = one(data, paper, claim)
+        found = verdict_on(data, paper, claim)
         assert found.verdict == "contradicted"
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
@@ -123,7 +123,7 @@ class TestEveryClaimCanFail:
     @pytest.mark.parametrize(("claim", "run", "reading", "names", "factor", "word"), PARTS)
     def test_a_part_that_fails_is_no_opposite(self, data, paper, claim, run, reading, names, factor, word):
         spoil(data, run, names, factor, reading)
-        found = one(data, paper, claim)
+        found = verdict_on(data, paper, claim)
         assert (found.verdict, found.ours) == ("not_met", 0.0)
         verdicts_of_parts = {row["verdict"] for row in found.evidence["statements"]}
         assert {"contradicted", "compatible"} <= verdicts_of_parts
@@ -142,7 +142,7 @@ class TestEveryClaimCanFail:
     )
     def test_one_measure_is_enough(self, data, paper, claim, run, reading, names, left):
         spoil(data, run, names, 4.0, reading)
-        found = one(data, paper, claim)
+        found = verdict_on(data, paper, claim)
         assert (found.verdict, found.evidence["measure"]) == ("compatible", left)
         by = {row["measure"]: row["verdict"] for row in found.evidence["by_measure"]}
         assert by[left] == "compatible"
@@ -151,7 +151,7 @@ class TestEveryClaimCanFail:
     def test_what_an_ideal_encoder_would_show_stands_beside_and_decides_nothing(self, data, paper):
         for factor, share in ((1.0, 1.0), (1.2, 0.0)):
             spoil(data, FIRST, ESTIMATES, factor, IDEAL.name)
-            found = one(data, paper, "E1")
+            found = verdict_on(data, paper, "E1")
             assert [row["share"] for row in found.evidence["beside"]] == [share] * 6
             assert found.verdict == "compatible"
 
@@ -161,7 +161,7 @@ class TestEveryClaimCanFail:
             error = data.rng.random((len(data.draws), 2))
             for name in ("mae", "rmse"):
                 data.values[run, PRINTED, name] = error
-        found = one(data, paper_of(data), "C2").evidence
+        found = verdict_on(data, paper_of(data), "C2").evidence
         assert (found["chance"], found["chance_together"]) == pytest.approx((1.0 / 36.0, 1.0 / 6.0))
         for share in (found["share"], found["opposite"]["share"]):
             assert share == pytest.approx(found["chance"], abs=0.01)
@@ -176,15 +176,15 @@ class TestEveryClaimCanFail:
         assert bound == pytest.approx(0.0493, abs=1e-4)
         for error, verdict in ((bound - 1e-4, "compatible"), (bound + 1e-4, "contradicted")):
             data.values["controller_1", PRINTED, "max_error"][:] = error
-            rows = one(data, paper, "L1").evidence["statements"]
+            rows = verdict_on(data, paper, "L1").evidence["statements"]
             assert [row["verdict"] for row in rows] == [verdict] * 2 + ["compatible"] * 2
 
     def test_bounds_that_no_run_could_leave_are_no_test(self, data, paper):
         # Delta is 11.5 deg, beyond the 10 deg at which a run has diverged; Omega is large enough for it.
         data.values["controller_1", PRINTED, "epsilon_max"][:] = 8.0 * 1.2
-        assert one(data, paper, "L1").verdict == "not_testable"
+        assert verdict_on(data, paper, "L1").verdict == "not_testable"
         data.values["controller_1", PRINTED, "epsilon_max"][0] = 8.0 * 0.2
-        assert one(data, paper, "L1").verdict != "not_testable"
+        assert verdict_on(data, paper, "L1").verdict != "not_testable"
 
     @pytest.mark.parametrize(
         ("share", "verdict"), [(1.0, "compatible"), (0.5, "depends_on_plant"), (0.0, "contradicted")]
@@ -194,7 +194,7 @@ class TestEveryClaimCanFail:
         lost = round(share * 200)
         data.codes[SECOND, PRINTED][10 : 10 + lost] = 2
         data.codes[FIRST, PRINTED][10 + lost : 210] = 1
-        found = one(data, paper, "E1a")
+        found = verdict_on(data, paper, "E1a")
         assert (found.verdict, found.ours, found.evidence["plants"]) == (verdict, share, 200)
         assert found.evidence["chance"] == 0.5
 
@@ -202,7 +202,7 @@ class TestEveryClaimCanFail:
     def test_stability_counts_all_plants(self, data, paper, share):
         lost = np.arange(len(data.draws)) >= share * len(data.draws)
         data.codes["controller_3", PRINTED][lost] = 1
-        found = one(data, paper, "C1")
+        found = verdict_on(data, paper, "C1")
         assert found.ours == pytest.approx(share)
         assert found.verdict == ("compatible" if share > 0.95 else "depends_on_plant")
 
@@ -220,7 +220,7 @@ class TestWhatIsCounted:
             [[data.values[run, PRINTED, name] for name in ("mae", "rmse")] for run in CONTROLLERS]
         ).swapaxes(1, 2)
         ranked = np.where((codes == 2)[..., np.newaxis, np.newaxis], np.inf, sizes)
-        evidence = one(data, paper, "C2").evidence
+        evidence = verdict_on(data, paper, "C2").evidence
         for found, kept, row in (
             (evidence, (codes == 0).all(axis=0), sizes),
             (evidence["diverged_last"], (codes != 3).all(axis=0) & (codes != 2).any(axis=0), ranked),
@@ -232,51 +232,51 @@ class TestWhatIsCounted:
     def test_ranges_are_those_of_plain_numpy(self, data, paper):
         data.codes["controller_3", PRINTED][:100] = 2
         data.codes["controller_1_payload", PRINTED][100:150] = 1
-        box = one(data, paper, "table2.controller_2.mae.joint_3").evidence["box"]
+        box = verdict_on(data, paper, "table2.controller_2.mae.joint_3").evidence["box"]
         values = np.sort(np.rad2deg(data.values["controller_2", PRINTED, "mae"][100:, 1]))
         found = box["low"], box["median"], box["high"], box["plants"]
         assert found == pytest.approx((values[14], values[149], values[284], 300))
         # The payload's numbers need the loaded run too.
-        assert one(data, paper, "table3.with_load.mae.joint_2").evidence["box"]["plants"] == 250
-        shape = one(data, paper, "rmse_over_mae.controller_2.joint_3").evidence["box"]
+        assert verdict_on(data, paper, "table3.with_load.mae.joint_2").evidence["box"]["plants"] == 250
+        shape = verdict_on(data, paper, "rmse_over_mae.controller_2.joint_3").evidence["box"]
         assert shape["median"] == pytest.approx(1.25)
 
     def test_plants_that_all_laws_compared_lose_rank_nothing(self, data, paper):
         for law in ("controller_1", "controller_2"):
             data.codes[law, PRINTED][:200] = 2
-        number = one(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
+        number = verdict_on(data, paper, "share.controller_1_of_2.mae.joint_2").evidence["direction"]
         assert (number["diverged_last"]["share"], number["diverged_last"]["plants"]) == (1.0, 200)
-        third = one(data, paper, "share.controller_1_of_3.mae.joint_2").evidence["direction"]
+        third = verdict_on(data, paper, "share.controller_1_of_3.mae.joint_2").evidence["direction"]
         assert (third["diverged_last"]["share"], third["diverged_last"]["plants"]) == (0.5, 400)
         data.codes["controller_3", PRINTED][:200] = 2
-        assert one(data, paper, "C2").evidence["diverged_last"]["plants"] == 200
+        assert verdict_on(data, paper, "C2").evidence["diverged_last"]["plants"] == 200
 
     def test_statements_that_rank_nothing_fail_where_a_law_diverged(self, data, paper):
         data.codes["controller_2", PRINTED][:200] = 2
-        assert one(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
+        assert verdict_on(data, paper, "C4").evidence["diverged_last"]["share"] == 0.5
 
     def test_too_few_plants(self, data, paper):
         data.codes["controller_2", PRINTED][99:] = 2
         for name in ("C2", "table2.controller_1.mae.joint_2"):
-            found = one(data, paper, name)
+            found = verdict_on(data, paper, name)
             assert found.verdict == "not_testable"
             assert "only 99 of 400" in found.evidence["missing"]
-        assert one(data, paper, "C1").verdict == "depends_on_plant"
+        assert verdict_on(data, paper, "C1").verdict == "depends_on_plant"
         data.codes["controller_2", PRINTED][99] = 0
-        assert one(data, paper, "C2").verdict == "compatible"
+        assert verdict_on(data, paper, "C2").verdict == "compatible"
 
     def test_unresolved_plants_hold_up_the_claim_of_stability(self, data, paper):
         data.codes["controller_2", PRINTED][:20] = 3
-        assert one(data, paper, "C1").verdict == "compatible"
+        assert verdict_on(data, paper, "C1").verdict == "compatible"
         data.codes["controller_2", PRINTED][20] = 3
-        assert one(data, paper, "C1").verdict == "not_testable"
+        assert verdict_on(data, paper, "C1").verdict == "not_testable"
 
     def test_plants_without_overshoot_are_left_out(self, data, paper):
         for run in CONTROLLERS:
             data.values[run, PRINTED, "overshoot"][:100] = 0.0
             data.values[run, PRINTED, "overshoot"][100:150] = np.nan
             data.values[run, PRINTED, "overshoot"][150:200, 0] = 0.0
-        found = one(data, paper, "E3")
+        found = verdict_on(data, paper, "E3")
         assert (found.verdict, found.evidence["plants"]) == ("compatible", 250)
 
     def test_an_overshoot_within_an_encoder_count_is_none(self, data, paper):
@@ -284,21 +284,21 @@ class TestWhatIsCounted:
         for first, verdict in ((0.99, "compatible"), (1.01, "contradicted")):
             data.values[FIRST, PRINTED, "overshoot"][:, 0] = first * count
             data.values[SECOND, PRINTED, "overshoot"][:, 0] = 0.9 * count
-            rows = one(data, paper, "E3").evidence["statements"]
+            rows = verdict_on(data, paper, "E3").evidence["statements"]
             assert [row["verdict"] for row in rows] == [verdict, "compatible"]
 
     def test_a_law_that_diverged_has_not_rested(self, data, paper):
         for run in CONTROLLERS:
             data.values[run, PRINTED, "overshoot"][:, 0] = 0.0
         data.codes[FIRST, PRINTED][:200] = 2
-        rows = one(data, paper, "E3").evidence["diverged_last"]["statements"]
+        rows = verdict_on(data, paper, "E3").evidence["diverged_last"]["statements"]
         assert [row["share"] for row in rows] == [0.5, 0.5]
 
     def test_the_payload_is_its_values_where_all_are_inside(self, data, paper):
         half = data.draws[:, 0] > 0.5
         for name in ("mae", "rmse"):
             data.values[LOADED, PRINTED, name][half] *= 0.9
-        found = one(data, paper, "P1")
+        found = verdict_on(data, paper, "P1")
         assert (found.verdict, found.ours) == ("no_power", pytest.approx(np.mean(~half)))
 
     def test_joint_3_errs_at_least_as_much_as_in_the_paper(self, data):
@@ -306,7 +306,7 @@ class TestWhatIsCounted:
         for factor, verdict in ((1.0 + 1e-9, "compatible"), (1.0 - 1e-9, "contradicted")):
             for run, name in product(RUNS, ("mae", "rmse")):
                 data.values[run, PRINTED, name][:, 1] = factor * least * data.values[run, PRINTED, name][:, 0]
-            assert one(data, published(), "F2").verdict == verdict
+            assert verdict_on(data, published(), "F2").verdict == verdict
 
     def test_similar_means_at_most_five_percent(self, data, paper):
         for run in CONTROLLERS:
@@ -315,7 +315,7 @@ class TestWhatIsCounted:
         for size, verdict in ((0.95, "compatible"), (0.9499, "contradicted")):
             for name in SURFACES:
                 data.values["controller_1", PRINTED, name][:] = size
-            assert one(data, paper, "C4").verdict == verdict
+            assert verdict_on(data, paper, "C4").verdict == verdict
 
     @pytest.mark.parametrize(
         ("claim", "signal", "passes", "fails"), [("C5", "H_hat", 0.9999, 1.0), ("C6", "torque", 0.9499, 0.95)]
@@ -329,11 +329,11 @@ class TestWhatIsCounted:
         for value, verdict in ((passes, "compatible"), (fails, "not_met")):
             for size in sizes_of(signal, "_up"):
                 data.values[FIRST, PRINTED, size][:] = value
-            assert one(data, paper, claim).verdict == verdict
+            assert verdict_on(data, paper, claim).verdict == verdict
 
     def test_a_number_has_its_power_beside_it(self, data, paper):
-        wide = one(data, paper, "table2.controller_1.mae.joint_2").evidence
-        narrow = one(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
+        wide = verdict_on(data, paper, "table2.controller_1.mae.joint_2").evidence
+        narrow = verdict_on(data, paper, "rmse_over_mae.controller_1.joint_2").evidence
         low, high = paper.interval("rmse_over_mae.controller_1.joint_2")
         beyond = [narrow["box"][end] - 1.0 for end in ("low", "high")]
         span = np.log10((beyond[1] + (high - low) / 2) / (beyond[0] - (high - low) / 2))

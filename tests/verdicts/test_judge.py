@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.made_claims import ESTIMATES, MadeEnsemble, one, paper_of, spoil
+from support.made_claims import ESTIMATES, MadeEnsemble, paper_of, spoil, verdict_on
 from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.models.readings import PRINTED
@@ -23,15 +23,15 @@ class TestReadings:
         paper = paper_of(data)
         spoil(data, "controller_1", ESTIMATES, 2.0, "a=b+c=d")
         del data.codes["controller_1", "c=d"]
-        assert one(data, paper, "E1").readings_that_change_it == ("a=b+c=d",)
-        found = one(data, paper, "C4")
+        assert verdict_on(data, paper, "E1").readings_that_change_it == ("a=b+c=d",)
+        found = verdict_on(data, paper, "C4")
         assert found.readings_that_change_it == ()
         assert found.evidence["not_testable_under"] == ["c=d"]
 
     def test_the_printed_one_decides_wherever_it_stands(self):
         data = MadeEnsemble(readings=("a=b", PRINTED))
         spoil(data, "controller_1", ESTIMATES, 2.0, "a=b")
-        found = one(data, paper_of(data), "E1")
+        found = verdict_on(data, paper_of(data), "E1")
         assert (found.verdict, found.readings_that_change_it) == ("compatible", ("a=b",))
 
     def test_a_verdict_says_on_which_motions_and_starts_it_depends(self):
@@ -42,7 +42,7 @@ class TestReadings:
         paper = paper_of(data)
         for reading in (apart, both, "weights=extrapolating"):
             spoil(data, "controller_1", ["mae", "rmse"], 9.0, reading)
-        found = one(data, paper, "C2")
+        found = verdict_on(data, paper, "C2")
         assert {held.reading for held in found.by_choice} == {apart, absent, both}
         ((changed, verdict, ours),) = [(held.reading, held.verdict, held.ours) for held in found.unless]
         assert (changed, verdict, ours) == (apart, "not_met", 0.0)
@@ -54,12 +54,12 @@ class TestReadings:
     def test_variations_are_compared_under_the_printed_reading_alone(self):
         data = MadeEnsemble(readings=(PRINTED, "a=b"))
         spoil(data, "controller_2", ["mae", *ESTIMATES], 9.0, "a=b")
-        found = one(data, paper_of(data), "E2")
+        found = verdict_on(data, paper_of(data), "E2")
         assert (found.verdict, found.readings_that_change_it) == ("compatible", ())
         assert found.evidence["not_testable_under"] == ["a=b"]
 
     def test_the_turn_of_joint_2(self, paper):
-        turns = [one(None, paper, name) for name in ("K2", "K2a", "K2b")]
+        turns = [verdict_on(None, paper, name) for name in ("K2", "K2a", "K2b")]
         assert [found.verdict for found in turns] == ["reproduced", "not_reproduced", "not_reproduced"]
         assert [found.ours for found in turns] == pytest.approx([35.0 / 77.0] * 3)
         # 35 mm against 77 mm is no translation.
@@ -79,12 +79,12 @@ class TestWhatIsMissing:
 
     def test_a_variation_or_reading(self, data, paper):
         del data.codes["controller_2", LONGER.name]
-        assert LONGER.name in one(data, paper, "E2").evidence["missing"]
-        assert one(data, paper, "E2a").verdict == "compatible"
+        assert LONGER.name in verdict_on(data, paper, "E2").evidence["missing"]
+        assert verdict_on(data, paper, "E2a").verdict == "compatible"
         data.codes["controller_2", LONGER.name] = data.codes["controller_2", PRINTED]
         del data.codes["controller_2", IDEAL_LONGER.name]
-        assert IDEAL_LONGER.name in one(data, paper, "E2").evidence["missing"]
-        assert one(data, paper, "C2").verdict == "compatible"
+        assert IDEAL_LONGER.name in verdict_on(data, paper, "E2").evidence["missing"]
+        assert verdict_on(data, paper, "C2").verdict == "compatible"
 
     def test_what_only_a_measurement_can_tell(self):
         for found in judge_all(Sources(), only=["K3", "K5"]):
@@ -100,7 +100,7 @@ class TestWhatIsMissing:
 def test_numbers_of_the_nominal_run_stand_beside_the_printed_ones(data, paper):
     file = make_compare_file()
     name = "table2.controller_2.mae.joint_3"
-    without = one(data, paper, name)
+    without = verdict_on(data, paper, name)
     assert without.ours == without.evidence["box"]["median"]
     found = {v.id: v.ours for v in judge_all(Sources(compare=file, ensemble=data), paper)}
     first, second, loaded = (
