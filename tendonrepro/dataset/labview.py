@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.dataset.columns import Columns, Tables, Unreadable
+from tendonrepro.dataset.nested import Nested, Series, tables_of
 from tendonrepro.dataset.text import read_text_table
 
 _BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
@@ -79,21 +80,21 @@ def read_tdms(path: Path) -> Tables:
         raise Unreadable(
             "TDMS is read by the package npTDMS: pip install 'tendonrepro[tdms]', or export it as text"
         ) from None
-    tables = Tables()
+    tree: Nested = {}
+    left_out = []
     for group in TdmsFile.read(path).groups():
-        clocks: dict[tuple[int, bytes], Columns] = {}
+        signals = tree.setdefault(group.name, {})
         for channel in group.channels():
             values = np.asarray(channel[:])
             if values.dtype.kind not in "biuf" or not values.size:
-                tables.left_out.append(f"channel {group.name}/{channel.name}: no numbers")
+                left_out.append(f"channel {group.name}/{channel.name}: no numbers")
                 continue
-            time = None
-            if channel.properties.get("wf_increment"):
-                time = np.asarray(channel.time_track(), float)
-            key = (len(values), b"" if time is None else time.tobytes())
-            columns = clocks.setdefault(key, Columns({} if time is None else {"time (s)": time}))
+            is_timed = channel.properties.get("wf_increment")
+            series = Series({"time (s)": np.asarray(channel.time_track(), float)} if is_timed else {})
             units = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
-            columns.add(channel.name, values.astype(float), str(next(filter(None, units), "")))
-        for number, columns in enumerate(clocks.values(), start=1):
-            tables[group.name if len(clocks) == 1 else f"{group.name}[clock {number}]"] = columns
+            series.add(channel.name, values.astype(float), str(next(filter(None, units), "")))
+            # Channels without times lie together by their numbers of samples.
+            signals |= {channel.name: series} if is_timed else series
+    tables = tables_of(tree)
+    tables.left_out[:0] = left_out
     return tables
