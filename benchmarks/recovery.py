@@ -16,10 +16,10 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import QUIET
+from tendonrepro.evidence.controller import NONE, RECOVERED, UNTOLD
 from tendonrepro.evidence.fit import equally_good
-from tendonrepro.evidence.hypotheses import Log
-from tendonrepro.evidence.recover import recovered
-from tendonrepro.evidence.recovered import NONE, RECOVERED, UNTOLD
+from tendonrepro.evidence.log import Log
+from tendonrepro.evidence.recover import recover_controllers
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.arm import gravity_torque
@@ -110,9 +110,11 @@ def command_of(torque, run):
 
 
 def log_of(trace, run) -> Log:
-    gains, part = load_config(None, "compare").config.control.gains, slice(0, SAMPLES)
-    reference = run.reference
+    config, part = load_config(None, "compare").config, slice(0, SAMPLES)
+    gains, reference = config.control.gains, run.reference
     return Log(
+        run="run",
+        joints=config.joints,
         L=run.controller.law.L,
         q=trace["q_encoder"][part],
         q_motor=None,
@@ -124,7 +126,8 @@ def log_of(trace, run) -> Log:
         S=run.plant.drive.S,
         b=gains.b.si,
         Delta=gains.Delta.si,
-        encoder_step=load_config(None, "compare").config.manipulator.encoders.joint.resolution.si,
+        angle_rounding=np.zeros(len(config.joints)),
+        encoder_step=config.manipulator.encoders.joint.resolution.si,
     )
 
 
@@ -154,7 +157,7 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, boo
     file, published = file_of(log, record), load_config(None, "compare")
     weights = "extrapolating" if "extrapolating" in name else "interpolating"
     true = estimator_weights(published.config.control.gains.alpha.si, weights)
-    for place, one in enumerate(recovered(file, published, QUIET)):
+    for place, one in enumerate(recover_controllers(file, published, QUIET)):
         names = {fit.hypothesis.name for fit in equally_good(one.fits)} if one.fits else set()
         found, holds = one.answer, None
         if one.prints_weights and name not in FOREIGN:

@@ -37,7 +37,7 @@ OWNERS = {
     "yaml": ["configuration/strict_yaml.py"],
     "h5netcdf": ["results/traces.py"],
     "xarray": ["results/traces.py", "studies/result.py"],
-    "h5py": ["dataset/arrays.py", "dataset/matlab.py"],
+    "h5py": ["dataset/nested.py", "dataset/matlab.py"],
     "pandas": [
         "dataset/runs.py",
         "dataset/cells.py",
@@ -50,7 +50,7 @@ OWNERS = {
     ],
     "pyarrow": ["results/traces.py"],
     "matio": ["dataset/matlab.py"],
-    "nptdms": ["dataset/instruments.py"],
+    "nptdms": ["dataset/labview.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
     "filelock": ["results/place.py"],

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from tendonrepro.dataset.arrays import FEWEST, Columns
+from tendonrepro.dataset.columns import FEWEST, Columns
 
 NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
 _EXPONENT = r"(?:[eEdD][-+]?\d+)?"
@@ -27,6 +27,15 @@ def is_number(cell: str) -> bool:
     True
     """
     return bool(NUMBER.fullmatch(cell))
+
+
+def with_point(cell: str) -> str:
+    """A number with a decimal comma, alone or behind thousands, by a point."""
+    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
+
+
+def _pointed(match: re.Match[str]) -> str:
+    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
 
 
 def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
@@ -121,5 +130,5 @@ def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
 def _of_durations(cells: pd.Series) -> pd.Series:
     # A time of two parts is minutes and seconds.
     full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
-    found: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
-    return found
+    seconds: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
+    return seconds

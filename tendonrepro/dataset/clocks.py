@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TypeAlias
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.arrays import Columns, Source
-from tendonrepro.dataset.mapping import Run, Use
+from tendonrepro.dataset.columns import Columns, SourceTable
+from tendonrepro.dataset.mapping import RunMapping, Use
 from tendonrepro.errors import ConfigError
-
-Signals: TypeAlias = dict[Use, tuple[Array, Array]]
-"""Times, s, and values of a column, SI."""
 
 _GAP = 1.5
 """Steps beyond this many median ones are gaps."""
-_FINEST = 0.02
-"""Step of the grid on which curves that were read off are put, at most, s."""
 
 
 def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[str]]:
@@ -64,7 +58,7 @@ def even_step(time: Array) -> float:
     return slope
 
 
-def rows_of(source: Source, run: Run) -> tuple[NDArray[np.bool_], list[str]]:
+def rows_of(source: SourceTable, run: RunMapping) -> tuple[NDArray[np.bool_], list[str]]:
     """Rows that a run takes by `where`, and a note on the others.
 
     Raises
@@ -83,7 +77,7 @@ def rows_of(source: Source, run: Run) -> tuple[NDArray[np.bool_], list[str]]:
 
 
 def times_of(
-    source: Source, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: Run
+    source: SourceTable, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: RunMapping
 ) -> tuple[Array, list[str]]:
     """Times of the rows that a run takes, s, NaN where it takes none, and notes.
 
@@ -119,7 +113,7 @@ def times_of(
     return time, notes + _checked(time, source.name, run)
 
 
-def _part(time: Array, run: Run, table: str) -> tuple[Array, list[str]]:
+def _part(time: Array, run: RunMapping, table: str) -> tuple[Array, list[str]]:
     """Times of one stretch, NaN elsewhere."""
     if run.part is None:
         return time, []
@@ -137,7 +131,7 @@ def _part(time: Array, run: Run, table: str) -> tuple[Array, list[str]]:
     return times, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
 
 
-def _checked(time: Array, table: str, run: Run) -> list[str]:
+def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
     """Notes on gaps."""
     known = np.flatnonzero(np.isfinite(time))
     kept = time[known]
@@ -163,38 +157,3 @@ def _checked(time: Array, table: str, run: Run) -> list[str]:
         return []
     longest = gaps[np.argmax(steps[gaps])]
     return [f"{gaps.size} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"]
-
-
-def in_order(time: Array, values: Array) -> tuple[Array, Array]:
-    """Points of a curve by time; of points at one time the mean."""
-    known = np.isfinite(time) & np.isfinite(values)
-    places, index = np.unique(time[known], return_inverse=True)
-    return places, np.bincount(index, values[known]) / np.bincount(index)
-
-
-def read_off(series: Signals) -> tuple[Array, dict[Use, Array]]:
-    """Curves read off figures on one even grid, smoothed as cross-validation finds best.
-
-    Raises
-    ------
-    ConfigError
-        If curves have no time in common or too few points.
-    """
-    from scipy.interpolate import make_smoothing_spline
-
-    if few := [use for use, (time, _) in series.items() if len(time) < 5]:
-        raise ConfigError(f"the curve of {few[0]} has fewer than five points")
-    start, end = _shared(time for time, _ in series.values())
-    densest = min(float(np.median(np.diff(time))) for time, _ in series.values())
-    count = max(int(np.ceil((end - start) / min(0.5 * densest, _FINEST))), 1)
-    grid = np.linspace(start, end, count + 1)
-    # Smoothed to the stated error, a motion would lose its corners to a careful reader.
-    return grid, {use: make_smoothing_spline(time, values)(grid) for use, (time, values) in series.items()}
-
-
-def _shared(times: Iterable[Array]) -> tuple[float, float]:
-    held = list(times)
-    start, end = max(float(one[0]) for one in held), min(float(one[-1]) for one in held)
-    if end <= start:
-        raise ConfigError("its curves have no time in common")
-    return start, end

@@ -1,21 +1,21 @@
-"""Curves read off figures: WebPlotDigitizer's table of all curves, svgdigitizer's data packages."""
+"""Curves read off figures: how their times tell them, and how they come on an even grid."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
-from tendonrepro.dataset.text import read_text_table
+from tendonrepro.dataset.mapping import Use
+from tendonrepro.errors import ConfigError
 
 _EVEN = 0.1
 """Share of the median step by which a step of a recorder may differ."""
 _MOST_POINTS = 5000
 """Points of a curve that somebody may have read off a figure."""
+_FINEST = 0.02
+"""Step of the grid on which curves are put, at most, s."""
 
 
 def is_digitised(time: Array) -> bool:
@@ -30,48 +30,31 @@ def is_digitised(time: Array) -> bool:
     return bool((np.abs(steps - middle) > _EVEN * middle).mean() > 0.5)
 
 
-def packaged(path: Path) -> dict[Path, dict[str, object]]:
-    """Paths and descriptions of the tables of a frictionless data package; none of other files."""
-    try:
-        tree = json.loads(path.read_text(encoding="utf-8-sig"))
-        resources = tree["resources"] if isinstance(tree, dict) else []
-        return {
-            path.parent / resource["path"]: resource
-            for resource in resources
-            if (path.parent / resource["path"]).is_file()
-        }
-    except (ValueError, KeyError, TypeError, OSError):
-        return {}
+def in_order(time: Array, values: Array) -> tuple[Array, Array]:
+    """Points of a curve by time; of points at one time the mean."""
+    known = np.isfinite(time) & np.isfinite(values)
+    places, index = np.unique(time[known], return_inverse=True)
+    return places, np.bincount(index, values[known]) / np.bincount(index)
 
 
-def read_package(path: Path) -> Tables:
-    """Read the tables of a frictionless data package, with the units of its fields.
+def read_off(series: Mapping[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
+    """Curves, each times (s) and values, on one even grid, smoothed as cross-validation finds best.
 
     Raises
     ------
-    Unreadable
-        If a JSON file is none, or its tables are missing.
+    ConfigError
+        If curves have no time in common or too few points.
     """
-    resources = packaged(path)
-    if not resources:
-        raise Unreadable("a JSON file that is no data package with a table beside it")
-    tables = Tables()
-    for table, resource in resources.items():
-        fields = _fields(resource)
-        cells = read_text_table(table).tables[""]
-        name = str(resource.get("name") or table.stem)
-        columns = Columns()
-        columns.notes = cells.notes
-        for column, values in cells.items():
-            # A curve is called y where its figure does not say more; then the table's name tells.
-            said = name if column.casefold() in ("y", "value") else column
-            columns.add(said, values, fields.get(column, ""))
-        tables.tables["" if len(resources) == 1 and name == path.stem else name] = columns
-    return tables
+    from scipy.interpolate import make_smoothing_spline
 
-
-def _fields(resource: dict[str, object]) -> dict[str, str]:
-    schema = resource.get("schema")
-    listed: Sequence[object] = schema.get("fields", []) if isinstance(schema, dict) else []
-    named = (field for field in listed if isinstance(field, dict) and "name" in field)
-    return {str(field["name"]): str(field.get("unit") or "") for field in named}
+    if few := [use for use, (time, _) in series.items() if len(time) < 5]:
+        raise ConfigError(f"the curve of {few[0]} has fewer than five points")
+    times = [time for time, _ in series.values()]
+    start, end = max(float(time[0]) for time in times), min(float(time[-1]) for time in times)
+    if end <= start:
+        raise ConfigError("its curves have no time in common")
+    densest = min(float(np.median(np.diff(time))) for time in times)
+    count = max(int(np.ceil((end - start) / min(0.5 * densest, _FINEST))), 1)
+    grid = np.linspace(start, end, count + 1)
+    # Smoothed to the stated error, a motion would lose its corners to a careful reader.
+    return grid, {use: make_smoothing_spline(time, values)(grid) for use, (time, values) in series.items()}

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 from urllib.parse import quote, urlsplit
 
 from requests import RequestException, Response, Session
@@ -29,15 +29,16 @@ AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
 BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
 
-class Entry(TypedDict):
-    """A file of a record: its name, size in bytes and MD5."""
+class RecordFile(TypedDict):
+    """A file of a record: its name, size in bytes, MD5, and whether it was ``downloaded`` or ``present``."""
 
     key: str
     size: int
     md5: str
+    action: NotRequired[str]
 
 
-class Record(TypedDict):
+class RecordLock(TypedDict):
     """What the lock beside the files says of a record."""
 
     schema_version: int
@@ -49,31 +50,15 @@ class Record(TypedDict):
     version: str | None
     licence: str | None
     fetched_at: str
-    files: list[Entry]
+    files: list[RecordFile]
 
 
-class Present(Entry):
-    """A file, and whether it was ``downloaded`` or ``present``."""
-
-    action: str
-
-
-class Fetched(TypedDict):
+class Fetched(RecordLock):
     """What ``--json`` prints."""
 
-    schema_version: int
-    record: str
-    requested: str
-    base_url: str
-    doi: str | None
-    title: str | None
-    version: str | None
-    licence: str | None
-    fetched_at: str
     out: str
     lock: str
     dry_run: bool
-    files: list[Present]
 
 
 _TIMEOUT = 15.0, 60.0
@@ -101,7 +86,9 @@ def run_fetch(
     number = record_number(record)
     refuse_file(out)
     lock_path = out.resolve().with_name(f"{out.resolve().name}.lock.json")
-    stored: Record | None = json.loads(lock_path.read_text(encoding="utf-8")) if lock_path.exists() else None
+    stored: RecordLock | None = None
+    if lock_path.exists():
+        stored = json.loads(lock_path.read_text(encoding="utf-8"))
     if stored and number in {stored["record"], stored.get("requested")}:
         lock = stored
     elif stored and not force:
@@ -119,7 +106,7 @@ def run_fetch(
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(lock_path, to_json(lock))
-    files: list[Present] = [
+    files: list[RecordFile] = [
         {**file, "action": "downloaded" if file in wanted else "present"} for file in lock["files"]
     ]
     return {**lock, "out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": files}
@@ -140,25 +127,25 @@ def record_number(text: str) -> str:
     >>> record_number("https://doi.org/10.5281/zenodo.19467931")
     '19467931'
     """
-    found = re.fullmatch(r"(?:\S+/records?/|\S*10\.5281/zenodo\.)?(\d{1,12})/?", text.strip())
-    if found is None:
+    match = re.fullmatch(r"(?:\S+/records?/|\S*10\.5281/zenodo\.)?(\d{1,12})/?", text.strip())
+    if match is None:
         hint = "give its number, as in 19467931, its DOI or its address"
         raise UsageError(f"{text!r} is not a record of Zenodo", hint=hint)
-    return found[1]
+    return match[1]
 
 
-def _is_same(path: Path, file: Entry) -> bool:
+def _is_same(path: Path, file: RecordFile) -> bool:
     return path.is_file() and path.stat().st_size == file["size"] and md5_of(path) == file["md5"]
 
 
-def _described(site: str, number: str) -> Record:
+def _described(site: str, number: str) -> RecordLock:
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
     with _session() as session, _asked(session, url) as response:
         try:
             data = response.json()
             meta, number_now = data["metadata"], str(data["id"])
-            files: list[Entry] = [
+            files: list[RecordFile] = [
                 {"key": file["key"], "size": file["size"], "md5": file["checksum"].removeprefix("md5:")}
                 for file in data.get("files") or ()
             ]
@@ -209,7 +196,7 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
-def _obtain(files: list[Entry], out: Path, lock: Record, talk: Talk) -> None:
+def _obtain(files: list[RecordFile], out: Path, lock: RecordLock, talk: Talk) -> None:
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
     size = sum(file["size"] for file in files)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import TypedDict
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import PAYLOAD
-from tendonrepro.dataset.arrays import Source
 from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
+from tendonrepro.dataset.columns import Column, SourceTable
 from tendonrepro.dataset.digitised import is_digitised
-from tendonrepro.dataset.mapping import LOOP_STEPS, Use, kind_of
-from tendonrepro.dataset.suggestion import Asked, Guess, RunGuess, around_of, quoted, written
+from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
 
 _USUAL = {"rate": "deg/s", "torque": "N m"}
@@ -32,72 +31,58 @@ _DERIVATIVE = re.compile(r"(?:q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
 @dataclass
-class _Table:
-    """A table while its columns are guessed."""
+class _Column:
+    """A column while it is guessed: what its name says, what it is taken for, and what to check."""
 
-    source: Source
-    around: list[Meaning]
-    said: dict[str, Meaning]
-    variables: dict[str, str | None] = field(default_factory=dict)
-    numbers: dict[str, int] = field(default_factory=dict)
-    checks: dict[str, str] = field(default_factory=dict)
+    name: str
+    values: Column
+    said: Meaning
+    variable: str | None
+    joint: int
+    check: str = ""
 
-    def values(self, column: str) -> Array:
-        """A column's numbers."""
-        return self.source.columns[column]
-
-    def is_numbers(self, column: str) -> bool:
-        """Whether a column holds numbers."""
-        return self.source.columns[column].dtype.kind == "f"
+    @property
+    def is_numbers(self) -> bool:
+        """Whether it holds numbers, not words."""
+        return self.values.dtype.kind == "f"
 
 
-class Guessed(TypedDict):
-    """A guessed mapping.
+@dataclass(frozen=True)
+class Suggestion:
+    """A guessed mapping: its text; of its runs the number of columns; lines for other columns, and why."""
 
-    ``suggestion`` is its text; ``runs`` are their numbers of columns; ``left`` are lines for the other
-    columns, and why.
-    """
-
-    suggestion: str
+    text: str
     runs: dict[str, int]
     left: list[str]
 
 
-def guess_mapping(sources: Sequence[Source], title: str) -> Guessed:
+def guess_mapping(tables: Sequence[SourceTable], title: str) -> Suggestion:
     """Guess which column is which variable."""
     runs: dict[str, RunGuess] = {}
-    asked: dict[str, list[Asked]] = {}
+    asked: list[ColumnGuess] = []
     left: list[str] = []
-    for source in sources:
-        for guess in _of_table(source):
-            if isinstance(guess, Asked):
-                asked.setdefault(guess.run, []).append(guess)
-                continue
-            run = runs.setdefault(guess.run, RunGuess(guess.run, guess.payload))
-            same = next(
-                (other for other in run.columns if other.use.signal == guess.use.signal and guess.use.joint),
-                None,
-            )
-            if same is None:
-                run.columns.append(guess)
-            else:
-                left.append(f"{quoted(guess.column)}: {guess.use}  # taken from {same.column}")
-                _doubt_twin(run, same, guess)
-    for name, columns in asked.items():
-        known = runs.setdefault(name, RunGuess(name, None))
-        if any(other.use.joint for other in known.columns):
-            left += map(str, columns)
+    for guess in chain.from_iterable(map(_of_table, tables)):
+        if guess.asked:
+            asked.append(guess)
+            continue
+        run = runs.setdefault(guess.run, RunGuess(guess.run, guess.payload))
+        twin = next((other for other in run.columns if other.use.signal == guess.use.signal), None)
+        if twin is None or guess.use.variable == "time":
+            run.columns.append(guess)
         else:
-            known.asked += columns
+            left.append(f"{quoted(guess.column)}: {guess.use}  # taken from {twin.column}")
+            _doubt_twin(run, twin, guess)
+    for guess in asked:
+        run = runs.setdefault(guess.run, RunGuess(guess.run, None))
+        if run.signals:
+            left.append(f"{quoted(guess.column)}: {guess.use}  # {guess.asked}")
+        else:
+            run.asked.append(guess)
+    runs = _with_desired({name: run for name, run in runs.items() if run.asked or run.signals})
+    parts = [part for run in runs.values() for part in _parts(run)]
     left = list(dict.fromkeys(left))
-    whole = {
-        name: run for name, run in runs.items() if run.asked or any(other.use.joint for other in run.columns)
-    }
-    whole = _with_desired(whole)
-    parted = {part.name: part for run in whole.values() for part in _parts(run)}
-    text = "\n".join(written(list(parted.values()), left, title)) + "\n"
-    counts = {name: sum(other.use.joint > 0 for other in run.columns) for name, run in parted.items()}
-    return {"suggestion": text, "runs": counts, "left": left}
+    text = "\n".join(written(parts, left, title)) + "\n"
+    return Suggestion(text, {part.name: part.signals for part in parts}, left)
 
 
 def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
@@ -126,162 +111,138 @@ def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
     return named | {name: run for name, run in runs.items() if name not in apart and name not in named}
 
 
-def _doubt_twin(run: RunGuess, same: Guess, twin: Guess) -> None:
+def _doubt_twin(run: RunGuess, taken: ColumnGuess, twin: ColumnGuess) -> None:
     """Ask where another column of a table says the same of other numbers."""
-    if twin.source is not same.source or np.array_equal(
-        twin.source.columns[twin.column], same.source.columns[same.column], equal_nan=True
+    if twin.table is not taken.table or np.array_equal(
+        twin.table.columns[twin.column], taken.table.columns[taken.column], equal_nan=True
     ):
         return
-    other = "q_d" if same.use.variable == "q_encoder" else "q_encoder"
-    line = replace(same.use, variable=other) if same.use.variable in ("q_encoder", "q_d") else same.use
-    check = f"{quoted(twin.column)} says the same; one of the two may be {line}"
-    place = run.columns.index(same)
-    run.columns[place] = replace(same, check="; ".join(filter(None, [same.check, check])))
+    variable = taken.use.variable
+    other = {"q_encoder": "q_d", "q_d": "q_encoder"}.get(variable, variable)
+    check = f"{quoted(twin.column)} says the same; one of the two may be {replace(taken.use, variable=other)}"
+    place = run.columns.index(taken)
+    run.columns[place] = replace(taken, check="; ".join(filter(None, [taken.check, check])))
 
 
 def _parts(run: RunGuess) -> Iterator[RunGuess]:
     """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
-    tables = {id(guess.source): guess.source for guess in run.columns}
-    for source in tables.values():
-        uses = {guess.column: guess.use for guess in run.columns if guess.source is source}
-        clocks = [(clock, columns) for clock, columns in by_clock(source.columns, uses).items()]
-        for clock, columns in clocks:
+    tables = {id(guess.table): guess.table for guess in run.columns}
+    for table in tables.values():
+        uses = {guess.column: guess.use for guess in run.columns if guess.table is table}
+        by_time = by_clock(table.columns, uses)
+        for clock, columns in by_time.items():
             if clock is None:
-                said = f"no times in {source.name}: write the step in s, as 0.001"
+                said = f"no times in {table.name}: write the step in s, as 0.001"
                 run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
                 continue
-            time = uses[clock].to_si * source.columns[clock]
-            if is_digitised(time) or len(clocks) > 2:
-                _ask_reading_error(run, source, uses, columns)
+            time = uses[clock].to_si * table.columns[clock]
+            if is_digitised(time) or len(by_time) > 2:
+                _ask_reading_error(run, table, uses, columns)
             elif step := even_step(time):
                 check = (
                     "the times repeat, so they are rounded; this makes them from the numbers of the samples"
                 )
-                run.extras["step_s"] = f"{step:.6g}  # CHECK: {check}"
-            elif len(tables) == 1 and len(clocks) == 1 and (again := len(starts_again(time))):
+                run.extras["step_s"] = f"{step:.6g}  {CHECK} {check}"
+            elif len(tables) == len(by_time) == 1 and (again := len(starts_again(time))):
                 for part in range(1, again + 2):
                     yield run.part(part, again + 1)
                 return
     yield run
 
 
-def _ask_reading_error(run: RunGuess, source: Source, uses: dict[str, Use], columns: Sequence[str]) -> None:
+def _ask_reading_error(
+    run: RunGuess, table: SourceTable, uses: dict[str, Use], columns: Sequence[str]
+) -> None:
     """Take a run for read off a figure, with an error by the range of its curves."""
     for column in columns:
         use = uses[column]
         if kind_of(use.variable) == "angle":
-            error = math.degrees(use.to_si) * _READING_ERROR * float(np.ptp(_known(source.columns[column])))
+            values = table.columns[column]
+            size = float(np.ptp(values[np.isfinite(values)]))
+            error = math.degrees(use.to_si) * _READING_ERROR * size
             run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
 
 
-def _known(values: Array) -> Array:
-    return values[np.isfinite(values)]
-
-
-def _of_table(source: Source) -> Iterator[Guess | Asked]:
-    """Guess every column, or give the line to write, and why."""
-    around = [meaning_of(part) for part in around_of(source.name)]
-    said = {column: meaning_of(_PLACE.sub("", column)) for column in source.columns}
-    table = _Table(source, around, said)
-    table.variables = {column: variable_of(_with_context(words, around)) for column, words in said.items()}
-    table.numbers = {column: _number_of(column, [words, *around]) for column, words in said.items()}
-    _take_times(table)
-    _take_rates(table)
-    variables, numbers = table.variables, table.numbers
-    counted = {numbers[column] for column, variable in variables.items() if variable not in (None, "time")}
-    is_compared = any(words.controller for words in (*said.values(), *around))
+def _of_table(table: SourceTable) -> Iterator[ColumnGuess]:
+    """Guess every column, in each of the runs that it belongs to."""
+    around = [meaning_of(part) for part in around_of(table.name)]
+    columns = [_column(name, values, around) for name, values in table.columns.items()]
+    _take_times(columns)
+    _take_rates(columns)
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
-    joints = [column for column, name in variables.items() if name in _OF_JOINTS and not said[column].unit]
-    most = max((_largest(table.values(column)) for column in joints if table.is_numbers(column)), default=0.0)
+    angles = [column for column in columns if column.variable in _OF_JOINTS and not column.said.unit]
+    most = max((_largest(column.values) for column in angles if column.is_numbers), default=0.0)
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
+    counted = {column.joint for column in columns if column.variable not in (None, "time")}
+    is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
     shift = int(is_compared and counted == {1, 2})
-    for column, words in said.items():
-        for run, payload in _runs_of(table, column):
-            yield _guessed(table, column, words, (run, payload), shift, most)
+    # A column that names no controller belongs to each that another names.
+    named = [_run_of(table.name, column.said, around) for column in columns if column.said.controller]
+    for column in columns:
+        own = [_run_of(table.name, column.said, around)]
+        for run, payload in own if column.said.controller else dict.fromkeys(named or own):
+            use, check, asked = _guessed(column, shift, most)
+            yield ColumnGuess(table, column.name, use, run, payload, check, asked)
 
 
-def _guessed(
-    table: _Table, column: str, said: Meaning, run: tuple[str, float | None], shift: int, most: float
-) -> Guess | Asked:
-    """What a column is in one of the runs that it belongs to."""
-    variable, joint = table.variables[column], table.numbers[column] + shift
-    problem = (
-        "" if column in table.checks else _problem(said, variable, joint, table.values(column).dtype.kind)
-    )
+def _column(name: str, values: Column, around: Sequence[Meaning]) -> _Column:
+    """What the name of a column says, and where it says nothing those around it."""
+    said = meaning_of(_PLACE.sub("", name))
+    place = re.search(r"\[(\d+)\]", name)
+    joint = next((words.joint for words in (said, *around) if words.joint is not None), None)
+    if joint is None:
+        joint = int(place[1]) if place else 0
+    return _Column(name, values, said, variable_of(_with_context(said, around)), joint)
+
+
+def _guessed(column: _Column, shift: int, most: float) -> tuple[Use, str, str]:
+    """What a column is and what to check; or its line with capitals to fill in, and why it is asked."""
+    said, variable, joint = column.said, column.variable, column.joint + shift
+    problem = "" if column.check else _problem(column, joint)
     if problem or variable is None:
         # A place in an array tells a joint only where the array is known.
         is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
-        number = str(joint) if is_told else "JOINT"
         unit = said.unit
-        if unit is None and variable is not None and not said.unknown and table.is_numbers(column):
-            unit = _unit(variable, None, table.values(column), most)[0]
-        return Asked(table.source, column, variable or "VARIABLE", number, unit or "UNIT", run[0], problem)
-    unit, sized = _unit(variable, said.unit, table.values(column), most)
+        if unit is None and variable is not None and not said.unknown and column.is_numbers:
+            unit = _unit(variable, None, column.values, most)[0]
+        return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT), "", problem
+    unit, sized = _unit(variable, said.unit, column.values, most)
     use = Use(variable, 0 if variable == "time" else joint, unit)
-    checks = [*filter(None, [table.checks.get(column, "")]), *_checks(said, use, sized)]
+    checks = [*filter(None, [column.check]), *_checks(said, use, sized)]
     if use.joint and (shift or said.joint is None):
-        checks.append(
-            f"joint {table.numbers[column]} of the file, taken as {joint}; else {variable} N {unit}"
-        )
-    return Guess(table.source, column, use, *run, "; ".join(checks))
+        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} N {unit}")
+    return use, "; ".join(checks), ""
 
 
-def _take_times(table: _Table) -> None:
+def _take_times(columns: Sequence[_Column]) -> None:
     """Take a first column without a name for the times if it increases evenly; ask of times side by side."""
-    columns = list(table.source.columns)
-    if "time" not in table.variables.values() and table.is_numbers(columns[0]):
-        first = columns[0]
-        steps = np.diff(table.values(first))
-        is_even = len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean()
-        if is_even and table.variables[first] is None:
-            table.variables[first] = "time"
-            table.checks[first] = "the first column, whose numbers increase evenly, taken as times"
+    first = columns[0]
+    if first.is_numbers and first.variable is None and all(other.variable != "time" for other in columns):
+        steps = np.diff(first.values)
+        if len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean():
+            first.variable = "time"
+            first.check = "the first column, whose numbers increase evenly, taken as times"
     for before, column in pairwise(columns):
-        if table.variables[before] == table.variables[column] == "time":
-            table.checks[column] = (
-                f"times of {quoted(before)} are used; to use these delete the line of those"
-            )
+        if before.variable == column.variable == "time":
+            column.check = f"times of {quoted(before.name)} are used; to use these delete the line of those"
 
 
-def _take_rates(table: _Table) -> None:
+def _take_rates(columns: Sequence[_Column]) -> None:
     """Take qd2 for a velocity beside qdd2, or beside a reference of joint 2."""
-    for column, said in table.said.items():
-        match = _DERIVATIVE.match(_PLACE.sub("", column).strip())
-        if not match or table.variables[column] != "q_d" or (said.unit in FACTORS["angle"]):
+    for column in columns:
+        match = _DERIVATIVE.match(_PLACE.sub("", column.name).strip())
+        if not match or column.variable != "q_d" or column.said.unit in FACTORS["angle"]:
             continue
-        joint = match[1]
-        second = next(
-            (other for other in table.said if re.match(rf"(?:q|theta|θ)dd_?{joint}", other, re.I)), None
-        )
-        reference = next((other for other in table.said if _is_reference(table, other, column)), None)
-        beside = second or reference
-        if beside is not None:
-            table.variables[column] = "dq"
-            table.checks[column] = (
-                f"stands beside {quoted(beside)}, taken as a velocity; else q_d {joint} deg"
-            )
-
-
-def _is_reference(table: _Table, column: str, rate: str) -> bool:
-    """Whether a column is the desired angle of the same joint, under another word."""
-    is_same = table.numbers[column] == table.numbers[rate] and table.variables[column] == "q_d"
-    return is_same and not _DERIVATIVE.match(column.strip())
-
-
-def _runs_of(table: _Table, column: str) -> list[tuple[str, float | None]]:
-    """Runs that a column belongs to: that of its controller, or each whose columns name theirs."""
-    said = table.said[column]
-    own = [_run_of(table.source.name, one, table.around) for one in table.said.values() if one.controller]
-    if said.controller is None and own:
-        return list(dict.fromkeys(own))
-    return [_run_of(table.source.name, said, table.around)]
-
-
-def _number_of(column: str, telling: Sequence[Meaning]) -> int:
-    """Joint by the nearest name that has one, else the place in an array."""
-    place = re.search(r"\[(\d+)\]", column)
-    said = next((meaning.joint for meaning in telling if meaning.joint is not None), None)
-    return said if said is not None else int(place[1]) if place else 0
+        second = re.compile(rf"(?:q|theta|θ)dd_?{match[1]}", re.IGNORECASE)
+        beside = [other.name for other in columns if second.match(other.name)] + [
+            other.name
+            for other in columns
+            if (other.variable, other.joint) == ("q_d", column.joint)
+            and not _DERIVATIVE.match(other.name.strip())
+        ]
+        if beside:
+            column.variable = "dq"
+            column.check = f"stands beside {quoted(beside[0])}, taken as a velocity; else q_d {match[1]} deg"
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
@@ -293,8 +254,10 @@ def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
     return said.says | (near & (wanted | {"angle"}))
 
 
-def _problem(said: Meaning, variable: str | None, joint: int, kind: str) -> str:
-    if kind != "f":
+def _problem(column: _Column, joint: int) -> str:
+    """Why a column is asked, or an empty text."""
+    said, variable = column.said, column.variable
+    if not column.is_numbers:
         return "words, by which `where` of a run can choose rows"
     if said.unknown:
         return f"not known: {', '.join(said.unknown)}"

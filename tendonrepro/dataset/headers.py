@@ -1,7 +1,8 @@
-"""Names of columns from the rows above the numbers: words, groups above them, units below."""
+"""Where the numbers of a table begin, and the names above them: words, their groups above, units below."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import zip_longest
 
@@ -12,6 +13,33 @@ from tendonrepro.dataset.words import is_known, plain_unit
 
 _MOST_UNIT = 6
 """Letters of a unit that is not known."""
+
+
+def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
+    """First row with numbers where most of the `sample` has some, and so in the two rows behind it."""
+    counts: Counter[int] = Counter()
+    filled: Counter[int] = Counter()
+    for row in sample:
+        filled.update(k for k, cell in enumerate(row) if cell)
+        counts.update(k for k, cell in enumerate(row) if is_number(cell))
+    numbers = [k for k in sorted(counts) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
+    if not numbers:
+        return None
+    for place, row in enumerate(rows[:-1]):
+        if _share(row, numbers) > 0.5 and all(
+            _share(after, numbers) > 0.0 for after in rows[place + 1 : place + 3]
+        ):
+            return place
+    return None
+
+
+def _share(row: Sequence[str], places: Sequence[int]) -> float:
+    """Share of numbers in those places that are filled; 0 if the first holds a word, as of a setting."""
+    first = row[places[0]] if len(row) > places[0] else "absent"
+    filled = [row[k] for k in places if k < len(row) and row[k]]
+    if (first and not is_number(first)) or 2 * len(filled) < len(places):
+        return 0.0
+    return sum(map(is_number, filled)) / len(filled)
 
 
 def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:

@@ -6,19 +6,18 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, TypedDict, cast
+from typing import Literal, TypedDict
 
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
-from tendonrepro.dataset.arrays import Source
+from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
-from tendonrepro.dataset.motion import beginning, timing_of
+from tendonrepro.dataset.motion import beginning, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.dataset.windows import Timing, spans
@@ -33,7 +32,7 @@ from tendonrepro.results.traces import write_traces
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
-class Listed(TypedDict):
+class TableListing(TypedDict):
     """A table in a file, and of each column how many samples, from where to where, and in which steps."""
 
     name: str
@@ -44,7 +43,7 @@ class Inspected(TypedDict):
     """What files hold, and the mapping that was guessed; by file what was not read or left out, and why."""
 
     schema_version: int
-    tables: list[Listed]
+    tables: list[TableListing]
     unread: Mapping[str, str]
     left_out: Mapping[str, Sequence[str]]
     suggestion: str
@@ -53,7 +52,16 @@ class Inspected(TypedDict):
     mapping: str | None
 
 
-class Ingested(TypedDict):
+class Provenance(TypedDict):
+    """What runs were made of: guesses that nobody confirmed, what was done to numbers, and the files."""
+
+    guesses: list[str]
+    notes: list[str]
+    doubts: list[str]
+    inputs: list[dict[str, str | int]]
+
+
+class Ingested(Provenance):
     """What was made of measured files; each run with joints, samples, errors."""
 
     schema_version: int
@@ -61,10 +69,6 @@ class Ingested(TypedDict):
     dry_run: bool
     title: str
     runs: dict[str, dict[str, object]]
-    guesses: list[str]
-    notes: list[str]
-    doubts: list[str]
-    inputs: list[dict[str, object]]
 
 
 def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> Inspected:
@@ -79,23 +83,25 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
     """
     if mapping is not None:
         refuse_existing(mapping, force=force, option="--mapping", inputs=paths)
-    sources, unread, left_out = read_files(paths)
-    guessed = guess_mapping(sources, f"Measured data from {paths[0].resolve().name}")
+    contents = read_files(paths)
+    guessed = guess_mapping(contents.tables, f"Measured data from {paths[0].resolve().name}")
     if mapping is not None:
-        write_atomically(mapping, guessed["suggestion"])
+        write_atomically(mapping, guessed.text)
     return {
         "schema_version": 2,
-        "tables": [{"name": source.name, "columns": _columns(source)} for source in sources],
-        "unread": unread,
-        "left_out": left_out,
-        **guessed,
+        "tables": [{"name": table.name, "columns": _columns(table)} for table in contents.tables],
+        "unread": contents.unread,
+        "left_out": contents.left_out,
+        "suggestion": guessed.text,
+        "runs": guessed.runs,
+        "left": guessed.left,
         "mapping": None if mapping is None else str(mapping),
     }
 
 
-def _columns(source: Source) -> list[dict[str, object]]:
+def _columns(table: SourceTable) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
-    for name, values in source.columns.items():
+    for name, values in table.columns.items():
         row: dict[str, object] = {"column": name, "samples": len(values)}
         if values.dtype.kind == "f" and np.isfinite(values).any():
             steps = np.diff(values)
@@ -150,52 +156,69 @@ def run_ingest(
         refuse_existing(out, force=force, inputs=[mapping, *paths])
     text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
-    loaded = parse_mapping(text, str(mapping), published().number("hardware.payload"))
-    sources, unread, left_out = read_files(paths)
-    S, S_inv = coupling_of(table_1(published()))
-    assembly = Assembly(sources, unread, loaded, S)
+    loaded = parse_mapping(text, str(mapping))
+    contents = read_files(paths)
+    assembly = Assembly(contents, loaded)
     runs = assembly.runs()
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    notes = assembly.notes + [f"{file}: {line}" for file, lines in left_out.items() for line in lines]
-    notes += [f"{file} was not read: {reason}" for file, reason in unread.items()]
-    inputs = list({source.file["name"]: source.file for source in sources}.values())
-    told = {"guesses": loaded.guesses, "notes": notes, "doubts": assembly.doubts, "inputs": inputs}
+    notes = assembly.notes + contents.lines_left_out()
+    notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
+    provenance: Provenance = {
+        "guesses": loaded.guesses,
+        "notes": notes,
+        "doubts": assembly.doubts,
+        "inputs": list({table.file["name"]: table.file for table in contents.tables}.values()),
+    }
     # The runs hold what is needed; the columns of a long log take as much again.
-    del assembly, sources
-    digest = hashlib.sha256(text.encode()).hexdigest()
+    del assembly, contents
+    file = _trace_file(runs, loaded.title, text, str(mapping), provenance)
+    if not dry_run:
+        write_traces(out, file)
+        if confirm:
+            write_atomically(mapping, text)
+    starts = _starts(file)
+    return {
+        "schema_version": 1,
+        "out": str(out),
+        "dry_run": dry_run,
+        "title": file.title,
+        "runs": {name: _described(trace, starts.get(name)) for name, trace in runs.items()},
+        **provenance,
+    }
+
+
+def _trace_file(
+    runs: dict[str, Trace], title: str, mapping: str, origin: str, provenance: Provenance
+) -> TraceFile:
+    """Runs with what is known of them: the coupling, and the text of their mapping, read from `origin`."""
+    digest = hashlib.sha256(mapping.encode()).hexdigest()
     created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
         "schema_version": 1,
         "tendonrepro_version": __version__,
         "created": created,
-        "mapping": {"origin": str(mapping), "sha256": digest},
+        "mapping": {"origin": origin, "sha256": digest},
         "environment": environment(),
+        **provenance,
     }
-    file = TraceFile(
+    return TraceFile(
         experiment=_experiment(runs),
         source="measured",
-        title=loaded.title,
+        title=title,
         runs=runs,
-        plant=_coupling_record(S, S_inv),
-        config_yaml=text,
+        plant=_coupling_record(),
+        config_yaml=mapping,
         config_sha256=digest,
-        manifest_json=to_json(manifest | told),
+        manifest_json=to_json(manifest),
         created=created,
         tendonrepro_version=__version__,
     )
-    if not dry_run:
-        write_traces(out, file)
-        if confirm:
-            write_atomically(mapping, text)
-    timing = _timing(file)
-    described = {name: _described(trace, timing.get(name)) for name, trace in runs.items()}
-    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
-    return cast("Ingested", head | {"runs": described} | told)
 
 
-def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
+def _coupling_record() -> PlantRecord:
     """All that is known of a measured plant: the printed coupling."""
+    S, S_inv = coupling_of(table_1(published()))
     coupling = {
         "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
         "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
@@ -203,13 +226,12 @@ def _coupling_record(S: Array, S_inv: Array) -> PlantRecord:
     return PlantRecord(coupling, {})
 
 
-def _timing(file: TraceFile) -> dict[str, Timing]:
-    """When the motion of each run of the comparison begins, as `validate` finds it."""
+def _starts(file: TraceFile) -> dict[str, float]:
+    """When the motion of each run of the comparison begins, s, as `validate` finds it; else nothing."""
     try:
-        begun = beginning(file)
+        return starts_of(file, beginning(file))
     except DataMissingError:
         return {}
-    return timing_of(file, begun)
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
@@ -217,7 +239,7 @@ def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "bo
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: Trace, timing: Timing | None) -> dict[str, object]:
+def _described(trace: Trace, start: float | None) -> dict[str, object]:
     described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
@@ -229,7 +251,7 @@ def _described(trace: Trace, timing: Timing | None) -> dict[str, object]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        moving = spans(trace.time, timing)["whole"] if timing else slice(0, None)
+        moving = slice(0, None) if start is None else spans(trace.time, Timing(start, 0.0))["whole"]
         described["errors_from_s"] = float(trace.time[moving][0])
         described |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
     return described

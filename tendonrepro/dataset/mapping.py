@@ -25,6 +25,7 @@ from typing import Annotated, TypeAlias
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.dataset.words import FACTORS
@@ -32,7 +33,7 @@ from tendonrepro.results.records import VARIABLES
 
 CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
-PLACEHOLDERS = "VARIABLE", "JOINT", "UNIT"
+VARIABLE, JOINT, UNIT = "VARIABLE", "JOINT", "UNIT"
 """What stands in a suggested line where a person has to fill something in."""
 SCHEMA_VERSION = 2
 LOOP_STEPS = 5e-5, 0.1
@@ -47,7 +48,7 @@ _USE = re.compile(
 
 @dataclass(frozen=True)
 class Use:
-    """What a column is: variable of a trace or ``time``, joint, unit, factor, offset."""
+    """What a column is: variable of a trace or ``time``, joint or 0, unit, factor, offset."""
 
     variable: str
     joint: int
@@ -67,7 +68,7 @@ class Use:
 
     def __str__(self) -> str:
         """As the mapping writes it."""
-        joint = "" if self.variable == "time" else f" {self.joint}"
+        joint = "" if self.variable == "time" else f" {self.joint or JOINT}"
         return f"{self.variable}{joint} {self.unit}".rstrip()
 
 
@@ -79,7 +80,9 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: object) -> Use:
-    if isinstance(text, str) and (blank := next((word for word in PLACEHOLDERS if word in text.split()), "")):
+    if isinstance(text, str) and (
+        blank := next((word for word in (VARIABLE, JOINT, UNIT) if word in text.split()), "")
+    ):
         refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
     match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
@@ -116,7 +119,7 @@ def _reading_error(given: object) -> object:
 ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
 
 
-class Run(Model):
+class RunMapping(Model):
     """Tables of a run; a variable is taken from the first that has it.
 
     `columns`, if any, replace the shared ones; ``source:column`` names one of several. Rows to take have the
@@ -146,8 +149,8 @@ class Run(Model):
 
     def reading_error(self, variable: str) -> float:
         """Error of a variable read off a figure, rad; 0 where it was recorded."""
-        held = self.reading_error_deg
-        degrees = held.get(variable, 0.0) if isinstance(held, dict) else held
+        stated = self.reading_error_deg
+        degrees = stated.get(variable, 0.0) if isinstance(stated, dict) else stated
         return math.radians(degrees or 0.0)
 
 
@@ -155,11 +158,11 @@ class _Tree(Model):
     schema_version: int = SCHEMA_VERSION
     title: str = "Measured data"
     columns: Uses = Field(default_factory=dict)
-    runs: dict[Annotated[str, Field(pattern=r"^\w+$")], Run]
+    runs: dict[Annotated[str, Field(pattern=r"^\w+$")], RunMapping]
 
     @field_validator("runs")
     @classmethod
-    def _is_filled(cls, runs: dict[str, Run]) -> dict[str, Run]:
+    def _is_filled(cls, runs: dict[str, RunMapping]) -> dict[str, RunMapping]:
         if not runs:
             refuse("no run is named: write one, as 'controller_1: FILE', with its columns under columns")
         return runs
@@ -170,13 +173,13 @@ class MappingFile:
     """A checked mapping, with its guesses and where each run stands."""
 
     title: str
-    runs: Mapping[str, Run]
+    runs: Mapping[str, RunMapping]
     guesses: list[str]
     places: Mapping[str, str]
 
 
-def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
-    """Check a mapping; `payload`, kg, is that of a run ``..._payload`` that names none.
+def parse_mapping(text: str, name: str) -> MappingFile:
+    """Check a mapping, called `name`; a run ``..._payload`` that names no mass has the paper's.
 
     Raises
     ------
@@ -193,7 +196,7 @@ def parse_mapping(text: str, name: str, payload: float) -> MappingFile:
         columns = tree.columns if entry.columns is None else entry.columns
         mass = entry.payload_mass_kg
         if mass is None:
-            mass = payload if run.endswith(PAYLOAD) else 0.0
+            mass = published().number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(document.place(("runs", run))) for run in runs}

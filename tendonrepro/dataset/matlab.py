@@ -12,7 +12,8 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.arrays import Column, Columns, Nested, Unreadable
+from tendonrepro.dataset.columns import Column, Columns, Tables, Unreadable
+from tendonrepro.dataset.nested import Nested, tables_of
 from tendonrepro.dataset.simulink import as_object, as_structure
 
 with warnings.catch_warnings():
@@ -27,34 +28,46 @@ _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
 
 
-def read_matlab(path: Path) -> tuple[Nested, list[str]]:
-    """Read the variables that can be read; for the others, lines that say why not.
+def read_matlab(path: Path) -> Tables:
+    """Read the variables that can be read; of the others it is said why not.
 
     Raises
     ------
     Unreadable
-        If none can.
+        If it is a figure or a text, or no variable can be read.
     """
-    variables, reasons = {}, []
+    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
+    if path.suffix.lower() == ".fig":
+        raise Unreadable("a figure of MATLAB: open it there and save the data of its lines")
     _refuse_text(path)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        if matio is None:
-            loaded = scipy.io.loadmat(path, spmatrix=False)
-            return {name: _plain(value) for name, value in loaded.items() if not name.startswith("_")}, []
-        for name in _names(path):
-            try:
-                # One by one, since a broken one fails the load of all.
-                read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
-                variables[name] = _plain(read[name])
-            except RecursionError:
-                reasons.append(f"{name}: holds itself, as nested function handles do")
-            except Exception as error:
-                reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
-    variables |= _streams(path)
+        variables, reasons = _by_scipy(path) if matio is None else _by_matio(path)
     if not variables:
         raise Unreadable(f"no variable of this MATLAB file can be read: {'; '.join(reasons)[:200]}")
-    return variables, reasons
+    tables = tables_of(variables)
+    tables.left_out[:0] = reasons
+    return tables
+
+
+def _by_scipy(path: Path) -> tuple[Nested, list[str]]:
+    loaded = scipy.io.loadmat(path, spmatrix=False)
+    return {name: _plain(value) for name, value in loaded.items() if not name.startswith("_")}, []
+
+
+def _by_matio(path: Path) -> tuple[Nested, list[str]]:
+    """Variables, and lines that say which cannot be read, and why."""
+    variables, reasons = {}, []
+    for name in _names(path):
+        try:
+            # One by one, since a broken one fails the load of all.
+            read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
+            variables[name] = _plain(read[name])
+        except RecursionError:
+            reasons.append(f"{name}: holds itself, as nested function handles do")
+        except Exception as error:
+            reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
+    return variables | _streams(path), reasons
 
 
 def _refuse_text(path: Path) -> None:

@@ -40,7 +40,7 @@ _LAGS = 600
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedMotion:
     """Joint angles of a run on an even grid of `time` (T,), s, from 0.
 
     `q` (T, n) is from `start_angle` (n,), rad; gaps are bridged. `rounding` is the step to which the record
@@ -90,21 +90,21 @@ class Knots:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """Where the motion of a run begins.
-
-    `period`, s, is 0 if it does not repeat, or nobody looked; `begin` is in s after the first sample.
-    """
+    """Where the motion of a run begins: `begin`, s, after the first sample."""
 
     run: str
-    record: Recorded
-    period: float
+    record: RecordedMotion
     begin: float
 
 
 @dataclass(frozen=True, eq=False)
 class Reference(Beginning):
-    """A reference recovered from a run, which ends `end` s after the first sample."""
+    """A reference recovered from a run, which ends `end` s after the first sample.
 
+    `period`, s, is 0 if it does not repeat.
+    """
+
+    period: float
     knots: Knots
     end: float
 
@@ -126,7 +126,7 @@ class Reference(Beginning):
         }
 
 
-def recorded(trace: Trace, name: str = "q_d") -> Recorded:
+def recorded(trace: Trace, name: str = "q_d") -> RecordedMotion:
     """Put a recorded angle on an even grid.
 
     Raises
@@ -149,7 +149,7 @@ def recorded(trace: Trace, name: str = "q_d") -> Recorded:
         raise DataMissingError(f"run {trace.name!r}: {name} does not move")
     even = step * np.arange(round(float(time[-1]) / step) + 1.0)
     filled = np.column_stack([np.interp(even, time, column) for column in kept.T])
-    return Recorded(even, filled - filled[0], trace.joint, filled[0], rounding_step(kept))
+    return RecordedMotion(even, filled - filled[0], trace.joint, filled[0], rounding_step(kept))
 
 
 def rounding_step(angles: Array) -> float:
@@ -165,14 +165,14 @@ def rounding_step(angles: Array) -> float:
     return step if apart < 1e-3 * step else 0.0
 
 
-def noise(record: Recorded) -> float:
+def noise(record: RecordedMotion) -> float:
     """Standard deviation of white noise, rad; 0 where it is rounding."""
     fourth = np.median(np.abs(np.diff(record.q, 4, axis=0)), axis=0)
-    found = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
-    return found if found > 0.6 * record.rounding else 0.0
+    deviation = float(fourth.max() / (0.6745 * np.sqrt(70.0)))
+    return deviation if deviation > 0.6 * record.rounding else 0.0
 
 
-def noise_peak(record: Recorded) -> float:
+def noise_peak(record: RecordedMotion) -> float:
     """Largest deviation by noise among all samples, rad."""
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
@@ -188,7 +188,7 @@ def recover_reference(file: TraceFile) -> Reference:
     begun = beginning(file)
     end = float(begun.record.time[begun.record.moving()[1]])
     knots, period = thinned(begun.record), repeat_after(begun.record)
-    return Reference(begun.run, begun.record, period, begun.begin, knots, end)
+    return Reference(begun.run, begun.record, begun.begin, period, knots, end)
 
 
 def beginning(file: TraceFile) -> Beginning:
@@ -204,7 +204,7 @@ def beginning(file: TraceFile) -> Beginning:
         raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
     trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
     record = recorded(trace.of_joints(COMPARED))
-    return Beginning(trace.name, record, 0.0, onset(record))
+    return Beginning(trace.name, record, onset(record))
 
 
 def _complete(trace: Trace) -> bool:
@@ -214,7 +214,7 @@ def _complete(trace: Trace) -> bool:
     return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
 
 
-def onset(record: Recorded) -> float:
+def onset(record: RecordedMotion) -> float:
     """When a motion begins, s: before it is first seen.
 
     It begins as the second or third power of time; when it passes three levels tells which.
@@ -238,15 +238,23 @@ def _passes(time: Array, q: Array, level: float) -> float:
     return float(time[before] + share * (time[after] - time[before]))
 
 
-def timing_of(file: TraceFile, reference: Beginning | None) -> dict[str, Timing]:
+def starts_of(file: TraceFile, reference: Beginning) -> dict[str, float]:
+    """When the motion of every run of the comparison begins, s."""
+    runs = file.part("compare").runs
+    return {name: zero_of(trace, reference) + reference.begin for name, trace in runs.items()}
+
+
+def timing_of(file: TraceFile, reference: Reference | None) -> dict[str, Timing]:
     """Start and period of every run; a stated period goes first."""
-    timings = {}
-    for name, trace in file.part("compare").runs.items():
-        start, period = float(trace.time[0]), float(trace.attributes["reference_period"])
-        if reference is not None:
-            start, period = zero_of(trace, reference) + reference.begin, period or reference.period
-        timings[name] = Timing(start, period)
-    return timings
+    runs = file.part("compare").runs
+    starts = starts_of(file, reference) if reference else {}
+    repeats = reference.period if reference else 0.0
+    return {
+        name: Timing(
+            starts.get(name, float(trace.time[0])), float(trace.attributes["reference_period"]) or repeats
+        )
+        for name, trace in runs.items()
+    }
 
 
 def zero_of(trace: Trace, reference: Beginning) -> float:
@@ -284,7 +292,7 @@ def derivatives(trace: Trace) -> tuple[Array, Array]:
     return spline(time, 1), spline(time, 2)
 
 
-def repeat_after(record: Recorded) -> float:
+def repeat_after(record: RecordedMotion) -> float:
     """Time after which the motion repeats, s; 0 if it does not.
 
     It is the first lag, once the motion was unlike itself, at which all or its last half period is like
@@ -324,7 +332,7 @@ def _misfit(x: Array, lag: int, every: int) -> float:
     return min(misfits, default=np.inf)
 
 
-def smoothed(record: Recorded, least: float = 0.1 * HALF_COUNT) -> tuple[Callable[..., Array], float]:
+def smoothed(record: RecordedMotion, least: float = 0.1 * HALF_COUNT) -> tuple[Callable[..., Array], float]:
     """Quintic least-squares spline through a motion, and the spacing of its knots, s.
 
     That has the smallest Bayesian information criterion; residuals below rounding or noise, or `least`, rad,
@@ -348,13 +356,13 @@ def smoothed(record: Recorded, least: float = 0.1 * HALF_COUNT) -> tuple[Callabl
     return spline, spacing
 
 
-def _tried(record: Recorded) -> list[float]:
+def _tried(record: RecordedMotion) -> list[float]:
     end = float(record.time[-1])
     tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
     return tried or [2.0 * record.step]
 
 
-def _places(record: Recorded, spacing: float) -> Array:
+def _places(record: RecordedMotion, spacing: float) -> Array:
     """Multiples of a spacing, s, and the end."""
     end = float(record.time[-1])
     places = spacing * np.arange(max(round(end / spacing), FEWEST - 1) + 1.0)
@@ -362,7 +370,7 @@ def _places(record: Recorded, spacing: float) -> Array:
     return places
 
 
-def thinned(record: Recorded) -> Knots:
+def thinned(record: RecordedMotion) -> Knots:
     """Few samples of the smoothed motion, that keep it to half an encoder step or the noise.
 
     Raises

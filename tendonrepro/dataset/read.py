@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from tendonrepro.dataset.arrays import Source, Tables, Unreadable, read_hdf5, tables_of
-from tendonrepro.dataset.digitised import packaged, read_package
-from tendonrepro.dataset.instruments import read_tdms, read_text
-from tendonrepro.dataset.text import encoding_of_bytes
+from tendonrepro.dataset.columns import SourceTable, Tables, Unreadable
+from tendonrepro.dataset.data_package import packaged, read_package
+from tendonrepro.dataset.labview import is_labview, read_lvm, read_tdms
+from tendonrepro.dataset.nested import read_hdf5
+from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
 from tendonrepro.dataset.workbook import read_workbook
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
@@ -28,19 +29,25 @@ MOST_BYTES = 2**31
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ""}
+_HDF = b"\x89HDF"
+"""First bytes of an HDF5 file."""
 _UNICODE = 0x800
 """Flag of a name in a zip that is Unicode."""
 
 
-class Found(NamedTuple):
-    """Tables; by file why it was `unread`; and by file lines on what is in no table of it."""
+class Contents(NamedTuple):
+    """Tables of files; by file why it was `unread`; and by file lines on what is in no table of it."""
 
-    sources: list[Source]
+    tables: list[SourceTable]
     unread: dict[str, str]
     left_out: dict[str, list[str]]
 
+    def lines_left_out(self) -> list[str]:
+        """What is in no table, with its file."""
+        return [f"{file}: {line}" for file, lines in self.left_out.items() for line in lines]
 
-def read_files(paths: Sequence[Path]) -> Found:
+
+def read_files(paths: Sequence[Path]) -> Contents:
     """Read every table of files, folders and archives.
 
     Raises
@@ -51,10 +58,10 @@ def read_files(paths: Sequence[Path]) -> Found:
     for path in paths:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
-    content = Found([], {}, {})
+    contents = Contents([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
         names = {path: "" if path.is_dir() else path.name for path in paths}
-        folder, unread = Path(scratch), content.unread
+        folder, unread = Path(scratch), contents.unread
         files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
         described = {table.resolve() for path in packages for table in packaged(path)}
@@ -63,17 +70,17 @@ def read_files(paths: Sequence[Path]) -> Found:
                 # Its package reads it, and knows its units.
                 continue
             try:
-                sources, left_out = reader.read(path, name)
+                tables, left_out = reader.read(path, name)
             except Unreadable as error:
-                content.unread[name] = str(error)
+                contents.unread[name] = str(error)
                 continue
-            content.sources.extend(sources)
+            contents.tables.extend(tables)
             if left_out:
-                content.left_out[name] = left_out
-    if not content.sources:
-        reasons = "; ".join(f"{file}: {reason}" for file, reason in content.unread.items()) or "no files"
+                contents.left_out[name] = left_out
+    if not contents.tables:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in contents.unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return content
+    return contents
 
 
 class _Reader:
@@ -89,13 +96,13 @@ class _Reader:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def read(self, path: Path, name: str) -> tuple[list[Source], list[str]]:
-        if not needs_own_process(path):
+    def read(self, path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
+        if not _may_crash(path):
             return read_file(path, name)
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
         try:
-            tables: tuple[list[Source], list[str]] = self._pool.submit(read_file, path, name).result()
+            tables: tuple[list[SourceTable], list[str]] = self._pool.submit(read_file, path, name).result()
         except BrokenProcessPool:
             self._pool = None
             raise Unreadable("reading it crashed: the file is damaged") from None
@@ -131,13 +138,13 @@ def _unpack(path: Path, folder: Path) -> None:
 def _unzip(path: Path, folder: Path) -> None:
     """Unpack a zip; names that do not say they are Unicode are Chinese, Western, or plain."""
     with zipfile.ZipFile(path) as archive:
-        names = [one.filename for one in archive.infolist() if not one.flag_bits & _UNICODE]
+        names = [member.filename for member in archive.infolist() if not member.flag_bits & _UNICODE]
     encoding, _ = encoding_of_bytes(b"\n".join(name.encode("cp437", "ignore") for name in names))
     with zipfile.ZipFile(path, metadata_encoding=encoding.removesuffix("-sig")) as archive:
         archive.extractall(folder)
 
 
-def read_file(path: Path, name: str) -> tuple[list[Source], list[str]]:
+def read_file(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
     """Read the tables of one file, and lines on what is in none of them.
 
     Raises
@@ -149,29 +156,32 @@ def read_file(path: Path, name: str) -> tuple[list[Source], list[str]]:
     if size > MOST_BYTES:
         raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
-        tables_of_file = _tables(path)
+        tables = _tables(path)
     except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    file: dict[str, str | int] = {"name": name, "size": size, "md5": md5_of(path)}
-    tables = {inner: columns for inner, columns in tables_of_file.tables.items() if columns}
-    left_out = [*tables_of_file.left_out]
-    for inner, columns in tables_of_file.tables.items():
-        place = f"{inner}: " if inner else ""
-        left_out += [f"{place}{note}" for note in columns.notes]
-    if not tables:
+    left_out = tables.left_out + [
+        f"{inner}: {note}" if inner else note for inner, columns in tables.items() for note in columns.notes
+    ]
+    filled = {inner: columns for inner, columns in tables.items() if columns}
+    if not filled:
         reasons = f": {'; '.join(left_out)}" if left_out else ""
         raise Unreadable(f"holds no columns of numbers{reasons}"[:400])
-    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in tables.items()}
-    return [Source(table, columns, file) for table, columns in named.items()], left_out
+    file: dict[str, str | int] = {"name": name, "size": size, "md5": md5_of(path)}
+    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in filled.items()}
+    return [SourceTable(table, columns, file) for table, columns in named.items()], left_out
 
 
 def _tables(path: Path) -> Tables:
     """Tables of a file by their place in it; its first bytes go before its name."""
     head, suffix = _head(path), path.suffix.lower()
-    if needs_own_process(path):
-        return _binary_tables(path, head, suffix)
+    if suffix == ".mat" or head.startswith(b"MATLAB") or (suffix == ".fig" and head.startswith(_HDF)):
+        from tendonrepro.dataset.matlab import read_matlab
+
+        return read_matlab(path)
+    if head.startswith(_HDF):
+        return read_hdf5(path)
     if suffix == ".tdms" or head.startswith(b"TDSm"):
         return read_tdms(path)
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
@@ -179,27 +189,13 @@ def _tables(path: Path) -> Tables:
     if suffix == ".json":
         return read_package(path)
     if suffix in _TEXTS | _BOOKS:
-        return read_text(path)
+        return read_lvm(path) if is_labview(path) else read_text_table(path)
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")
 
 
-def needs_own_process(path: Path) -> bool:
+def _may_crash(path: Path) -> bool:
     """Whether a library reads a file that a damaged one can crash."""
-    head = _head(path)
-    return path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF"))
-
-
-def _binary_tables(path: Path, head: bytes, suffix: str) -> Tables:
-    from tendonrepro.dataset.matlab import read_matlab
-
-    # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
-    if suffix == ".fig":
-        raise Unreadable("a figure of MATLAB: open it there and save the data of its lines")
-    if suffix == ".mat" or head.startswith(b"MATLAB"):
-        tree, reasons = read_matlab(path)
-        tables = tables_of(tree)
-        return Tables(tables.tables, [*reasons, *tables.left_out])
-    return tables_of(read_hdf5(path))
+    return path.suffix.lower() == ".mat" or _head(path).startswith((b"MATLAB", _HDF))
 
 
 def _head(path: Path) -> bytes:

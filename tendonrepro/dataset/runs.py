@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
-from tendonrepro.dataset.arrays import Column, Source
-from tendonrepro.dataset.clocks import by_clock, in_order, read_off, rows_of, times_of
-from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, Run, Use
+from tendonrepro.configuration.published import coupling_of, published, table_1
+from tendonrepro.dataset.clocks import by_clock, rows_of, times_of
+from tendonrepro.dataset.columns import Column, SourceTable
+from tendonrepro.dataset.digitised import in_order, read_off
+from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
+from tendonrepro.dataset.read import Contents
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import status_of
 from tendonrepro.results.records import READ_OFF, Trace
@@ -30,15 +33,10 @@ _SEVERITY = ("ok", "ringing", "diverged")
 
 @dataclass
 class Assembly:
-    """Runs in the making, with `notes` of what was done to numbers, and `doubts`.
+    """Runs in the making, with `notes` of what was done to numbers, and `doubts`."""
 
-    `unread` is file -> why; `S` is the coupling matrix, (3, 3).
-    """
-
-    sources: Sequence[Source]
-    unread: Mapping[str, str]
+    contents: Contents
     mapping: MappingFile
-    S: Array
     notes: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -60,7 +58,7 @@ class Assembly:
                 raise ConfigError(error.message, where=self.mapping.places[name], hint=error.hint) from None
         return traces
 
-    def _run(self, name: str, run: Run) -> Trace:
+    def _run(self, name: str, run: RunMapping) -> Trace:
         time, signals = self._signals(name, run)
         joints = tuple(sorted({use.joint for use in signals}))
         variables: dict[str, Array] = {}
@@ -76,7 +74,8 @@ class Assembly:
             _complete(variables, is_read_off=run.reading_error_deg is not None)
         if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
             places = np.array(joints) - 1
-            variables["q_calculated"] = variables["q_motor_encoder"] @ self.S[np.ix_(places, places)].T
+            S, _ = coupling_of(table_1(published()))
+            variables["q_calculated"] = variables["q_motor_encoder"] @ S[np.ix_(places, places)].T
             self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
         attributes: dict[str, object] = {"law": MEASURED, "gains": {}, "readings": {}}
         attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
@@ -86,51 +85,38 @@ class Assembly:
         self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
         return trace
 
-    def _signals(self, name: str, run: Run) -> tuple[Array, dict[Use, Array]]:
+    def _signals(self, name: str, run: RunMapping) -> tuple[Array, dict[Use, Array]]:
         """Common times, s, and values of all columns of a run, SI."""
         series: dict[Use, tuple[Array, Array]] = {}
-        for table in run.sources:
-            source = self._source(table)
+        for name_of_table in run.sources:
+            table = self._table(name_of_table)
             taken = {use.signal for use in series}
-            uses = {column: use for column, use in _uses(source, run).items() if use.signal not in taken}
+            uses = {column: use for column, use in _uses(table, run).items() if use.signal not in taken}
             if all(use.variable == "time" for use in uses.values()):
                 continue
-            _refuse_twins(source, uses)
-            rows, notes = rows_of(source, run)
-            for clock, columns in by_clock(source.columns, uses).items():
-                time, told = times_of(source, rows, clock, uses, run)
-                notes += told
-                kept = np.isfinite(time)
-                for column in columns:
-                    use = uses[column]
-                    values = _in_si(_taken(source.columns[column], rows), use)
-                    values = _taken(values, kept)
-                    series[use] = (
-                        in_order(time[kept], values) if run.reading_error_deg else (time[kept], values)
-                    )
-                    if absent := int((~np.isfinite(values)).sum()):
-                        notes.append(f"{column}: {absent} of {len(values)} samples missing")
-            several = len(run.sources) > 1
-            self.notes += [
-                f"{name}: {source.name + ', ' if several else ''}{note}" for note in dict.fromkeys(notes)
-            ]
+            _refuse_twins(table, uses)
+            of_table, notes = _series_of(table, uses, run)
+            series |= of_table
+            place = f"{name}: {table.name}, " if len(run.sources) > 1 else f"{name}: "
+            self.notes += [place + note for note in dict.fromkeys(notes)]
         if not series:
             raise ConfigError("none of its tables has a column that the mapping knows")
         if run.reading_error_deg:
             return read_off(series)
         return self._common(name, series)
 
-    def _source(self, name: str) -> Source:
+    def _table(self, name: str) -> SourceTable:
         """Find a table by its name, or the only one that ends with it."""
-        exact = [source for source in self.sources if source.name == name]
-        matching = exact or [source for source in self.sources if source.name.endswith(f"/{name}")]
-        if len(matching) != 1:
-            message = f"there is no table {name!r}" if not matching else f"{name!r} could be several tables"
-            for file, reason in self.unread.items():
-                if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
-                    raise DataMissingError(f"was not read: {reason}", where=file)
-            raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in self.sources)}")
-        return matching[0]
+        tables = self.contents.tables
+        exact = [table for table in tables if table.name == name]
+        matching = exact or [table for table in tables if table.name.endswith(f"/{name}")]
+        if len(matching) == 1:
+            return matching[0]
+        for file, reason in self.contents.unread.items():
+            if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
+                raise DataMissingError(f"was not read: {reason}", where=file)
+        message = f"{name!r} could be several tables" if matching else f"there is no table {name!r}"
+        raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in tables)}")
 
     def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
         """All on the first table's times, as far as others go."""
@@ -146,6 +132,26 @@ class Assembly:
             return first, {use: values for use, (_, values) in series.items()}
         self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
         return time, {use: np.interp(time, *axis) for use, axis in series.items()}
+
+
+def _series_of(
+    table: SourceTable, uses: dict[str, Use], run: RunMapping
+) -> tuple[dict[Use, tuple[Array, Array]], list[str]]:
+    """Times, s, and values of the columns of one table, SI, and notes on what was left out."""
+    series: dict[Use, tuple[Array, Array]] = {}
+    rows, notes = rows_of(table, run)
+    for clock, columns in by_clock(table.columns, uses).items():
+        time, of_times = times_of(table, rows, clock, uses, run)
+        notes += of_times
+        has_time = np.isfinite(time)
+        for column in columns:
+            use = uses[column]
+            values = _taken(_in_si(_taken(table.columns[column], rows), use), has_time)
+            curve = time[has_time], values
+            series[use] = in_order(*curve) if run.reading_error_deg else curve
+            if absent := int((~np.isfinite(values)).sum()):
+                notes.append(f"{column}: {absent} of {len(values)} samples missing")
+    return series, notes
 
 
 def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
@@ -180,21 +186,22 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     return judged if worst == "ok" else judged | {"status_joints": of}
 
 
-def _refuse_twins(source: Source, uses: dict[str, Use]) -> None:
+def _refuse_twins(table: SourceTable, uses: dict[str, Use]) -> None:
     """Refuse two columns of one table that are the same signal."""
     columns: dict[tuple[str, int], str] = {}
     for column, use in uses.items():
         other = columns.setdefault(use.signal, column)
         if use.variable != "time" and other != column:
-            message = f"{other!r} and {column!r} of {source.name} are both {use.variable} {use.joint}"
+            message = f"{other!r} and {column!r} of {table.name} are both {use.variable} {use.joint}"
             raise ConfigError(message, hint="delete the line of one of them")
 
 
-def _uses(source: Source, run: Run) -> dict[str, Use]:
+def _uses(table: SourceTable, run: RunMapping) -> dict[str, Use]:
+    """What columns of a table are to a run, by their names with or without the table's."""
     uses = {}
     for name, use in (run.columns or {}).items():
-        table, _, column = name.rpartition(":") if name not in source.columns else ("", "", name)
-        if column in source.columns and table in ("", source.name, source.last):
+        place, _, column = name.rpartition(":") if name not in table.columns else ("", "", name)
+        if column in table.columns and place in ("", table.name, table.last):
             uses[column] = use
     return uses
 

@@ -8,7 +8,8 @@ from typing import TypeGuard
 
 import numpy as np
 
-from tendonrepro.dataset.arrays import Column, Columns, Nested, Series
+from tendonrepro.dataset.columns import Column, Columns
+from tendonrepro.dataset.nested import Nested, Series
 
 _SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)

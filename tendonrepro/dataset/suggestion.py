@@ -9,42 +9,29 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from tendonrepro.dataset.arrays import Source
+from tendonrepro.configuration.published import published
+from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use
 from tendonrepro.dataset.words import meaning_of
 
 Lines: TypeAlias = dict[str, tuple[str, str]]
 """Column -> what it is, and what to check about that."""
-_PAPERS_PAYLOAD = 0.2
 
 
 @dataclass(frozen=True)
-class Guess:
-    """What a column is taken for, in which run, and what to check."""
+class ColumnGuess:
+    """What a column is taken for, in which run, and what to check.
 
-    source: Source
+    Where `asked` says why it was not guessed, `use` has capitals in place of what a person has to fill in.
+    """
+
+    table: SourceTable
     column: str
     use: Use
     run: str
     payload: float | None
     check: str
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A column that is not guessed: the line to write, and why."""
-
-    source: Source
-    column: str
-    variable: str
-    joint: str
-    unit: str
-    run: str
-    why: str
-
-    def __str__(self) -> str:
-        """As a comment of the mapping has it."""
-        return f"{quoted(self.column)}: {self.variable} {self.joint} {self.unit}  # {self.why}"
+    asked: str
 
 
 @dataclass
@@ -58,8 +45,8 @@ class RunGuess:
 
     name: str
     payload: float | None
-    columns: list[Guess] = field(default_factory=list)
-    asked: list[Asked] = field(default_factory=list)
+    columns: list[ColumnGuess] = field(default_factory=list)
+    asked: list[ColumnGuess] = field(default_factory=list)
     extras: dict[str, str] = field(default_factory=dict)
     reading_error: dict[str, float] = field(default_factory=dict)
     check: str = ""
@@ -71,10 +58,14 @@ class RunGuess:
         return replace(self, name=f"{self.name}_{number}", extras=extras, check=check)
 
     @property
-    def sources(self) -> list[str]:
-        """Names of its tables."""
-        held = [one.source.name for one in self.columns] + [one.source.name for one in self.asked]
-        return list(dict.fromkeys(held))
+    def signals(self) -> int:
+        """Number of its guessed columns that are no times."""
+        return sum(guess.use.variable != "time" for guess in self.columns)
+
+    @property
+    def tables(self) -> list[SourceTable]:
+        """Its tables, each once."""
+        return list({guess.table.name: guess.table for guess in (*self.columns, *self.asked)}.values())
 
 
 def written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterator[str]:
@@ -110,11 +101,8 @@ def _uses(lines: Lines) -> dict[str, str]:
 
 def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
     """Lines that a run would take, from any of its tables."""
-    tables = {guess.source.name: guess.source for guess in run.columns} | {
-        guess.source.name: guess.source for guess in run.asked
-    }
-    names = {name for table in tables.values() for name in table.columns}
-    names |= {f"{table.last}:{name}" for table in tables.values() for name in table.columns}
+    names = {name for table in run.tables for name in table.columns}
+    names |= {f"{table.last}:{name}" for table in run.tables for name in table.columns}
     return {name: use for name, use in _uses(lines).items() if name in names}
 
 
@@ -137,23 +125,21 @@ def _columns_of(run: RunGuess) -> Lines:
     lines: Lines = {}
     for guess in run.columns:
         others = [other for other in run.columns if other.column == guess.column and other.use != guess.use]
-        table = f"{guess.source.last}:" if others else ""
+        table = f"{guess.table.last}:" if others else ""
         check = f"{CHECK} {guess.check}" if guess.check else ""
         lines.setdefault(f"{table}{guess.column}", (str(guess.use), check))
-    for other in run.asked:
-        lines.setdefault(
-            other.column,
-            (f"{other.variable} {other.joint} {other.unit}", f"# FILL IN, or delete: {other.why}"),
-        )
+    for guess in run.asked:
+        lines.setdefault(guess.column, (str(guess.use), f"# FILL IN, or delete: {guess.asked}"))
     return lines
 
 
 def _run_lines(run: RunGuess, columns: Lines | None) -> Iterator[str]:
-    sources = quoted(run.sources[0]) if len(run.sources) == 1 else f"[{', '.join(map(quoted, run.sources))}]"
+    names = [quoted(table.name) for table in run.tables]
+    sources = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
     check = _check_of_run(run)
     mark = f"  {CHECK} {check}" if check else ""
     mass = run.payload or math.nan
-    is_usual = math.isnan(mass) or mass == _PAPERS_PAYLOAD
+    is_usual = math.isnan(mass) or mass == published().number("hardware.payload")
     if columns is None and is_usual and not run.extras and not run.reading_error:
         yield f"  {run.name}: {sources}{mark}"
         return
@@ -176,7 +162,7 @@ def _check_of_run(run: RunGuess) -> str:
     if not re.fullmatch(r"controller_[123](_payload)?|decouple", run.name):
         checks.append("no controller named; if it is one, write controller_1, _2 or _3 before the colon")
     else:
-        telling = [meaning_of(part) for part in around_of(run.sources[0])]
+        telling = [meaning_of(part) for part in around_of(run.tables[0].name)]
         unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
         if unknown:
             checks.append(f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it")

@@ -6,16 +6,15 @@ import csv
 import io
 import re
 import warnings
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
-from tendonrepro.dataset.cells import add_column, is_number
-from tendonrepro.dataset.headers import names_of
+from tendonrepro.dataset.cells import add_column, is_number, with_point
+from tendonrepro.dataset.columns import Columns, Tables, Unreadable
+from tendonrepro.dataset.headers import first_numbers, names_of
 
 COMMENTS = ("#", "%", "//")
 _HEAD, _TAIL = 2**20, 2**16
@@ -53,9 +52,9 @@ def read_text_table(path: Path) -> Tables:
         If there is no table of numbers.
     """
     layout, notes = layout_of(path)
-    found = _columns(path, layout)
-    found.notes[:0] = notes
-    return Tables({"": found})
+    columns = _columns(path, layout)
+    columns.notes[:0] = notes
+    return Tables({"": columns})
 
 
 def layout_of(path: Path) -> tuple[Layout, list[str]]:
@@ -161,42 +160,6 @@ def split(line: str, separator: str | None, *, comma: bool) -> list[str]:
         parts = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     cells = [part.strip().strip('"').strip() for part in parts]
     return [with_point(cell) for cell in cells] if comma else cells
-
-
-def with_point(cell: str) -> str:
-    """A number with a decimal comma, alone or behind thousands, by a point."""
-    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
-
-
-def _pointed(match: re.Match[str]) -> str:
-    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
-
-
-def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
-    """First row with numbers where most of the `sample` has some, and so in the two rows behind it."""
-    counts: Counter[int] = Counter()
-    filled: Counter[int] = Counter()
-    for row in sample:
-        filled.update(k for k, cell in enumerate(row) if cell)
-        counts.update(k for k, cell in enumerate(row) if is_number(cell))
-    numbers = [k for k in sorted(counts) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
-    if not numbers:
-        return None
-    for place, row in enumerate(rows[:-1]):
-        if _share(row, numbers) > 0.5 and all(
-            _share(after, numbers) > 0.0 for after in rows[place + 1 : place + 3]
-        ):
-            return place
-    return None
-
-
-def _share(row: Sequence[str], places: Sequence[int]) -> float:
-    """Share of numbers in those places that are filled; 0 if the first holds a word, as of a setting."""
-    first = row[places[0]] if len(row) > places[0] else "absent"
-    held = [row[k] for k in places if k < len(row) and row[k]]
-    if (first and not is_number(first)) or 2 * len(held) < len(places):
-        return 0.0
-    return sum(map(is_number, held)) / len(held)
 
 
 def _columns(path: Path, layout: Layout) -> Columns:

@@ -69,7 +69,7 @@ class PrintedTables:
     @property
     def best(self) -> Tried:
         """The first with most agreements."""
-        return max(self.tried, key=lambda one: len(one.agree))
+        return max(self.tried, key=lambda tried: len(tried.agree))
 
     @property
     def winner(self) -> Tried | None:

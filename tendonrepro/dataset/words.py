@@ -138,11 +138,11 @@ def _without_unit(name: str) -> tuple[str, str | None]:
 
 
 def _without_mass(text: str) -> tuple[str, float | None]:
-    found = _MASS.search(text)
-    if not found:
+    match = _MASS.search(text)
+    if not match:
         return text, None
-    mass = float(re.sub("[,p]", ".", found[1])) * (1.0 if found[2] == "kg" else 1e-3)
-    return f"{text[: found.start()]} {text[found.end() :]}", mass
+    mass = float(re.sub("[,p]", ".", match[1])) * (1.0 if match[2] == "kg" else 1e-3)
+    return f"{text[: match.start()]} {text[match.end() :]}", mass
 
 
 def _words(text: str) -> Iterator[str]:

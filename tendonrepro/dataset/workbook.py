@@ -8,10 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from tendonrepro.dataset.arrays import Columns, Tables
-from tendonrepro.dataset.cells import add_column
-from tendonrepro.dataset.headers import names_of
-from tendonrepro.dataset.text import first_numbers, with_point
+from tendonrepro.dataset.cells import add_column, with_point
+from tendonrepro.dataset.columns import Columns, Tables
+from tendonrepro.dataset.headers import first_numbers, names_of
 
 _MOST_HEAD = 2000
 """Rows above the numbers that are looked through."""

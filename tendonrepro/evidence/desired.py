@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES
 from tendonrepro.console import count_of
-from tendonrepro.dataset.motion import Recorded, rounding_step, smoothed
+from tendonrepro.dataset.motion import RecordedMotion, rounding_step, smoothed
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.records import Trace
 
@@ -49,7 +49,7 @@ def _of_one(q_d: Array, time: Array, L: float) -> tuple[Array, Array, Array]:
     # Before the first motion and after the last the angle stands; there the spline would swing.
     even = time[0] + L * np.arange(round(float(time[-1] - time[0]) / L) + 1)
     filled = np.interp(even, time[known], q_d[known])
-    record = Recorded(even - even[0], (filled - filled[0])[:, np.newaxis], (0,), filled[:1], rounding)
+    record = RecordedMotion(even - even[0], (filled - filled[0])[:, np.newaxis], (0,), filled[:1], rounding)
     spline, spacing = smoothed(record, least=0.0)
     at = time - even[0]
     angle, rate, acceleration = (spline(at, k)[:, 0] for k in range(3))

@@ -19,16 +19,15 @@ from tendonrepro.evidence.hypotheses import (
     LINEAR,
     NTSM,
     Hypothesis,
-    Log,
     coefficient_slopes,
     coefficients,
     hypotheses,
-    liveliest,
     regression,
 )
+from tendonrepro.evidence.log import Log, liveliest
 
 BLOCK = 200
-"""Samples of a block. Odd blocks are foretold from even ones."""
+"""Samples of a block. Odd blocks are predicted from even ones."""
 GROUPS = 16
 """Groups of blocks that are left out in turn, for intervals."""
 SCREENED = 3000
@@ -92,10 +91,8 @@ class Fit:
     @property
     def off_published(self) -> float:
         """Distance of M_bar and feedback gains from the published ones, sum of logarithms."""
-        published, found = _published(self.hypothesis)[2:], self.parameters[2:]
-        if (found <= 0.0).any():
-            return float("inf")
-        return float(np.abs(np.log(found / published)).sum())
+        ratio = self.parameters[2:] / _published(self.hypothesis)[2:]
+        return float(np.abs(np.log(ratio)).sum()) if (ratio > 0.0).all() else float("inf")
 
 
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
@@ -105,7 +102,7 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     """
     window = liveliest(log, SCREENED)
     screened = [
-        (_foretold(window, joint, hypothesis, _free), k, hypothesis)
+        (_held_out_error(window, joint, hypothesis, _least_squares), k, hypothesis)
         for k, hypothesis in enumerate(hypotheses(log))
     ]
     best = [hypothesis for error, _, hypothesis in sorted(screened)[:KEPT] if np.isfinite(error)]
@@ -175,7 +172,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
         half=_half(left_out),
         position_gain=float(_position_gain(parameters, hypothesis)),
         position_gain_half=float(_half(_position_gain(left_out, hypothesis))),
-        residual=_foretold(log, joint, hypothesis, _constrained),
+        residual=_held_out_error(log, joint, hypothesis, _by_parameters),
         step=float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2))),
         information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
         + count * float(np.log(samples)),
@@ -232,21 +229,22 @@ def _bias(
     return float(np.abs(shift[:2]).max())
 
 
-def _foretold(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
+def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
     """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
     regressed = regression(log, joint, hypothesis)
     odd = regressed.rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
         return float("inf")
-    known = solve(_factor(regressed.X[~odd], regressed.y[~odd]), hypothesis)
-    return _residual(_factor(regressed.X[odd], regressed.y[odd]), known) / float(np.sqrt(odd.sum()))
+    of_even = solve(_factor(regressed.X[~odd], regressed.y[~odd]), hypothesis)
+    return _residual(_factor(regressed.X[odd], regressed.y[odd]), of_even) / float(np.sqrt(odd.sum()))
 
 
-def _constrained(factor: Array, hypothesis: Hypothesis) -> Array:
+def _by_parameters(factor: Array, hypothesis: Hypothesis) -> Array:
+    """Coefficients of the parameters that fit best."""
     return coefficients(_solved(factor, hypothesis), hypothesis)
 
 
-def _free(factor: Array, _: Hypothesis) -> Array:
+def _least_squares(factor: Array, _: Hypothesis) -> Array:
     """Coefficients that fit best, whatever the parameters."""
     scale = _sizes(factor[:, :-1])
     return np.asarray(np.linalg.lstsq(factor[:, :-1] / scale, factor[:, -1], rcond=1e-12)[0] / scale)
@@ -259,12 +257,12 @@ def _sizes(columns: Array) -> Array:
 
 
 def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothesis:
-    """Put a low-pass filter into one place, with the cutoff that foretells best."""
+    """Put a low-pass filter into one place, with the cutoff that predicts best."""
 
     def error(logit: float) -> float:
         # A slow filter leaves too few samples of a short log, which is worse than any fit.
         filtered = [*hypothesis.filtered(_newest(logit))][place]
-        return min(_foretold(log, joint, filtered, _constrained), 1e9)
+        return min(_held_out_error(log, joint, filtered, _by_parameters), 1e9)
 
     # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
     grid = np.linspace(-4.6, 4.6, 9)
@@ -280,7 +278,7 @@ def _newest(logit: float) -> float:
 
 def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
     """Parameters that fit best, searched from `near`, else from several starts."""
-    matrix, target, free = factor[:, :-1], factor[:, -1], _free(factor, hypothesis)
+    matrix, target, free = factor[:, :-1], factor[:, -1], _least_squares(factor, hypothesis)
     w_1, w_2, M_bar = (
         free[0],
         free[1],

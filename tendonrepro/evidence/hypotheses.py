@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
+from tendonrepro.evidence.log import Log
 from tendonrepro.experiments.loops import PERIODS
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, phi, phi_slope
 
@@ -58,41 +59,6 @@ _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (("Delta_unit", "deg"),),
     (("eta_in_controller_2", "dropped"),),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Log:
-    """One run as a recorder kept it, T samples of n joints, arrays (T, n), SI.
-
-    Attributes
-    ----------
-    L
-        Time between samples, s.
-    q, q_motor
-        Joint encoders, and ``S q_motor`` of the motors' encoders if known.
-    command, applied
-        Torque in joint coordinates: the one commanded if known, else the one applied; and that applied
-        if both are known.
-    S : array (n, n)
-        Coupling matrix.
-    b, Delta : array (n,)
-        Of Eq. (12), as published.
-    encoder_step
-        rad; the slope of the power branch is held below it.
-    """
-
-    L: float
-    q: Array
-    q_motor: Array | None
-    q_d: Array
-    dq_d: Array
-    ddq_d: Array
-    command: Array
-    applied: Array | None
-    S: Array
-    b: Array
-    Delta: Array
-    encoder_step: float
 
 
 @dataclass(frozen=True)
@@ -285,75 +251,14 @@ def _phi_law(log: Log, readings: Mapping[str, str]) -> Law:
 
 def _low_pass(values: Array, newest: float) -> Array:
     """First-order low-pass; what it was before the log is forgotten first."""
-    found, known = np.full_like(values, np.nan), np.isfinite(values)
-    found[known] = lfilter([newest], [1.0, newest - 1.0], values[known])
-    found[: min(int(FORGOTTEN / newest), len(values) // 2)] = np.nan
-    return found
+    filtered, known = np.full_like(values, np.nan), np.isfinite(values)
+    filtered[known] = lfilter([newest], [1.0, newest - 1.0], values[known])
+    filtered[: min(int(FORGOTTEN / newest), len(values) // 2)] = np.nan
+    return filtered
 
 
 def _back(values: Array, samples: int) -> Array:
     """Values some samples earlier; NaN before the first."""
-    found = np.full_like(values, np.nan)
-    found[samples:] = values[: len(values) - samples]
-    return found
-
-
-def liveliest(log: Log, samples: int) -> Log:
-    """Samples in which the desired motion is fastest."""
-    speed = np.cumsum(np.nan_to_num(log.dq_d**2).sum(axis=1))
-    if len(speed) <= samples:
-        return log
-    start = int(np.argmax(speed[samples:] - speed[:-samples]))
-    part = slice(start, start + samples)
-    return replace(
-        log,
-        q=log.q[part],
-        q_motor=None if log.q_motor is None else log.q_motor[part],
-        q_d=log.q_d[part],
-        dq_d=log.dq_d[part],
-        ddq_d=log.ddq_d[part],
-        command=log.command[part],
-        applied=None if log.applied is None else log.applied[part],
-    )
-
-
-def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
-    """Angles (T,) on the grid of encoder steps that they evidently stood on, and the rounding that is left.
-
-    Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
-    """
-    whole = q
-    q = whole[np.isfinite(whole)]
-    steps = np.abs(np.diff(q))
-    steps = steps[steps > 1e-7]
-    if steps.size < 20:
-        return whole, resolution(q)
-    step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(q[0])
-    # A step between neighbours is rough; over longer ways it is told better and better.
-    for reach in (10, 100, 1000, np.inf):
-        counts = np.round((q - start) / step)
-        near = np.abs(counts) <= reach
-        if np.ptp(counts[near]) == 0:
-            return whole, resolution(q)
-        step, start = map(float, np.polyfit(counts[near], q[near], 1))
-    rounded = start + step * np.round((q - start) / step)
-    if np.abs(rounded - q).max() > 0.25 * step:
-        return whole, resolution(q)
-    freed = np.full_like(whole, np.nan)
-    freed[np.isfinite(whole)] = rounded
-    return freed, 0.0 if step < 1.1 * encoder_step else step
-
-
-def resolution(values: Array) -> float:
-    """Smallest difference between any two values, but for what arithmetic leaves."""
-    gaps = np.diff(np.unique(values[np.isfinite(values)]))
-    gaps = gaps[gaps > 1e-9 * np.ptp(values)] if gaps.size else gaps
-    return float(gaps.min()) if gaps.size else 0.0
-
-
-def torque_rounding(log: Log) -> Array:
-    """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
-    of_joints = np.array([resolution(column) for column in log.command.T])
-    of_winches = np.array([resolution(column) for column in (log.command @ log.S).T])
-    mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
-    return np.asarray(np.maximum(of_joints, mapped))
+    earlier = np.full_like(values, np.nan)
+    earlier[samples:] = values[: len(values) - samples]
+    return earlier

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
+from tendonrepro.configuration.load import LoadedConfig, load_config
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.console import Talk
+from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.evidence.controller import RecoveredController
 from tendonrepro.evidence.fit import Fit, equally_good
-from tendonrepro.evidence.recover import read_logs, recovered
-from tendonrepro.evidence.recovered import Recovered
+from tendonrepro.evidence.recover import recover_controllers
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.tables import Table
@@ -26,12 +27,12 @@ SHOWN = 5
 def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict[str, object]]:
     """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
     paper = load_config(None, "compare")
-    assert isinstance(paper.config, CompareConfig)
     runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
     both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
-    if not read_logs(both, paper.config)[0]:
+    try:
+        return [controller_data(controller) for controller in recover_controllers(both, paper, talk, start)]
+    except (DataMissingError, UsageError):
         return []
-    return [_data(controller) for controller in recovered(both, paper, talk, start)]
 
 
 def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site) -> Outcome:
@@ -42,19 +43,20 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site)
     UsageError
         If no run has torque, desired and measured angles.
     """
-    controllers = recovered(file, paper, site.talk, site.start)
+    controllers = recover_controllers(file, paper, site.talk, site.start)
     own = not controllers[0].of_paper
     data = {
         "schema_version": 1,
         "log": name,
         "gains_from": "configuration" if own else "paper",
-        "runs": [_data(controller) for controller in controllers],
+        "runs": [controller_data(controller) for controller in controllers],
     }
     sentences = "\n".join(controller.sentence for controller in controllers)
-    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *_tables(controllers)])
+    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *controller_tables(controllers)])
 
 
-def _data(controller: Recovered) -> dict[str, object]:
+def controller_data(controller: RecoveredController) -> dict[str, object]:
+    """What is told of one joint of one run, as plain values."""
     head: dict[str, object] = {
         "run": controller.run,
         "joint": controller.joint,
@@ -90,7 +92,8 @@ def _named(fit: Fit) -> str:
     return f"{fit.hypothesis.surface} {fit.hypothesis.name}"
 
 
-def _tables(controllers: list[Recovered]) -> list[Table]:
+def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
+    """Answers, parameters and hypotheses."""
     fitted = [controller for controller in controllers if controller.fits]
     answers = [
         {

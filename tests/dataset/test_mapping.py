@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tendonrepro.dataset.arrays import Columns, Source
+from tendonrepro.dataset.columns import Columns, SourceTable
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
 from tendonrepro.errors import ConfigError
@@ -23,7 +23,7 @@ runs:
 
 
 def test_what_lines_mean():
-    found = parse_mapping(GOOD, "m.yaml", 0.2)
+    found = parse_mapping(GOOD, "m.yaml")
     first, second = found.runs.values()
     assert first.columns == {
         "t": Use("time", 0, "ms"),
@@ -38,8 +38,8 @@ def test_what_lines_mean():
 
 
 def test_a_confirmed_guess_is_none():
-    assert len(parse_mapping(GOOD, "m.yaml", 0.2).guesses) == 1
-    assert parse_mapping(confirmed(GOOD), "m.yaml", 0.2).guesses == []
+    assert len(parse_mapping(GOOD, "m.yaml").guesses) == 1
+    assert parse_mapping(confirmed(GOOD), "m.yaml").guesses == []
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_confirmed_guess_is_none():
 )
 def test_the_line_of_a_mistake_is_named(old, new, line):
     with pytest.raises(ConfigError) as caught:
-        parse_mapping(GOOD.replace(old, new, 1), "m.yaml", 0.2)
+        parse_mapping(GOOD.replace(old, new, 1), "m.yaml")
     assert f"m.yaml:{line}" in str(caught.value)
 
 
@@ -86,8 +86,8 @@ def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
     """Beyond half a turn the angles of a table are degrees; but for seconds a guess has its mark."""
     sizes = {"q2": 3.0, "qd2": most, "e2": 0.4, "tau2": 1.0, "dq2": 1.0}
     columns = {"t": step * np.arange(20.0)} | {name: np.linspace(0.0, x, 20) for name, x in sizes.items()}
-    text = guess_mapping([Source("controller_1.csv", Columns(columns), {})], "SYNTHETIC")["suggestion"]
-    found = parse_mapping(text, "m.yaml", 0.2)
+    text = guess_mapping([SourceTable("controller_1.csv", Columns(columns), {})], "SYNTHETIC").text
+    found = parse_mapping(text, "m.yaml")
     units = {name: use.unit for name, use in found.runs["controller_1"].columns.items()}
     angle = "deg" if most > 3.2 else "rad"
     assert units == {"t": unit, "q2": angle, "qd2": angle, "e2": angle, "tau2": "N m", "dq2": "deg/s"}
@@ -97,5 +97,5 @@ def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
 @pytest.mark.parametrize(("mass", "payload"), [("0.2kg", 0.2), ("0.5kg", 0.5)])
 def test_a_payload_in_a_name_is_that_of_the_run(mass, payload):
     columns = Columns({"t (s)": np.arange(20.0), "q2 (deg)": np.arange(20.0)})
-    text = guess_mapping([Source(f"controller_1 {mass}.csv", columns, {})], "SYNTHETIC")["suggestion"]
-    assert parse_mapping(text, "m.yaml", 0.2).runs["controller_1_payload"].payload_mass_kg == payload
+    text = guess_mapping([SourceTable(f"controller_1 {mass}.csv", columns, {})], "SYNTHETIC").text
+    assert parse_mapping(text, "m.yaml").runs["controller_1_payload"].payload_mass_kg == payload

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support import matlab_bytes as made
 
-from tendonrepro.dataset.arrays import Unreadable, tables_of
+from tendonrepro.dataset.columns import Unreadable
 from tendonrepro.dataset.matlab import read_matlab
 from tendonrepro.dataset.read import read_file
 
@@ -29,8 +29,7 @@ OBJECTS = pytest.mark.parametrize("version", ["objects 7", "objects 7.3"])
 
 
 def written(folder, version, **variables):
-    tree, _ = read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))
-    return tables_of(tree).tables
+    return read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))
 
 
 @NESTED
@@ -198,8 +197,7 @@ def test_signals_of_three_dimensions_are_columns(tmp_path):
 
 def test_what_is_no_signal_is_named(tmp_path):
     variables = {"q": WAVES, "gain": np.array([[3.0]]), "short": np.arange(3.0), "wide": np.ones((60, 50))}
-    tree, _ = read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", variables))
-    lines = " ".join(tables_of(tree).left_out)
+    lines = " ".join(read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", variables)).left_out)
     assert all(name in lines for name in ("gain", "short (1×3)", "wide (60×50)"))
 
 
@@ -242,7 +240,7 @@ def test_a_variable_that_holds_itself_is_named_in_plain_words(tmp_path, monkeypa
         return whole(path, variable_names=variable_names, **options)
 
     monkeypatch.setattr(matio, "load_from_mat", failing)
-    _, reasons = read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", {"a": WAVES, "b": WAVES}))
+    reasons = read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", {"a": WAVES, "b": WAVES})).left_out
     assert [reason for reason in reasons if reason.startswith("a:") and "Recursion" not in reason]
 
 

@@ -276,7 +276,7 @@ def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
     path.write_text("t;q2;n\n" + rows)
     found = read_files([path])
     assert any("q2" in line and "unclear" in line for line in found.left_out["SYNTHETIC.csv"])
-    assert found.sources[0].columns["q2"].dtype.kind != "f"
+    assert found.tables[0].columns["q2"].dtype.kind != "f"
 
 
 def test_chinese_names_in_a_zip_of_windows(tmp_path):
@@ -320,7 +320,7 @@ def test_tdms_without_its_package_says_what_to_install(tmp_path, monkeypatch):
     (tmp_path / "good.csv").write_text(HEADS + lines())
     found = read_files([tmp_path])
     assert "tendonrepro[tdms]" in found.unread["SYNTHETIC.tdms"]
-    assert len(found.sources) == 1
+    assert len(found.tables) == 1
 
 
 def test_texts_of_octave_are_named(tmp_path):
@@ -384,4 +384,4 @@ def test_a_labview_measurement_of_several_segments_is_named(tmp_path):
     (tmp_path / "good.csv").write_text(HEADS + lines())
     found = read_files([tmp_path])
     assert "segments" in found.unread["SYNTHETIC.lvm"]
-    assert len(found.sources) == 1
+    assert len(found.tables) == 1

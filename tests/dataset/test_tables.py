@@ -5,7 +5,7 @@ import openpyxl
 import pytest
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.arrays import FEWEST, Unreadable
+from tendonrepro.dataset.columns import FEWEST, Unreadable
 from tendonrepro.dataset.text import read_text_table
 from tendonrepro.dataset.workbook import read_workbook
 
@@ -13,7 +13,7 @@ from tendonrepro.dataset.workbook import read_workbook
 def of_text(content, folder):
     path = folder / "SYNTHETIC.txt"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_text_table(path).tables[""]
+    return read_text_table(path)[""]
 
 
 TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}
@@ -109,6 +109,6 @@ def test_sheets_of_a_workbook(tmp_path):
             sheet.append(row if title != "Notes" else ["words", "and more"])
     path = tmp_path / "SYNTHETIC.xlsx"
     book.save(path)
-    found = read_workbook(path).tables
+    found = read_workbook(path)
     assert list(found) == ["Controller 1", "C2"]
     assert_array_equal(found["C2"]["q2"], 2.0 * found["C2"]["t"])

@@ -15,7 +15,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareRun
-from tendonrepro.configuration.models.readings import named_readings, parse_reading, under
+from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.configuration.quantity import Moving
@@ -27,6 +27,7 @@ from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.box import configured, make_box
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
@@ -245,6 +246,19 @@ def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: 
         (row,) = ratios[name]
         assert (row["joint"], row["plants"]) == (1, 20)
         assert row["median"] == pytest.approx(expected, rel=0.03)
+
+
+def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path: Path) -> None:
+    init_arm(1, tmp_path / "one")
+    loaded = load_around(tmp_path / "one" / "compare.yaml", 0.2)
+    assert loaded.around is not None
+    arm = AroundArm(loaded, loaded.around)
+    slower = Reading(DOUBLED_PERIOD, (("sampling_period", "2ms"),))
+    cases = [(FIRST, parse_reading("printed")), (FIRST, slower)]
+    first, doubled = ArmDraws(arm, arm.sample(1, 0, 0, 1), cases).loops(0)
+    assert (first.L, doubled.L) == (0.001, 0.002)
+    assert doubled.reference.time == pytest.approx(first.reference.time[::2])
+    assert doubled.reference.q_d == pytest.approx(first.reference.q_d[::2], abs=1e-12)
 
 
 def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:

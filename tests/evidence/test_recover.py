@@ -18,11 +18,12 @@ from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
+from tendonrepro.evidence.controller import NONE, RECOVERED, UNTOLD, RecoveredController
 from tendonrepro.evidence.fit import ranked
-from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis, without_rounding
-from tendonrepro.evidence.recover import read_logs, recovered
-from tendonrepro.evidence.recover_report import _data, _tables
-from tendonrepro.evidence.recovered import NONE, RECOVERED, UNTOLD, Recovered
+from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis
+from tendonrepro.evidence.log import read_logs, without_rounding
+from tendonrepro.evidence.recover import recover_controllers
+from tendonrepro.evidence.recover_report import controller_data, controller_tables
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -75,15 +76,15 @@ def of_joint_3(file: TraceFile) -> TraceFile:
 
 
 @cache
-def joint_3(file: TraceFile) -> Recovered:
-    (found,) = recovered(of_joint_3(file), PUBLISHED, QUIET)
+def joint_3(file: TraceFile) -> RecoveredController:
+    (found,) = recover_controllers(of_joint_3(file), PUBLISHED, QUIET)
     return found
 
 
 @pytest.mark.parametrize("controller", [1, 2, 3])
 def test_the_published_controllers_are_found_to_the_last_digits(controller: int) -> None:
     gains = PUBLISHED.config.control.gains
-    for i, one in enumerate(recovered(run(controller=controller), PUBLISHED, QUIET)):
+    for i, one in enumerate(recover_controllers(run(controller=controller), PUBLISHED, QUIET)):
         alpha = gains.alpha.si[i] if controller == 1 else 0.0
         assert one.answer == RECOVERED
         assert one.best.hypothesis.name == "printed"
@@ -175,10 +176,10 @@ def test_a_log_with_lost_samples_and_a_jittering_clock() -> None:
 def test_numbers_of_a_log_that_cannot_tell_are_not_given() -> None:
     one = joint_3(rounded(run(), torque=2.0))
     assert one.answer == UNTOLD
-    (row,) = _tables([one])[0].rows
+    (row,) = controller_tables([one])[0].rows
     assert row["surface"] is None
-    assert not _tables([one])[1].rows
-    assert _data(one)["parameters"] == {}
+    assert not controller_tables([one])[1].rows
+    assert controller_data(one)["parameters"] == {}
     assert one.advice in one.sentence
 
 
@@ -229,7 +230,7 @@ def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: floa
 @pytest.mark.slow
 def test_intervals_hold_the_true_weights_about_as_often_as_they_say() -> None:
     """Over sixteen records that differ by white noise of the torque."""
-    ((_, log, _), *_), _ = read_logs(run(), PUBLISHED.config)  # type: ignore[arg-type]
+    (log, *_), _ = read_logs(run(), PUBLISHED.config)  # type: ignore[arg-type]
     inside = 0
     for seed in range(16):
         noise = np.random.default_rng(seed).normal(scale=1e-3, size=log.command.shape)
@@ -270,7 +271,7 @@ def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
 
 
 def test_own_joints_are_compared_with_their_own_gains(joints_1_2: TraceFile) -> None:
-    for one, w_2 in zip(recovered(joints_1_2, PUBLISHED, QUIET), (0.1, 0.2), strict=True):
+    for one, w_2 in zip(recover_controllers(joints_1_2, PUBLISHED, QUIET), (0.1, 0.2), strict=True):
         assert one.answer == RECOVERED
         assert one.weights == "interpolating"
         assert one.best.parameters[1:3] == pytest.approx([w_2, 0.03])
@@ -278,13 +279,13 @@ def test_own_joints_are_compared_with_their_own_gains(joints_1_2: TraceFile) -> 
 
 def test_measured_joints_without_published_gains_are_left_out(joints_1_2: TraceFile) -> None:
     measured = replace(joints_1_2, source="measured")
-    (found,) = recovered(measured, PUBLISHED, QUIET)
+    (found,) = recover_controllers(measured, PUBLISHED, QUIET)
     assert (found.joint, found.answer) == (2, NONE)
     alone = {name: run.of_joints((1,)) for name, run in measured.runs.items()}
     S = measured.plant.values["S"]
     plant = replace(measured.plant, values={"S": replace(S, value=S.value[:1, :1])})
     with pytest.raises(UsageError):
-        recovered(replace(measured, runs=alone, plant=plant), PUBLISHED, QUIET)
+        recover_controllers(replace(measured, runs=alone, plant=plant), PUBLISHED, QUIET)
 
 
 def test_the_command_writes_its_tables(tmp_path: Path) -> None:
@@ -325,7 +326,7 @@ def test_loose_gains_cannot_tell(
 
 def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
     """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
-    ((_, log, _),), _ = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
+    (log,), _ = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
     for joint in (0, 1):
         found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0))
         assert found.position_gain == pytest.approx(found.parameters[4] / 16.0)
@@ -368,8 +369,9 @@ def test_a_run_that_cannot_be_put_on_samples_is_named_and_others_are_read(sample
     file = run()
     bad, good = cut(file, samples, pause), cut(file, 300)
     with pytest.raises(DataMissingError, match=bad.name):
-        recovered(replace(file, runs={"a": bad}), PUBLISHED, QUIET)
-    found = recovered(replace(file, runs={"a": bad, "b": replace(good, name="b")}), PUBLISHED, QUIET)
+        recover_controllers(replace(file, runs={"a": bad}), PUBLISHED, QUIET)
+    both = {"a": bad, "b": replace(good, name="b")}
+    found = recover_controllers(replace(file, runs=both), PUBLISHED, QUIET)
     assert {one.run for one in found} == {"b"}
 
 
@@ -385,5 +387,5 @@ def test_a_joint_whose_torque_was_not_recorded_cannot_be_told() -> None:
     trace = cut(run(), 300)
     torque = np.where([True, False], trace["tau_m"], np.nan)
     one = replace(trace, variables={"q_d": trace["q_d"], "q_encoder": trace["q_encoder"], "tau_m": torque})
-    found = recovered(replace(run(), runs={"controller_1": one}), PUBLISHED, QUIET)
+    found = recover_controllers(replace(run(), runs={"controller_1": one}), PUBLISHED, QUIET)
     assert [held.answer for held in found] == [UNTOLD, UNTOLD]

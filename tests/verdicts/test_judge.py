@@ -10,8 +10,9 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
-from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.report import as_data, claims_table, table_text
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.ledger import as_data, changed
+from tendonrepro.verdicts.report import claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL_LONGER, LONGER
 

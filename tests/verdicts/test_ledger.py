@@ -15,8 +15,7 @@ from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.ledger import shipped_ledger, with_shipped
-from tendonrepro.verdicts.report import as_data
+from tendonrepro.verdicts.ledger import as_data, shipped_ledger, with_shipped
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.study import claims_study
 

@@ -1,4 +1,4 @@
-"""Files of instruments: LabVIEW's measurements as text and as TDMS."""
+"""LabVIEW's measurements, as text and as TDMS."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.dataset.arrays import Columns, Tables, Unreadable
+from tendonrepro.dataset.columns import Columns, Tables, Unreadable
 from tendonrepro.dataset.text import read_text_table
 
 _BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
@@ -15,46 +15,47 @@ _HEADERS = 2
 """Headers of a file: its own, and that of the one segment."""
 
 
-def read_text(path: Path) -> Tables:
-    """Read a table as text, LabVIEW's measurements too.
+def is_labview(path: Path) -> bool:
+    """Whether a file is a LabVIEW measurement written as text."""
+    with path.open("rb") as stream:
+        return stream.read(len(_BEGIN)) == _BEGIN.encode()
+
+
+def read_lvm(path: Path) -> Tables:
+    """Read a LabVIEW measurement; where it has no times, they follow from its header.
 
     Raises
     ------
     Unreadable
-        If it is no table, or a measurement of several segments.
+        If it is no table, or has several segments.
     """
-    with path.open(encoding="latin-1") as stream:
-        is_labview = stream.readline().startswith(_BEGIN)
-        if is_labview and sum(line.startswith(_END) for line in stream) > _HEADERS:
-            raise Unreadable(
-                "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
-            )
-    tables = read_text_table(path)
-    return _labview(tables, path) if is_labview else tables
-
-
-def _labview(tables: Tables, path: Path) -> Tables:
-    """Name the times of a LabVIEW measurement as such; a file without times gets them from its header."""
-    with path.open(encoding="latin-1") as stream:
-        header = [line.rstrip("\n").split("\t") for line in _head_of(stream.read(2**16))]
-    settings = {row[0]: row[1:] for row in header if row[0]}
+    header, headers = _header(path)
+    if headers > _HEADERS:
+        raise Unreadable(
+            "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
+        )
+    (recorded,) = read_text_table(path).values()
     columns = Columns()
-    (recorded,) = tables.tables.values()
     columns.notes = recorded.notes
-    if not any(re.match(r"X[_ ]Value", name) for name in recorded):
-        start, step = (_number(settings.get(key, [])) for key in ("X0", "Delta_X"))
-        if step:
-            samples = len(next(iter(recorded.values()), []))
-            columns.add("time", (start or 0.0) + step * np.arange(float(samples)), "s")
-            columns.notes.append(f"times are made from Delta_X, {step:g} s")
+    times = [name for name in recorded if re.match(r"X[_ ]Value", name)]
+    start, step = (_number(header.get(key, [])) for key in ("X0", "Delta_X"))
+    if step and not times:
+        samples = len(next(iter(recorded.values()), []))
+        columns.add("time", (start or 0.0) + step * np.arange(float(samples)), "s")
+        columns.notes.append(f"times are made from Delta_X, {step:g} s")
     for name, values in recorded.items():
-        is_time = re.match(r"X[_ ]Value", name) is not None
-        columns.add("time" if is_time else name, values, "s" if is_time else "")
-    return Tables({"": columns}, tables.left_out)
+        columns.add("time" if name in times else name, values, "s" if name in times else "")
+    return Tables({"": columns})
 
 
-def _head_of(text: str) -> list[str]:
-    return text[: text.rfind(_END)].splitlines() if _END in text else []
+def _header(path: Path) -> tuple[dict[str, list[str]], int]:
+    """Settings of all headers by name, and how many headers there are."""
+    with path.open(encoding="latin-1") as stream:
+        head, _, _ = stream.read(2**16).rpartition(_END)
+        stream.seek(0)
+        headers = sum(line.startswith(_END) for line in stream)
+    rows = (line.split("\t") for line in head.splitlines())
+    return {name: values for name, *values in rows if name}, headers
 
 
 def _number(cells: list[str]) -> float | None:
@@ -94,5 +95,5 @@ def read_tdms(path: Path) -> Tables:
             units = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
             columns.add(channel.name, values.astype(float), str(next(filter(None, units), "")))
         for number, columns in enumerate(clocks.values(), start=1):
-            tables.tables[group.name if len(clocks) == 1 else f"{group.name}[clock {number}]"] = columns
+            tables[group.name if len(clocks) == 1 else f"{group.name}[clock {number}]"] = columns
     return tables

@@ -12,7 +12,8 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.published import published
 from tendonrepro.console import count_of
 from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain
-from tendonrepro.evidence.hypotheses import LINEAR, Log
+from tendonrepro.evidence.hypotheses import LINEAR
+from tendonrepro.evidence.log import Log
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
@@ -40,23 +41,34 @@ _WEIGHTS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Recovered:
+class RecoveredController:
     """What the log of one joint, by the paper's number, says.
 
-    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, and ``angle_rounding``, rad, are the
-    record's. ``expected`` has the gains that it is compared with, see `expected_of`; ``place`` is the joint's
-    among its joints. They are the paper's if ``of_paper``.
+    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, is the record's. ``expected`` has the
+    gains that it is compared with, see `expected_of`. They are the paper's if ``of_paper``.
     """
 
-    run: str
     joint: int
     fits: list[Fit]
     log: Log
     torque_rounding: float
-    angle_rounding: float
     expected: CompareConfig
-    place: int
     of_paper: bool
+
+    @property
+    def run(self) -> str:
+        """Name of the run."""
+        return self.log.run
+
+    @property
+    def angle_rounding(self) -> float:
+        """Rounding of the joint's recorded angle, rad."""
+        return float(self.log.angle_rounding[self.log.joints.index(self.joint)])
+
+    @property
+    def place(self) -> int:
+        """Place of the joint among those with expected gains."""
+        return self.expected.joints.index(self.joint)
 
     @property
     def best(self) -> Fit:

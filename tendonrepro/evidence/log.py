@@ -1,0 +1,178 @@
+"""Logs: runs on the controller's samples, without rounding, with the desired motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.errors import DataMissingError
+from tendonrepro.evidence.desired import desired_motion, on_its_samples
+from tendonrepro.experiments.rig import coupling
+from tendonrepro.results.paper import is_arm_of_paper
+from tendonrepro.results.records import DECOUPLING_RUNS, Trace, TraceFile
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One run as a recorder kept it, T samples of n joints, arrays (T, n), SI.
+
+    Attributes
+    ----------
+    run, joints
+        Its name, and the numbers of its joints.
+    L
+        Time between samples, s.
+    q, q_motor
+        Joint encoders, and ``S q_motor`` of the motors' encoders if known.
+    command, applied
+        Torque in joint coordinates: the one commanded if known, else the one applied; and that applied
+        if both are known.
+    S : array (n, n)
+        Coupling matrix.
+    b, Delta : array (n,)
+        Of Eq. (12), as published.
+    angle_rounding : array (n,)
+        Rounding of the joint encoders that is left, rad.
+    encoder_step
+        rad; the slope of the power branch is held below it.
+    """
+
+    run: str
+    joints: tuple[int, ...]
+    L: float
+    q: Array
+    q_motor: Array | None
+    q_d: Array
+    dq_d: Array
+    ddq_d: Array
+    command: Array
+    applied: Array | None
+    S: Array
+    b: Array
+    Delta: Array
+    angle_rounding: Array
+    encoder_step: float
+
+
+def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
+    """Configuration with the gains that a log is compared with.
+
+    They are the paper's. It has none for other joints or another arm than its own, and a simulated log of
+    these is compared with the configuration that made it.
+    """
+    if (file.source, file.experiment) != ("simulated", "compare"):
+        return paper
+    own = CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
+    joints = {joint for trace in file.runs.values() for joint in trace.joint}
+    return paper if joints <= set(paper.joints) and is_arm_of_paper(own.manipulator) else own
+
+
+def read_logs(file: TraceFile, expected: CompareConfig) -> tuple[list[Log], list[DataMissingError]]:
+    """Logs of runs with torque, desired and encoder angles; and why other such runs have none."""
+    logs, refused = [], []
+    for name, recorded in file.runs.items():
+        torque = "tau_cmd" if "tau_cmd" in recorded else "tau_m"
+        if name in DECOUPLING_RUNS or not all(key in recorded for key in (torque, "q_encoder", "q_d")):
+            continue
+        try:
+            logs.append(_log_of(*on_its_samples(recorded), torque, file, expected))
+        except DataMissingError as error:
+            refused.append(error)
+    return logs, refused
+
+
+def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: CompareConfig) -> Log:
+    q_d, dq_d, ddq_d = desired_motion(trace, L)
+    step = expected.manipulator.encoders.joint.resolution.si
+    q, rounding = zip(*(without_rounding(column, step) for column in trace["q_encoder"].T), strict=True)
+    S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
+    gains = expected.control.gains
+    return Log(
+        run=trace.name,
+        joints=trace.joint,
+        L=L,
+        q=np.column_stack(q),
+        q_motor=trace["q_motor_encoder"] @ S.T if "q_motor_encoder" in trace else None,
+        q_d=q_d,
+        dq_d=dq_d,
+        ddq_d=ddq_d,
+        command=trace[torque],
+        applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
+        S=S,
+        b=_of_joints(gains.b.si, expected, trace.joint),
+        Delta=_of_joints(gains.Delta.si, expected, trace.joint),
+        angle_rounding=np.array(rounding),
+        encoder_step=step,
+    )
+
+
+def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> Array:
+    """A gain by joint; NaN of a joint that the configuration does not move."""
+    known = dict(zip(config.joints, values, strict=True))
+    return np.array([known.get(joint, np.nan) for joint in joints])
+
+
+def liveliest(log: Log, samples: int) -> Log:
+    """Samples in which the desired motion is fastest."""
+    speed = np.cumsum(np.nan_to_num(log.dq_d**2).sum(axis=1))
+    if len(speed) <= samples:
+        return log
+    start = int(np.argmax(speed[samples:] - speed[:-samples]))
+    part = slice(start, start + samples)
+    return replace(
+        log,
+        q=log.q[part],
+        q_motor=None if log.q_motor is None else log.q_motor[part],
+        q_d=log.q_d[part],
+        dq_d=log.dq_d[part],
+        ddq_d=log.ddq_d[part],
+        command=log.command[part],
+        applied=None if log.applied is None else log.applied[part],
+    )
+
+
+def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
+    """Angles (T,) on the grid of encoder steps that they evidently stood on, and the rounding that is left.
+
+    Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
+    """
+    known = np.isfinite(q)
+    angles = q[known]
+    steps = np.abs(np.diff(angles))
+    steps = steps[steps > 1e-7]
+    if steps.size < 20:
+        return q, resolution(angles)
+    step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(angles[0])
+    # A step between neighbours is rough; over longer ways it is told better and better.
+    for reach in (10, 100, 1000, np.inf):
+        counts = np.round((angles - start) / step)
+        near = np.abs(counts) <= reach
+        if np.ptp(counts[near]) == 0:
+            return q, resolution(angles)
+        step, start = map(float, np.polyfit(counts[near], angles[near], 1))
+    on_grid = start + step * np.round((angles - start) / step)
+    if np.abs(on_grid - angles).max() > 0.25 * step:
+        return q, resolution(angles)
+    freed = np.full_like(q, np.nan)
+    freed[known] = on_grid
+    return freed, 0.0 if step < 1.1 * encoder_step else step
+
+
+def resolution(values: Array) -> float:
+    """Smallest difference between any two values, but for what arithmetic leaves."""
+    gaps = np.diff(np.unique(values[np.isfinite(values)]))
+    gaps = gaps[gaps > 1e-9 * np.ptp(values)] if gaps.size else gaps
+    return float(gaps.min()) if gaps.size else 0.0
+
+
+def torque_rounding(log: Log) -> Array:
+    """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
+    of_joints = np.array([resolution(column) for column in log.command.T])
+    of_winches = np.array([resolution(column) for column in (log.command @ log.S).T])
+    mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
+    return np.asarray(np.maximum(of_joints, mapped))
