@@ -10,7 +10,7 @@ import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, shipped_folder
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import RUNS, Readings
 from tendonrepro.configuration.models.readings import (
     AXES,
     VARIATIONS,
@@ -22,6 +22,7 @@ from tendonrepro.configuration.models.readings import (
     under,
 )
 from tendonrepro.errors import UsageError
+from tendonrepro.evidence import hypotheses
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
 from tendonrepro.physics.control import Law, Surface
@@ -97,6 +98,22 @@ def test_hardware_is_the_papers_or_that_of_the_draw(choice: str, count_deg: floa
     assert loop.actuator.delay == delay
     rate_filter = loop.controller.law.rate_filter  # type: ignore[attr-defined]
     assert rate_filter == 1.0 if choice == "printed" else 0.0 < rate_filter < 1.0
+
+
+UNTRIED = {
+    "weights": "the regression finds them as numbers",
+    "torque_unit": "a factor on the torque, which the regression finds with M_bar",
+    "start": "over before a log's first complete sample",
+}
+"""Readings of the law that `recover` does not try on a log, and why."""
+
+
+def test_recover_tries_every_reading_of_the_law_or_says_why_not() -> None:
+    """A new one stands in `PRINTED` of evidence/hypotheses.py, and is tried there, or in `UNTRIED`."""
+    tried = hypotheses.PRINTED
+    assert Readings.model_fields.keys() - tried.keys() == UNTRIED.keys()
+    known = tried.keys() & AXES.keys()
+    assert {name: AXES[name].printed for name in known} == {name: tried[name] for name in known}
 
 
 def test_sides_of_the_tensioner() -> None:
