@@ -95,6 +95,7 @@ def test_what_it_writes(tmp_path: Path) -> None:
             assert least == pytest.approx(math.log(row["error"]), abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     """With one joint, only what was asked for is tuned, and everything says whose ranges these are."""

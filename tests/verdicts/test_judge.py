@@ -28,6 +28,12 @@ class TestReadings:
         assert found.readings_that_change_it == ()
         assert found.evidence["not_testable_under"] == ["c=d"]
 
+    def test_the_printed_one_decides_wherever_it_stands(self):
+        data = MadeEnsemble(readings=("a=b", PRINTED))
+        spoil(data, "controller_1", ESTIMATES, 2.0, "a=b")
+        found = one(data, paper_of(data), "E1")
+        assert (found.verdict, found.readings_that_change_it) == ("compatible", ("a=b",))
+
     def test_a_verdict_says_on_which_motions_and_starts_it_depends(self):
         """Of choices that change it, those that need no more; and nothing of changed equations."""
         apart, absent = "starts=apart", "reference_acceleration=absent"
