@@ -32,7 +32,7 @@ from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
-from tendonrepro.monte_carlo.summary import RankingShares, Ratio, in_all_errors, median
+from tendonrepro.monte_carlo.summary import RankingShares, ErrorRatio, in_all_errors, median
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
@@ -309,7 +309,7 @@ def shapes(reading: Mapping[str, Any], key: str) -> str:
     return " / ".join(str(shape[key]) for shape in reading["best_shape"])
 
 
-def medians(ratio: Ratio) -> str:
+def medians(ratio: ErrorRatio) -> str:
     """Median ratios of MAE on joints 2 and 3."""
     return " / ".join(contents.two_digits(median(ratio, joint)) for joint in (2, 3))
 
@@ -495,20 +495,18 @@ WHAT_RUNS = {
     BOTH: "changed: weights (1 + α, −α) in Eq. (15), Δ in degrees",
 }
 """Interpretations that README shows, and their words."""
+RANKED = ("share_c1_worst", "share_c1_best", "share_c1_lt_c2_lt_c3")
+"""Rankings of which README shows the shares."""
 
 
 def what_it_depends_on() -> str:
     """How often Controller 1 is the worst or the best, and how near an arm comes, by what runs."""
-    shares = {held["name"]: held for held in stored("ensemble")["populations"]["box"]["readings"]}
+    readings = contents.by_name(stored("ensemble"))
     misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
     return table(
         ["what runs", "Controller 1 is the worst", "… the best", "published order", "the closest arm misses by"],
         [
-            [
-                words,
-                *(percent(shares[name][kind]["share"]) for kind in ("first_worst", "first_best", "in_order")),
-                off(misfits[name]),
-            ]
+            [words, *(share_of(readings[name][ranking]) for ranking in RANKED), off(misfits[name])]
             for name, words in WHAT_RUNS.items()
         ],
     )

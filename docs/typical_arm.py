@@ -22,7 +22,7 @@ from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.block import compute_block
+from tendonrepro.monte_carlo.block import compute_blocks
 from tendonrepro.monte_carlo.box import configured
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
@@ -74,7 +74,7 @@ def preliminary(study: EnsembleStudy) -> Preliminary:
     """Run the first population of a study under its first reading."""
     first = next(iter(study.boxes))
     blocks = [block for block in study.blocks(DRAWS) if block.population == first]
-    shards = [compute_block(study, block, simulate_batch) for block in blocks]
+    shards = compute_blocks(study, blocks)
     places = [study.lookup[run, study.readings[0].name] for run in RUNS]
 
     def joined(name: str) -> Array:

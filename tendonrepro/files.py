@@ -54,6 +54,12 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out", inputs: I
         raise UsageError("is there already", where=str(path), hint=hint)
 
 
+def refuse_foreign(path: Path, mark: bytes, *, force: bool = False) -> None:
+    """Refuse to write a page where a file is without its `mark` near the beginning; see `refuse_existing`."""
+    earlier = path.is_file() and mark in path.read_bytes()[:1000]
+    refuse_existing(path, force=force or earlier)
+
+
 def require_space(path: Path, size: int) -> None:
     """Raise a TendonreproError where a file of `size` bytes cannot fit; `path` need not exist yet."""
     place = next((above for above in path.absolute().parents if above.is_dir()), Path())

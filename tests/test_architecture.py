@@ -168,6 +168,17 @@ def test_parameters_are_called_by_what_they_are() -> None:
             assert not names & {"found", "held", "one"}, f"{file}: {function.name}"
 
 
+def test_a_class_has_a_name_of_its_own() -> None:
+    """One name stands for one thing, wherever a reader meets it."""
+    rooms: dict[str, set[str]] = {}
+    for file in INNER:
+        for node in ast.walk(tree_of(file)):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                rooms.setdefault(node.name, set()).add(room_of(file))
+    assert len(rooms) > 100
+    assert {name: where for name, where in rooms.items() if len(where) > 1} == {}
+
+
 def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
     assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 16

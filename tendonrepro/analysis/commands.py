@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Controllers, Folder, Seed, Source
+from tendonrepro.studies.parameters import Changes, ConfigOption, Controllers, Folder, Seed
 from tendonrepro.studies.study import Study
 
 __all__ = ["explain"]
@@ -11,7 +11,7 @@ __all__ = ["explain"]
 
 @study(EXPLORE, "tendonrepro explain --set manipulator.actuator.output_delay=1")
 def explain(
-    config: Source = None,
+    config: ConfigOption = None,
     *,
     set: Changes = None,
     seed: Seed = None,

@@ -10,9 +10,9 @@ from pydantic import Field
 
 from tendonrepro.configuration.around import Around
 from tendonrepro.configuration.load import (
+    ConfigLike,
     Draft,
     LoadedConfig,
-    Source,
     config_digest,
     load_config,
 )
@@ -113,7 +113,7 @@ class LoadedEnsemble:
 
 
 def load_ensemble(
-    source: Source, *, overrides: Overrides | None = (), seed: int | None = None
+    source: ConfigLike, *, overrides: Overrides | None = (), seed: int | None = None
 ) -> LoadedEnsemble:
     """Read, complete and validate an ensemble, as `load_config` does.
 

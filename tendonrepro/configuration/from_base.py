@@ -8,7 +8,7 @@ from typing import TypeAlias, TypeGuard, TypeVar
 
 from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.configuration.strict_model import describe, listed
-from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, Tree, section
+from tendonrepro.configuration.strict_yaml import Document, Key, Location, Node, Tree, section
 from tendonrepro.errors import ConfigError
 
 MOST_JOINTS = 6
@@ -18,7 +18,7 @@ USER = "user: given without a source"
 
 Item = TypeVar("Item")
 
-Sizes: TypeAlias = Callable[[Key, int], int]
+LengthOf: TypeAlias = Callable[[Key, int], int]
 """Number of entries that a list at a path of keys has in the file, from that in the base."""
 
 
@@ -84,7 +84,7 @@ class _Merge:
     def __init__(
         self,
         document: Document,
-        size: Sizes,
+        size: LengthOf,
         whole: Callable[[Key, Tree], bool],
         mark: str,
         *,
@@ -92,7 +92,7 @@ class _Merge:
     ) -> None:
         self.document, self.size, self.whole, self.mark = document, size, whole, mark
         self.keeps_sources = keeps_sources
-        self.wrong: list[tuple[Place, str]] = []
+        self.wrong: list[tuple[Location, str]] = []
 
     def section(self, path: Key, own: Tree, base: Tree) -> Tree:
         """Keys of the base in its order, then the file's further ones."""
@@ -292,6 +292,6 @@ def _derived(value: Sequence[float], unit: str, words: str) -> Tree:
     return {"value": [*value], "unit": unit, "source": f"assumed: {words}"}
 
 
-def _refuse(wrong: list[tuple[Place, str]]) -> None:
+def _refuse(wrong: list[tuple[Location, str]]) -> None:
     if wrong:
         raise listed(wrong)

@@ -56,7 +56,7 @@ class ConfigSource(NamedTuple):
     path: Path | None
 
 
-Source: TypeAlias = ConfigSource | Path | str | None
+ConfigLike: TypeAlias = ConfigSource | Path | str | None
 """A file, ``-`` for standard input, a shipped name, or None for the shipped one of the kind asked for."""
 
 
@@ -79,7 +79,7 @@ def shipped_file(name: str) -> Path:
     return shipped_folder() / f"{name}.yaml"
 
 
-def find_source(source: Source, kind: str | None) -> ConfigSource:
+def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     """Read standard input, a file, or a shipped configuration."""
     if isinstance(source, ConfigSource):
         return source
@@ -100,7 +100,7 @@ class Draft:
     files that the configuration names with their ending, and that are not there.
     """
 
-    def __init__(self, source: Source, wanted: str | None, overrides: Sequence[Override] = ()) -> None:
+    def __init__(self, source: ConfigLike, wanted: str | None, overrides: Sequence[Override] = ()) -> None:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
@@ -280,7 +280,7 @@ class LoadedConfig:
 
 
 def load_config(
-    source: Source,
+    source: ConfigLike,
     experiment: ExperimentName | None,
     *,
     overrides: Overrides | None = (),

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeGuard
 
-from tendonrepro.configuration.strict_yaml import Document, Key, Node, Place, Tree, holds, load
+from tendonrepro.configuration.strict_yaml import Document, Key, Location, Node, Tree, holds, load
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 COMMAND_LINE = "assumed: set on the command line"
@@ -111,7 +111,7 @@ def _apply(document: Document, path: Key, value: Node) -> None:
         if _is_quantity(part) and last != "source":
             part["source"] = COMMAND_LINE
     kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
-    document.places = kept | {path: Place(option)}
+    document.places = kept | {path: Location(option)}
 
 
 def _below(node: Any, part: str | int, option: str) -> Any:

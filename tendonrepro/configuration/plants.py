@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tendonrepro.configuration.around import Around, Ranges, ranges_of, refuse_off, spread_of
 from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
-from tendonrepro.configuration.load import Source, config_digest, find_source, load_config
+from tendonrepro.configuration.load import ConfigLike, config_digest, find_source, load_config
 from tendonrepro.configuration.models.control import PRINTED_LAWS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.overrides import Overrides
@@ -15,7 +15,7 @@ from tendonrepro.errors import ConfigError, UsageError
 
 
 def load_around(
-    source: Source,
+    source: ConfigLike,
     spread: float | None = None,
     ranges: Ranges = None,
     *,
@@ -52,7 +52,7 @@ def load_around(
 
 
 def load_plants(
-    source: Source,
+    source: ConfigLike,
     spread: float | None = None,
     ranges: Ranges = None,
     *,
@@ -78,7 +78,7 @@ def load_plants(
 
 
 def load_study_plants(
-    source: Source,
+    source: ConfigLike,
     spread: float | None,
     ranges: Ranges,
     *,

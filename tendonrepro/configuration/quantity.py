@@ -19,7 +19,7 @@ from tendonrepro.configuration.strict_model import (
     Mistakes,
     Model,
     Number,
-    Source,
+    Provenance,
     describe,
     refuse,
     refuse_all,
@@ -70,7 +70,7 @@ class Quantity(Model):
     size: ClassVar[Size] = "any"
     value: Any
     unit: str
-    source: Source
+    source: Provenance
 
 
 def _numbers(value: object, path: Key = ()) -> Iterator[tuple[Key, float]]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NoReturn, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.strict_yaml import Document, Key, Place, holds
+from tendonrepro.configuration.strict_yaml import Document, Key, Location, holds
 from tendonrepro.console import count_of
 from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
@@ -22,7 +22,7 @@ SchemaVersion: TypeAlias = Annotated[Literal[1], Field(description="version of t
 Identifier: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 SOURCE_PATTERN = r"^(printed|derived|datasheet|assumed|identified|user): \S"
-Source: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
+Provenance: TypeAlias = Annotated[str, Field(pattern=SOURCE_PATTERN)]
 """``origin: words`` with origin printed, derived, datasheet, assumed, identified or user."""
 
 _MAPPING = "must be a mapping of keys"
@@ -101,7 +101,7 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
     return listed(mistakes)
 
 
-def listed(mistakes: Iterable[tuple[Place, str]]) -> ConfigError:
+def listed(mistakes: Iterable[tuple[Location, str]]) -> ConfigError:
     """One message of all mistakes, in reading order."""
     lines = [f"{place}: {message}" for place, message in sorted(mistakes, key=lambda mistake: mistake[0])]
     return ConfigError("\n".join([f"{count_of(len(lines), 'mistake')} in the configuration", *lines]))

@@ -31,7 +31,7 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """File and line of an entry, or the option that gave it; places sort in reading order."""
 
     name: str
@@ -49,15 +49,15 @@ class Document:
     """
 
     tree: Any
-    places: dict[Key, Place]
+    places: dict[Key, Location]
 
-    def place(self, path: Key) -> Place:
+    def place(self, path: Key) -> Location:
         """Place of an entry, or of its nearest ancestor in the text."""
         while path not in self.places:
             path = path[:-1]
         return self.places[path]
 
-    def places_below(self, path: Key) -> dict[Key, Place]:
+    def places_below(self, path: Key) -> dict[Key, Location]:
         """Places of an entry and of what it holds, by the rest of their paths."""
         below = {at[len(path) :]: place for at, place in self.places.items() if at[: len(path)] == path}
         return {(): self.place(path)} | below
@@ -87,7 +87,7 @@ def load(text: str, name: str) -> Document:
         _refuse(f"not valid YAML: {problem}", name, getattr(error, "problem_mark", None), hint)
     if root is None:
         raise ConfigError("is empty", where=name)
-    places: dict[Key, Place] = {(): Place(name, root.start_mark.line + 1)}
+    places: dict[Key, Location] = {(): Location(name, root.start_mark.line + 1)}
     return Document(_value(root, (), places, name), places)
 
 
@@ -114,13 +114,13 @@ def holds(node: object, key: str | int) -> bool:
     return is_index or (isinstance(node, dict) and key in node)
 
 
-def _value(node: yaml.Node, path: Key, places: dict[Key, Place], name: str) -> Node:
+def _value(node: yaml.Node, path: Key, places: dict[Key, Location], name: str) -> Node:
     """Plain value of a node; places below it go into `places`."""
     if isinstance(node, yaml.ScalarNode):
         return node.value if node.style else _plain(node.value)
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
-            places[*path, index] = Place(name, item.start_mark.line + 1)
+            places[*path, index] = Location(name, item.start_mark.line + 1)
         return [_value(item, (*path, index), places, name) for index, item in enumerate(node.value)]
     tree: dict[str, Node] = {}
     for key_node, item in node.value:
@@ -130,7 +130,7 @@ def _value(node: yaml.Node, path: Key, places: dict[Key, Place], name: str) -> N
         if key in tree:
             first = places[*path, key].line
             _refuse(f"key {key!r} is given twice, first on line {first}", name, mark)
-        places[*path, key] = Place(name, mark.line + 1)
+        places[*path, key] = Location(name, mark.line + 1)
         tree[key] = _value(item, (*path, key), places, name)
     return tree
 

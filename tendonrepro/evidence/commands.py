@@ -5,7 +5,17 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, On, Place, Ranges, Seed, Source, Spread
+from tendonrepro.studies.parameters import (
+    ARGUMENT,
+    Changes,
+    ConfigOption,
+    Destination,
+    Folder,
+    On,
+    RangesOption,
+    Seed,
+    SpreadOption,
+)
 from tendonrepro.studies.study import Study
 
 __all__ = ["predict", "recover"]
@@ -15,12 +25,12 @@ __all__ = ["predict", "recover"]
 def predict(
     draws: int = 256,
     *,
-    config: Source = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
     readings: str | None = None,
-    spread: Spread = None,
-    ranges: Ranges = None,
+    spread: SpreadOption = None,
+    ranges: RangesOption = None,
     device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
@@ -53,7 +63,7 @@ def predict(
 
 
 @study(EXPLORE, "tendonrepro recover data/measured.h5")
-def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Place]) -> Study:
+def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Destination]) -> Study:
     """Which controller made a log, or why that cannot be told.
 
     Parameters

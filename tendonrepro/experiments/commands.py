@@ -10,13 +10,13 @@ from tendonrepro.studies.parameters import (
     ARGUMENT,
     TALK,
     Changes,
+    ConfigOption,
     Controllers,
     Folder,
     Formats,
     Laws,
     Overwrite,
     Seed,
-    Source,
     Telling,
     Traces,
     Word,
@@ -31,7 +31,7 @@ Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or 
 
 @study(REPRODUCE, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha')
 def compare(
-    config: Source = None,
+    config: ConfigOption = None,
     *,
     set: Changes = None,
     seed: Seed = None,
@@ -60,7 +60,7 @@ def compare(
 
 @study(REPRODUCE, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(
-    config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
+    config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
     from tendonrepro.experiments.paper import experiment_study, read_experiment
@@ -176,7 +176,7 @@ Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word
 @study(EXPLORE, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"')
 def sweep(
     over: Over,
-    config: Source = None,
+    config: ConfigOption = None,
     *,
     set: Changes = None,
     seed: Seed = None,
@@ -199,7 +199,7 @@ def sweep(
 
 @study(EXPLORE, "tendonrepro statics --set manipulator.tensioner.force=30")
 def statics(
-    config: Source = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
+    config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
     """Tension of every tendon over the working half-plane.
 

@@ -22,7 +22,7 @@ from tendonrepro.configuration.models.reference import (
     read_samples,
 )
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.quantity import Value
+from tendonrepro.configuration.quantity import Value, Vector
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, own_loops
@@ -32,7 +32,7 @@ from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.metrics import Status, status_of
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
-from tendonrepro.physics.trajectory import Motion, Shape
+from tendonrepro.physics.trajectory import Motion
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
 
@@ -90,7 +90,7 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
         parts = zip(reference.references, joints, strict=True)
         return [motions(single, (joint,), folder)[0] for single, joint in parts]
     sizes = [_size(reference, i) for i in range(len(joints))]
-    single = {size: _shape(reference, sizes.index(size)) for size in sizes}
+    single = {size: reference.shape(sizes.index(size)) for size in sizes}
     shapes = [single[size] for size in sizes]
     if not isinstance(reference, InTurns):
         return [Motion((shape,), reference.duration) for shape in shapes]
@@ -101,28 +101,9 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
     ]
 
 
-def _size(reference: Single, i: int) -> tuple[float, float]:
-    """What distinguishes the shape of joint i, from 0, from that of others: amplitude and offset."""
-    return reference.amplitude.value[i], reference.offset.value[i] if reference.kind == "sine" else 0.0
-
-
-def _shape(reference: Single, i: int) -> Shape:
-    amplitude = reference.amplitude.si[i]
-    match reference.kind:
-        case "raised_cosine":
-            return trajectory.raised_cosine(amplitude, reference.period.si)
-        case "minimum_jerk":
-            return trajectory.minimum_jerk(amplitude, reference.rise.si, reference.hold.si)
-        case "ramp":
-            return trajectory.ramp(amplitude, reference.rise.si, reference.hold.si)
-        case "sine":
-            offset = reference.offset.si[i]
-            return trajectory.smooth_sine(amplitude, offset, reference.period.si, reference.blend.si)
-        case "trapezoidal":
-            limits = reference.velocity.si, reference.acceleration.si
-            # A shorter stroke waits for the longest one, so that all joints turn back together.
-            hold = reference.cycle / 2.0 - trajectory.trapezoid_times(amplitude, *limits)[1]
-            return trajectory.trapezoidal(amplitude, *limits, hold)
+def _size(reference: Single, i: int) -> tuple[float, ...]:
+    """What distinguishes the shape of joint i, from 0, from that of others."""
+    return tuple(vector.value[i] for _, vector in reference if isinstance(vector, Vector))
 
 
 def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from tendonrepro.configuration.any_kind import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, Source, load_config
+from tendonrepro.configuration.load import ConfigLike, ExperimentName, LoadedConfig, load_config
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.run import Prepared, Solver, outcomes, prepared
+from tendonrepro.experiments.run import Prepared, SolverName, outcomes, prepared
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
@@ -29,13 +29,13 @@ CLOSEST = "closest"
 
 def read_experiment(
     experiment: ExperimentName,
-    config: Source,
+    config: ConfigLike,
     changes: Overrides | None,
     seed: int | None,
     *,
     controllers: str | Sequence[int] | None = None,
     laws: Sequence[UserLaw] = (),
-    solver: Solver = "scipy",
+    solver: SolverName = "scipy",
 ) -> Prepared:
     """Read one of the paper's experiments and build its loops; the digest covers stepper and laws."""
     loaded = load_config(config, experiment, overrides=changes, seed=seed, controllers=controllers)

@@ -31,7 +31,7 @@ from tendonrepro.studies.outcome import Outcome
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
 
-Solver: TypeAlias = Literal["scipy", "compiled"]
+SolverName: TypeAlias = Literal["scipy", "compiled"]
 
 
 class Prepared(NamedTuple):
@@ -40,10 +40,10 @@ class Prepared(NamedTuple):
     loaded: LoadedConfig
     laws: Sequence[UserLaw]
     loops: Mapping[str, Loop]
-    solver: Solver = "scipy"
+    solver: SolverName = "scipy"
 
 
-def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: Solver = "scipy") -> Prepared:
+def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: SolverName = "scipy") -> Prepared:
     """Build the loops of an experiment, which takes a user's laws into its digest.
 
     Raises

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import LoadedConfig, Source, config_digest, find_source, load_config
+from tendonrepro.configuration.load import ConfigLike, LoadedConfig, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import CompareConfig, errors_from
 from tendonrepro.configuration.overrides import Overrides, override, overrides_of
 from tendonrepro.configuration.strict_yaml import Node, load
@@ -32,7 +32,7 @@ OPTION = "--over"
 _EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
 _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
-Over: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
+SweptValues: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
 """Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
 
 PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
@@ -92,7 +92,7 @@ class Grid:
         return list(self.points[0].loops)
 
 
-class Ratio(NamedTuple):
+class ErrorRatio(NamedTuple):
     """Ratio of two runs' MAE, (P, n), NaN where one did not last; and as a slow load would give it."""
 
     simulated: Array
@@ -121,7 +121,7 @@ class Sweep:
     status_time: Array
     steps: NDArray[np.int64]
     sizes: Mapping[str, Array]
-    ratios: Mapping[str, Ratio]
+    ratios: Mapping[str, ErrorRatio]
 
     def named(self, status: str) -> list[str]:
         """Points and runs that ended so."""
@@ -130,8 +130,8 @@ class Sweep:
 
 
 def load_grid(
-    over: Over,
-    source: Source = None,
+    over: SweptValues,
+    source: ConfigLike = None,
     *,
     overrides: Overrides | None = None,
     seed: int | None = None,
@@ -192,7 +192,7 @@ def _check_comparable(points: Sequence[Point]) -> None:
         raise UsageError("a sweep averages whole runs, so errors_from must be 0", where=OPTION, hint=hint)
 
 
-def parse_over(over: Over) -> dict[str, list[Node]]:
+def parse_over(over: SweptValues) -> dict[str, list[Node]]:
     """Values by key; a UsageError where it is not over one or two keys."""
     if isinstance(over, Mapping):
         pairs = [(key, _checked(str(key), override(key, values).value)) for key, values in over.items()]
@@ -218,7 +218,7 @@ def _checked(text: str, values: Node) -> list[Node]:
     return values
 
 
-def _words_of(over: Over) -> list[str]:
+def _words_of(over: SweptValues) -> list[str]:
     """What was asked for, as on the command line."""
     if not isinstance(over, Mapping):
         return list(over)
@@ -280,7 +280,7 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
         steps=np.array([batch.steps for batch in batches]),
         sizes=sizes | {name: stacked(name) for name in IN_SI},
         ratios={
-            pair: Ratio(
+            pair: ErrorRatio(
                 ratio_of(sizes["mae_deg"], status, [grid.runs.index(run) for run in both]),
                 np.array([_predicted(point, both) for point in grid.points]),
             )

@@ -4,7 +4,17 @@ from pathlib import Path
 from typing import Annotated, Literal, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, On, Ranges, Seed, Source, Spread, Word
+from tendonrepro.studies.parameters import (
+    Changes,
+    ConfigOption,
+    Folder,
+    Jobs,
+    On,
+    RangesOption,
+    Seed,
+    SpreadOption,
+    Word,
+)
 from tendonrepro.studies.study import Study
 
 __all__ = ["identify"]
@@ -23,11 +33,11 @@ def identify(
     unknowns: int = 10,  # more than sixteen numbers could settle would be no explanation
     rows: str = "",
     from_draws: Annotated[Path | str | None, Word(metavar="FOLDER")] = None,
-    config: Source = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
-    spread: Spread = None,
-    ranges: Ranges = None,
+    spread: SpreadOption = None,
+    ranges: RangesOption = None,
     jobs: Jobs = -1,
     device: On = "cpu",
     **folder: Unpack[Folder],
@@ -60,12 +70,12 @@ def identify(
         Begin at the nearest draws of this ensemble, not at the arm.
     """
     from tendonrepro.configuration.plants import load_plants
-    from tendonrepro.identification.search import Effort
+    from tendonrepro.identification.search import SearchEffort
     from tendonrepro.identification.searches import identification
 
     return identification(
         load_plants(config, spread, ranges, overrides=set, seed=seed),
-        Effort(generations, population, seeds),
+        SearchEffort(generations, population, seeds),
         fit=fit,
         errors=None if errors is None else Path(errors),
         readings=readings,

@@ -55,7 +55,7 @@ _SWITCHES = {
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How hard to search; seeds know nothing of each other."""
 
     generations: int
@@ -94,10 +94,10 @@ class SearchResult:
 
 
 class _UsedUp(Exception):
-    """No plants are left to look at."""
+    """No points are left to look at."""
 
 
-class Plants:
+class SearchPoints:
     """At most so many points (N, `width`) to look at, kept on disk.
 
     However often interrupted, a search ends the same.
@@ -142,8 +142,8 @@ def search(
     starts: Array,
     rows: Rows,
     smooth: Rows,
-    plants: Callable[[str], Plants],
-    effort: Effort,
+    plants: Callable[[str], SearchPoints],
+    effort: SearchEffort,
     seed: int,
     known: Array | None = None,
 ) -> SearchResult:
@@ -184,7 +184,12 @@ def search(
 
 
 def _settled(
-    start: Array, rows: Rows, smooth: Rows, look: Plants, effort: Effort, generator: np.random.Generator
+    start: Array,
+    rows: Rows,
+    smooth: Rows,
+    look: SearchPoints,
+    effort: SearchEffort,
+    generator: np.random.Generator,
 ) -> Array:
     """Best point of CMA-ES until it settles, or few plants are left."""
     population, reserve = effort.population // 2, _DESCENTS * 2 * int(smooth.sum())
@@ -209,7 +214,7 @@ def _moved(start: Array, rows: Rows, values: Array) -> Array:
     return points
 
 
-def _descend(start: Array, smooth: Rows, look: Plants) -> None:
+def _descend(start: Array, smooth: Rows, look: SearchPoints) -> None:
     """Least squares over the smooth unknowns; choices stay."""
     from scipy.optimize import least_squares
 

@@ -33,8 +33,8 @@ from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, p
 from tendonrepro.identification.misfit import Bench, rounding_misfit
 from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.identification.search import (
-    Effort,
-    Plants,
+    SearchEffort,
+    SearchPoints,
     SearchResult,
     held_unit,
     search,
@@ -71,7 +71,7 @@ NEAR = 0.02
 
 
 @dataclass(frozen=True)
-class Task:
+class IdentificationTask:
     """What an identification depends on.
 
     `begins` has the values (P,) at which the search of a reading begins, by its name, where that is not the
@@ -81,7 +81,7 @@ class Task:
     loaded: LoadedEnsemble
     goal: Goal
     readings: tuple[Reading, ...]
-    effort: Effort
+    effort: SearchEffort
     unknowns: int
     rows: tuple[str, ...]
     seed: int
@@ -157,7 +157,7 @@ class Task:
 
 def identification(
     loaded: LoadedEnsemble,
-    effort: Effort,
+    effort: SearchEffort,
     *,
     fit: Target,
     errors: Path | None = None,
@@ -205,7 +205,7 @@ def identification(
     require(device)
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
-    task = Task(
+    task = IdentificationTask(
         loaded=loaded,
         goal=_goal(loaded, fit, errors, window),
         readings=_named(readings, loaded),
@@ -229,7 +229,7 @@ def identification(
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
 
 
-def _from_draws(task: Task, folder: Path) -> Task:
+def _from_draws(task: IdentificationTask, folder: Path) -> IdentificationTask:
     """The same searches, each from the draw of an ensemble that is nearest under its reading."""
     if task.loaded.around or not task.goal.of_paper:
         message = "searches begin at draws where the published numbers are fitted, with the paper's arm"
@@ -286,7 +286,7 @@ def _window(loaded: LoadedEnsemble, window: Window) -> Window:
     return "settled" if seconds else "whole"
 
 
-def _plan(task: Task, head: Json) -> Json:
+def _plan(task: IdentificationTask, head: Json) -> Json:
     """What ``--json`` of a dry run says."""
     searches = count_of(len(head["searches"]), "search", "searches")
     cost = task.cost()
@@ -302,7 +302,7 @@ def _plan(task: Task, head: Json) -> Json:
     }
 
 
-def _outcome(task: Task, head: Json, results: Results, files: Path) -> Outcome:
+def _outcome(task: IdentificationTask, head: Json, results: Results, files: Path) -> Outcome:
     """Numbers, tables and figures, and the best plant's configuration as a file."""
     loaded = task.loaded
     searches = [results[reading.name][0] for reading in task.readings]
@@ -320,7 +320,7 @@ def _outcome(task: Task, head: Json, results: Results, files: Path) -> Outcome:
     return replace(outcome, manifest=manifest)
 
 
-def _write_plants(folder: Path, results: Results, first: str, head: Json, task: Task) -> None:
+def _write_plants(folder: Path, results: Results, first: str, head: Json, task: IdentificationTask) -> None:
     """The best plant under each reading as a configuration, and the best of all, that of the `first`."""
     paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in results]
     for path, name in [*paths, (folder / report.CONFIG, first)]:
@@ -347,7 +347,7 @@ def check_at_least_one(**options: int) -> None:
             raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
 
 
-def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
+def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases, jobs = list(task.cases()), jobs if jobs > 0 else processors()
     processes = min(jobs, len(cases)) if task.device == "cpu" else 1
@@ -367,17 +367,19 @@ def _searches(task: Task, states: Path, jobs: int, talk: Talk) -> Results:
     return results
 
 
-def _searched(task: Task, states: Path, progress: Callable[[int], None] | None, place: int) -> Results:
+def _searched(
+    task: IdentificationTask, states: Path, progress: Callable[[int], None] | None, place: int
+) -> Results:
     effort, goal = task.effort, task.goal.sought
     case, readings = list(task.cases().items())[place]
     begin = task.begins.get(case.name)
     start = task.bench if begin is None else task.bench.beginning(begin)
     box = start.box
 
-    def plants(bench: Bench, most: int, name: str) -> Plants:
+    def plants(bench: Bench, most: int, name: str) -> SearchPoints:
         misfit = partial(bench.evaluated, reading=case, goal=goal)
         told = progress or (lambda _: None)
-        return Plants(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
+        return SearchPoints(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
     known = None
     if task.rows:
@@ -413,7 +415,7 @@ def _named_rows(text: str, box: Box) -> tuple[str, ...]:
 
 
 def _reading_data(
-    task: Task, bench: Bench, case: Reading, reading: Reading, searched: SearchResult
+    task: IdentificationTask, bench: Bench, case: Reading, reading: Reading, searched: SearchResult
 ) -> tuple[SearchAnswer, CompareConfig]:
     """Values of one reading, and its best plant."""
     limit = max(NEAR, 2.0 * searched.misfit)

@@ -40,12 +40,6 @@ def make_blocks(
     return [(block, shard_image(arrays)) for block, arrays in zip(blocks, computed, strict=True)]
 
 
-def compute_block(study: EnsembleStudy, block: Block, simulate: Simulate = simulate_batch) -> Shard:
-    """Simulate every case of every draw of a block."""
-    (arrays,) = compute_blocks(study, [block], simulate)
-    return arrays
-
-
 def compute_blocks(
     study: EnsembleStudy, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[Shard]:

@@ -4,7 +4,18 @@ from dataclasses import replace
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread, Word
+from tendonrepro.studies.parameters import (
+    Changes,
+    ConfigOption,
+    Folder,
+    Jobs,
+    Laws,
+    On,
+    RangesOption,
+    Seed,
+    SpreadOption,
+    Word,
+)
 from tendonrepro.studies.study import Study
 
 __all__ = ["ensemble"]
@@ -14,12 +25,12 @@ __all__ = ["ensemble"]
 def ensemble(
     draws: int = 1024,
     *,
-    config: Source = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
     readings: str = "default",
-    spread: Spread = None,
-    ranges: Ranges = None,
+    spread: SpreadOption = None,
+    ranges: RangesOption = None,
     laws: Laws = None,
     jobs: Jobs = -1,
     device: On = "cpu",

@@ -13,7 +13,7 @@ from pathlib import Path
 from tendonrepro import __version__
 from tendonrepro.configuration.around import Around, Ranges
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import Source
+from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
@@ -47,7 +47,7 @@ from tendonrepro.studies.study import Site, Study
 
 
 def load_study(
-    source: Source,
+    source: ConfigLike,
     overrides: Overrides | None,
     seed: int | None,
     readings: str,

@@ -9,7 +9,7 @@ from itertools import product
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from tendonrepro.monte_carlo.shares import RATIO_NAMES, RATIOS
+from tendonrepro.monte_carlo.shares import RATIOS
 from tendonrepro.monte_carlo.summary import PopulationSummary, RatioName, ReadingSummary, Summary
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -19,6 +19,7 @@ from tendonrepro.results.figures.style import (
     open_figure,
 )
 
+_RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
@@ -42,7 +43,7 @@ def draw_ratios(population: str, summary: PopulationSummary) -> Drawing:
         "are ok, under each reading: median, central 50 % (thick) and 90 % (thin). Dashed: as printed. "
         "Cross: what errors that change slowly would give."
     )
-    titles = [f"{RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
+    titles = [f"{_RATIO_NAMES[key]}, joint {joint}" for key, joint in panels]
     names = [reading["name"] for reading in summary["readings"]]
     origin = f"Simulated, {summary['plants']} plants of the population {population}"
     return rows_figure(f"ratios_{population}", titles, names, draw, caption, origin)

@@ -53,7 +53,7 @@ from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.statics import tensioner_side, tensioner_torque
 from tendonrepro.simulation.loop import DesiredMotion, Loop, Solver, TimeDelayController
 
-Columns: TypeAlias = Mapping[str, Array]
+BoxColumns: TypeAlias = Mapping[str, Array]
 """Values (N,) of N draws by row of the box, SI."""
 
 Moved: TypeAlias = tuple[Arm, Drive, Friction, Array]
@@ -142,7 +142,7 @@ class Draws:
         self._nominal = configured(base, box, box.nominal)
         named = box.named(box.nominal)
         self._cases = [_case(run, reading, self._nominal, named) for run, reading in cases]
-        self._columns: Columns = dict(zip(box.names, np.ascontiguousarray(values.T), strict=True))
+        self._columns: BoxColumns = dict(zip(box.names, np.ascontiguousarray(values.T), strict=True))
         self._arm: Section = deepcopy(section(base.tree, "manipulator"))
         put_manipulator(self._arm, self._columns)
         self._n = len(self._nominal.joints)

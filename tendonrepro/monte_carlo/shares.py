@@ -18,15 +18,15 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.summary import (
     Agreement,
     BesidePrint,
+    ErrorRatio,
     Quantile,
     Quantiles,
+    QuantilesByJoint,
     Rankings,
-    Ratio,
     RatioName,
     ReadingSummary,
     ShareOfPlants,
-    Shares,
-    Spreads,
+    SharesByJoint,
     StatusShare,
 )
 from tendonrepro.physics.metrics import STATUSES
@@ -36,16 +36,11 @@ QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75"
 RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
 
-RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
-
 LEAST_PLANTS = 100
 """Plants below which nothing is concluded: no verdict on a claim, a reading or the printed ranking."""
 
 LEAST_SCRAMBLINGS = 8
 """Scramblings with plants below which there is no interval."""
-
-NEAR = 2.0
-"""Factor of a printed error within which one of ours counts as of its size."""
 
 MOST, FEW = 0.95, 0.05
 """Shares that confirm a direction, or confirm its opposite."""
@@ -189,7 +184,7 @@ def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
     counted = _plants(status)
     errors = _errors(data, reading, status)
 
-    def ratio(key: RatioName) -> Ratio:
+    def ratio(key: RatioName) -> ErrorRatio:
         return {
             plants: {
                 metric: _ratio_quantiles(data, RATIOS[key], metric, sizes, kept)
@@ -253,7 +248,7 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
-) -> Shares:
+) -> SharesByJoint:
     """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
@@ -261,7 +256,7 @@ def _shares(
 
 def _ratio_quantiles(
     data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
-) -> Spreads:
+) -> QuantilesByJoint:
     """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
     above, below = errors[[*pair]]
     ratio = above / below
@@ -272,7 +267,7 @@ def _ratio_quantiles(
 
 def _by_joint(
     joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
-) -> Spreads:
+) -> QuantilesByJoint:
     """Quantiles of values (N, n) on each joint, beside the printed ones."""
     spreads = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
     for quantiles, number in zip(spreads.values(), printed, strict=False):
@@ -283,25 +278,16 @@ def _by_joint(
 def _beside_print(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
 ) -> BesidePrint:
-    """RMSE over MAE of every controller, joint 3 over joint 2, and a plant's distance from the print.
+    """Shapes of errors, whether Controller 1 is the smoothest, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
-    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale. The
-    reverse order counts where every MAE is within a factor `NEAR` of the print.
+    of log(ours/printed) over C1/C2 and C2/C3 of the MAE and each RMSE/MAE, per joint: they have no scale.
     """
     printed_mae, printed_rmse = (_printed_errors(metric, joints) for metric in METRICS)
-    shape, printed_shape = rmse / mae, printed_rmse / printed_mae
+    shape = rmse / mae
     scaleless = np.concatenate([mae[:-1] / mae[1:], shape])
-    printed_scaleless = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_shape])
-    apart = np.log(scaleless / printed_scaleless[:, np.newaxis])
-    times = np.rad2deg(mae) / printed_mae[:, np.newaxis]
-    near = _all((times <= NEAR) & (times >= 1.0 / NEAR), axis=(0, 2))
-    order, reverse = (_in_order(mae[::step]) & _in_order(rmse[::step]) for step in (1, -1))
-    smoother, rises = _all(steps[0] < steps[1:]), _in_order(shape)
-
-    def on_both(hits: Flags) -> ShareOfPlants:
-        return share_of(_all(hits, axis=1), replicate).as_row()
-
+    printed = np.concatenate([printed_mae[:-1] / printed_mae[1:], printed_rmse / printed_mae])
+    apart = np.log(scaleless / printed[:, np.newaxis])
     return {
         "joint_3_over_2": {
             run: {
@@ -310,18 +296,10 @@ def _beside_print(
             }
             for place, run in enumerate(CONTROLLERS)
         },
-        "share_reverse_near_print": share_of(_all(reverse, axis=1), replicate, near).as_row(),
-        "rmse_over_mae": {
-            run: _by_joint(joints, shape[place], replicate, printed_shape[place].tolist())
-            for place, run in enumerate(CONTROLLERS)
-        },
         "rmse_over_mae_growth": _by_joint(joints, shape[-1] / shape[0], replicate),
-        "share_rmse_over_mae_rises": _shares(joints, rises, replicate),
+        "share_rmse_over_mae_rises": _shares(joints, _in_order(shape), replicate),
         "distance": quantiles_of(np.sqrt((apart**2).mean(axis=(0, 2))), replicate),
-        "share_c1_smoother": on_both(smoother),
-        "share_order_and_smoother": on_both(order & smoother),
-        "share_order_and_rise": on_both(order & rises),
-        "share_order_rise_and_smoother": on_both(order & rises & smoother),
+        "share_c1_smoother": share_of(_all(steps[0] < steps[1:], axis=(0, 2)), replicate).as_row(),
     }
 
 

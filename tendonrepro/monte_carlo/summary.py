@@ -52,16 +52,16 @@ class Quantiles(TypedDict):
     printed: NotRequired[float]
 
 
-Shares: TypeAlias = dict[str, ShareOfPlants]
+SharesByJoint: TypeAlias = dict[str, ShareOfPlants]
 """Shares by ``both`` joints, or one."""
 
-Spreads: TypeAlias = dict[str, Quantiles]
+QuantilesByJoint: TypeAlias = dict[str, Quantiles]
 """Quantiles by joint."""
 
-RankingShares: TypeAlias = dict[str, dict[str, Shares]]
+RankingShares: TypeAlias = dict[str, dict[str, SharesByJoint]]
 """How often a ranking holds, by set of plants and metric."""
 
-Ratio: TypeAlias = dict[str, dict[str, Spreads]]
+ErrorRatio: TypeAlias = dict[str, dict[str, QuantilesByJoint]]
 """A ratio of errors, by set of plants and metric."""
 
 
@@ -93,15 +93,10 @@ class BesidePrint(TypedDict, total=False):
     """Shapes of errors, and how far a plant is from the print; nothing of it is said of another arm."""
 
     joint_3_over_2: dict[str, dict[str, Quantiles]]
-    share_reverse_near_print: ShareOfPlants
-    rmse_over_mae: dict[str, Spreads]
-    rmse_over_mae_growth: Spreads
-    share_rmse_over_mae_rises: Shares
+    rmse_over_mae_growth: QuantilesByJoint
+    share_rmse_over_mae_rises: SharesByJoint
     distance: Quantiles
     share_c1_smoother: ShareOfPlants
-    share_order_and_smoother: ShareOfPlants
-    share_order_and_rise: ShareOfPlants
-    share_order_rise_and_smoother: ShareOfPlants
     agreement: Agreement
 
 
@@ -111,8 +106,8 @@ class ReadingSummary(Rankings, BesidePrint):
     name: str
     status: dict[str, dict[str, StatusShare]]
     without_start: Rankings
-    ratio_c1_c2: Ratio
-    ratio_c2_c3: Ratio
+    ratio_c1_c2: ErrorRatio
+    ratio_c2_c3: ErrorRatio
     theory: NotRequired[dict[str, float]]
 
 
@@ -169,6 +164,6 @@ def in_all_errors(ranking: RankingShares, plants: str = "all_ok") -> ShareOfPlan
     return ranking[plants]["mae_and_rmse"]["both"]
 
 
-def median(ratio: Ratio, joint: int) -> float:
+def median(ratio: ErrorRatio, joint: int) -> float:
     """Median of a ratio of MAE on a joint, of plants that are stable under all three controllers."""
     return ratio["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]

@@ -19,7 +19,7 @@ from tendonrepro.monte_carlo.data import ShardArray
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
-from tendonrepro.results.summary import statistics
+from tendonrepro.results.statistics import statistics
 from tendonrepro.simulation.batch import Batch, Limits, simulate_batch
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from tendonrepro.studies.command import EXPLORE, command
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Source
+from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption
 from tendonrepro.studies.study import Answer
 
 __all__ = ["live", "report"]
@@ -36,7 +36,7 @@ def report(
 
 @command(EXPLORE, "tendonrepro live --config mine.yaml --out mine.html")
 def live(
-    config: Source = None,
+    config: ConfigOption = None,
     out: Path | str = Path("live.html"),
     *,
     set: Changes = None,

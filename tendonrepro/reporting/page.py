@@ -17,7 +17,7 @@ from PIL import Image
 
 from tendonrepro import __version__
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import refuse_existing, shipped, write_atomically
+from tendonrepro.files import refuse_foreign, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.stored import PARTS, ReportSources, stored_under
@@ -69,8 +69,7 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
     path = out or folder / "report.html"
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
-    earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
-    refuse_existing(path, force=force or earlier)
+    refuse_foreign(path, _MARK, force=force)
     sources = stored_under(folder)
     content = page(sources).encode()
     write_atomically(path, content)

@@ -44,7 +44,8 @@ def reproduce(
         Check everything, run nothing.
     """
     from tendonrepro.experiments.paper import paper_experiments, run_together, studies_below, summary_of
-    from tendonrepro.reporting.live.write import PAGE, check_target, live_text, page_beside
+    from tendonrepro.files import refuse_foreign
+    from tendonrepro.reporting.live.write import MARK, PAGE, live_text, page_beside
     from tendonrepro.studies.lifecycle import planned
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
@@ -55,7 +56,7 @@ def reproduce(
         text = "\n\n".join(str(plan["text"]) for plan in plans.values())
         return Answer({"schema_version": 1, **plans}, text, {})
     path = above / PAGE
-    check_target(path, force=force)
+    refuse_foreign(path, MARK, force=force)
     answers = run_together(experiments, above, folder, talk)
     is_own = config is not None or bool(set)
     page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)

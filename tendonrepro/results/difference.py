@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro.configuration.strict_yaml import Node, load
+from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import tracking_errors
@@ -65,44 +65,34 @@ def _side(path: Path) -> _Side:
         result = read_result(path)
         config_of_run = result.manifest["config"]
         # It covers more than the tree: of an ensemble its box, of a validation the measured file.
-        config = {"sha256": config_of_run["sha256"], **_leaves(config_of_run.get("tree", {}))}
+        config = {"sha256": config_of_run["sha256"], **dict(_values(config_of_run.get("tree", {})))}
         numbers = {key: value for key, value in result.data.items() if key != "config"}
         version = {"tendonrepro": result.manifest.get("tendonrepro_version")}
         versions = version | result.manifest.get("environment", {}).get("versions", {})
-        return _Side(result.command, config, versions, dict(_numbers(numbers)), {})
+        return _Side(result.command, config, versions, dict(_values(numbers)), {})
     file = read_traces(path)
     environment = json.loads(file.manifest_json or "{}").get("environment", {})
     versions = {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
-    config = _leaves(load(file.config_yaml, "config_yaml").tree)
-    return _Side(file.experiment, config, versions, {}, file.runs)
+    tree = load(file.config_yaml, "config_yaml").tree
+    return _Side(file.experiment, dict(_values(tree)), versions, {}, file.runs)
 
 
-def _numbers(node: object, path: str = "") -> Iterator[tuple[str, object]]:
+def _values(node: object, path: str = "") -> Iterator[tuple[str, object]]:
     """Values by dotted key; an item of a list by its name, if it has one, else by its place."""
     if isinstance(node, dict):
         for key, part in node.items():
             if key not in _OF_ONE_RUN:
-                yield from _numbers(part, f"{path}.{key}")
+                yield from _values(part, f"{path}.{key}")
     elif isinstance(node, list) and any(isinstance(part, dict | list) for part in node):
         for place, part in enumerate(node):
             named = isinstance(part, dict) and (part.get("name") or part.get("id"))
-            yield from _numbers(part, f"{path}.{named or place}")
+            yield from _values(part, f"{path}.{named or place}")
     else:
         yield path.removeprefix("."), node
 
 
 def _statuses(runs: Mapping[str, Trace]) -> dict[str, object]:
     return {name: trace.status for name, trace in runs.items()}
-
-
-def _leaves(node: Node, path: str = "") -> dict[str, object]:
-    """Values of a tree by dotted key; a list is one value."""
-    if not isinstance(node, dict):
-        return {path.removeprefix("."): node}
-    leaves: dict[str, object] = {}
-    for key, part in node.items():
-        leaves |= _leaves(part, f"{path}.{key}")
-    return leaves
 
 
 def _unequal(first: Mapping[str, object], second: Mapping[str, object]) -> Iterator[dict[str, object]]:

@@ -44,7 +44,7 @@ LINES_PER_RINGING = 32
 """Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
 
 
-class Quantity(Protocol):
+class InSI(Protocol):
     """A number with a unit."""
 
     @property
@@ -56,11 +56,11 @@ class Limits(Protocol):
     """When a run rings: the section ``status`` of a configuration."""
 
     @property
-    def ringing_frequency(self) -> Quantity:
+    def ringing_frequency(self) -> InSI:
         """Hz, above which error is ringing."""
 
     @property
-    def ringing_share(self) -> Quantity:
+    def ringing_share(self) -> InSI:
         """Share of the error's power above it from which a run rings."""
 
 

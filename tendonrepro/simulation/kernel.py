@@ -25,7 +25,7 @@ from tendonrepro.simulation.sampled import (
     CommandFunction,
     Hardware,
     Remembered,
-    Sampled,
+    SampledState,
     Three,
     longest,
     sample,
@@ -272,7 +272,9 @@ def _in_blocks(sums: Array, e: Array, live: Numeric, k: Symbol, block: Numeric) 
     ]
 
 
-def _statistics(sampled: Sampled, motion: Three, before: Three, x: LawNumbers) -> streaming.Sample[Array]:
+def _statistics(
+    sampled: SampledState, motion: Three, before: Three, x: LawNumbers
+) -> streaming.Sample[Array]:
     """What a sample contributes, from last torque and estimate, and acceleration since."""
     n, law, actuator = len(sampled.tau), x.law, x.hardware.actuator
     assert isinstance(law, Law)

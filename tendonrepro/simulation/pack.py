@@ -12,8 +12,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.simulation.codegen.lanes import bundled, columns
 from tendonrepro.simulation.codegen.machine import (
     LANES,
-    Record,
     Signal,
+    TraceBuffer,
     assembled,
     callable_sweep,
     sweep_code,
@@ -45,9 +45,9 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, recor
     first, count, named = next(iter(loops.values())), len(loops), part.rows.named
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
     signals = Signals([*loops.values()])
-    kept = {"block": Record(named["block"], n, block)}
+    kept = {"block": TraceBuffer(named["block"], n, block)}
     if record:
-        kept["trace"] = Record(named["trace"], recorded_columns(first), 1)
+        kept["trace"] = TraceBuffer(named["trace"], recorded_columns(first), 1)
     inputs = [Signal(named[name], 3 * n) for name in signals.names]
     (address,) = assembled(sweep_code(named["live"], inputs, [*kept.values()]), "sweep")
     sweep, codes = callable_sweep(address), (part.code["sample"], part.code["advance"])

@@ -41,7 +41,7 @@ class Hardware(NamedTuple):
     limit: float
 
 
-class Sampled(NamedTuple):
+class SampledState(NamedTuple):
     """What one sample makes of a state; arrays (n,), SI.
 
     `measured` is as of :func:`measure`. Torques are `tau` commanded, `tau_m` applied, and `torque` with the
@@ -69,7 +69,7 @@ def sample(
     law: Law | Servo,
     hardware: Hardware,
     command: CommandFunction = control.command,
-) -> Sampled:
+) -> SampledState:
     """One sample, from a state (4 n,) and unit noise (3 n,) of joint encoders, motor encoders and torque."""
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
@@ -94,7 +94,7 @@ def sample(
         bounded = bounded * (abs(error) <= hardware.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
     # The noise acts on the plant alone: no controller can know it.
     torque = tau_m + times(S_inv.T, actuator.noise * noise[2 * n :])
-    return Sampled(measured, tau, tau_m, torque, signals, rate, memory, line[:-1], bounded)
+    return SampledState(measured, tau, tau_m, torque, signals, rate, memory, line[:-1], bounded)
 
 
 def measure(state: Array, noise: Array, law: Law | Servo, hardware: Hardware) -> Two:

@@ -51,10 +51,10 @@ def simulate(loop: Loop) -> dict[str, Array]:
     TendonreproError
         If the integrator cannot keep its tolerances.
     """
-    time, arm = loop.reference.time, Arm(loop)
+    time, plant = loop.reference.time, MachinePlant(loop)
     trace = np.empty((time.size, recorded_columns(loop)))
-    sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, arm, trace)
-    advance = _integrator(loop.solver, arm)
+    sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, plant, trace)
+    advance = _integrator(loop.solver, plant)
     # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
@@ -65,8 +65,8 @@ def simulate(loop: Loop) -> dict[str, Array]:
         return trace_variables(trace[: k + 1], loop)
 
 
-def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
-    problem = ode(arm.slope).set_integrator(
+def _integrator(solver: Solver, plant: MachinePlant) -> Callable[[float, float], None]:
+    problem = ode(plant.slope).set_integrator(
         solver.method,
         rtol=solver.rtol,
         atol=solver.atol,
@@ -77,7 +77,7 @@ def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
 
     def advance(start: float, end: float) -> None:
         try:
-            arm.state[:] = reached = problem.set_initial_value(arm.state, start).integrate(end)
+            plant.state[:] = reached = problem.set_initial_value(plant.state, start).integrate(end)
         except ArgumentError as error:
             # After an interrupt inside the slope SciPy goes on calling it, and ctypes tells of that alone.
             raise KeyboardInterrupt from error
@@ -91,7 +91,7 @@ def _integrator(solver: Solver, arm: Arm) -> Callable[[float, float], None]:
     return advance
 
 
-class Arm:
+class MachinePlant:
     """State (4 n,) and torque (n,) of a plant: views of rows of its machine code."""
 
     def __init__(self, loop: Loop) -> None:
@@ -112,15 +112,15 @@ def _filled(part: CompiledPart) -> Array:
 class MachineLaw:
     """Package's own law as machine code."""
 
-    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
-        part, n = sample_part(loop, arm.rest), loop.plant.preload.size
+    def __init__(self, loop: Loop, plant: MachinePlant, trace: Array) -> None:
+        part, n = sample_part(loop, plant.rest), loop.plant.preload.size
         self._rows, named, reference = _filled(part), part.rows.named, loop.fed
 
         def lane(name: str, size: int) -> Array:
             """View of the first lane of a name."""
             return self._rows[named[name] :, 0][:size]
 
-        self._arm, self._trace = arm, trace
+        self._plant, self._trace = plant, trace
         desired = reference.q_d, reference.dq_d, reference.ddq_d
         self._signals = np.hstack([*desired, _noise(loop)])
         # Desired motion and noise are neighbours.
@@ -130,27 +130,27 @@ class MachineLaw:
         self._run, self._address = callable_code(part.code["sample"]), self._rows.ctypes.data
 
     def __call__(self, k: int) -> bool:
-        """Set the arm's torque at sample k; whether the run goes on."""
-        self._state[:], self._given[:] = self._arm.state, self._signals[k]
+        """Set the plant's torque at sample k; whether the run goes on."""
+        self._state[:], self._given[:] = self._plant.state, self._signals[k]
         self._run(self._address, k, 0.0)
-        self._trace[k], self._arm.torque[:] = self._kept, self._torque
+        self._trace[k], self._plant.torque[:] = self._kept, self._torque
         return bool(self._live[0] > 0.0)
 
 
 class PlainLaw:
     """A user's own law, in Python."""
 
-    def __init__(self, loop: Loop, arm: Arm, trace: Array) -> None:
-        self._loop, self._arm, self._trace = loop, arm, trace
-        self._hardware, self._noise = hardware_of(loop, arm.rest), _noise(loop)
-        tau, law = torque_before(loop, arm.rest), loop.controller.law
-        measured = sampled.measure(arm.rest.state, self._noise[0], law, self._hardware)
+    def __init__(self, loop: Loop, plant: MachinePlant, trace: Array) -> None:
+        self._loop, self._plant, self._trace = loop, plant, trace
+        self._hardware, self._noise = hardware_of(loop, plant.rest), _noise(loop)
+        tau, law = torque_before(loop, plant.rest), loop.controller.law
+        measured = sampled.measure(plant.rest.state, self._noise[0], law, self._hardware)
         self._fed, first = loop.fed, loop.reference.q_d[0]
         self._memory, self._pending = sampled.start(measured, first, tau, law), [tau] * loop.actuator.delay
 
     def __call__(self, k: int) -> bool:
-        """Set the arm's torque at sample k; whether the run goes on."""
-        reference, controller, state = self._fed, self._loop.controller, self._arm.state.copy()
+        """Set the plant's torque at sample k; whether the run goes on."""
+        reference, controller, state = self._fed, self._loop.controller, self._plant.state.copy()
         assert controller.command is not None
         now = sampled.sample(
             state,
@@ -162,7 +162,7 @@ class PlainLaw:
             self._hardware,
             controller.command,
         )
-        self._memory, self._pending, self._arm.torque[:] = now.memory, now.pending, now.torque
+        self._memory, self._pending, self._plant.torque[:] = now.memory, now.pending, now.torque
         self._trace[k] = np.concatenate([state, *now.measured, now.tau, now.tau_m, *now.signals])
         return bool(now.bounded) and k + 1 < reference.time.size
 

@@ -138,7 +138,7 @@ def _as_several(annotation: object, value: object) -> object:
 
 
 def signature_of(function: Callable[..., object]) -> inspect.Signature:
-    """Signature with evaluated annotations; keywords of a `Folder` or `Place` are parameters of their own."""
+    """Signature with evaluated annotations; keywords of a `Folder` or `Destination` stand for themselves."""
     # What it returns may be a type that only a type checker sees.
     own = {name: text for name, text in function.__annotations__.items() if name != "return"}
     hints = get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__, include_extras=True)

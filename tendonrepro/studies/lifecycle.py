@@ -29,7 +29,7 @@ from tendonrepro.results.store import (
     replaced,
 )
 from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
-from tendonrepro.studies.parameters import Place
+from tendonrepro.studies.parameters import Destination
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Answer, Site, Study
 
@@ -156,7 +156,7 @@ def _exit_code(outcome: Outcome) -> int:
     return AGAINST if outcome.fails_check else DIVERGED if outcome.diverged else 0
 
 
-def folder_of(name: str, folder: Place) -> Path:
+def folder_of(name: str, folder: Destination) -> Path:
     """Results folder of a command, by default its own below reports."""
     out = folder.get("out")
     return Path("reports") / name if out is None else Path(out)

@@ -22,7 +22,7 @@ class Word(NamedTuple):
 ARGUMENT = Word(positional=True)
 
 # Of a union the command line gives the first type that it can write.
-Source: TypeAlias = Annotated[
+ConfigOption: TypeAlias = Annotated[
     str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")
 ]
 Changes: TypeAlias = Annotated[
@@ -42,10 +42,10 @@ Formats: TypeAlias = Annotated[
 Laws: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, Callable[..., object]] | None, Word(option="--law", metavar="FILE:NAME")
 ]
-Spread: TypeAlias = Annotated[
+SpreadOption: TypeAlias = Annotated[
     float | None, Word(help="Around your own arm, 0.2 is 20 % [default: as shipped].")
 ]
-Ranges: TypeAlias = Annotated[
+RangesOption: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, Sequence[float]] | None,
     Word(
         option="--range",
@@ -65,14 +65,14 @@ Telling: TypeAlias = Annotated[Talk, Word(help="Whom to tell of progress.")]
 TALK = Talk()
 
 
-class Place(TypedDict, total=False):
+class Destination(TypedDict, total=False):
     """Where the results of a study without figures go, and what becomes of what is there."""
 
     out: Annotated[Path | str | None, Word(help="Results folder [default: its own below reports].")]
     force: Annotated[bool, Word(help="Overwrite other results, and files changed since.")]
 
 
-class Folder(Place, total=False):
+class Folder(Destination, total=False):
     """Where the results of a study go, and its figures."""
 
     formats: Formats

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.files import digest_of
-from tendonrepro.studies.parameters import FOLDER, Folder, Place
+from tendonrepro.studies.parameters import FOLDER, Destination, Folder
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import LoadedConfig
@@ -64,7 +64,7 @@ class Study:
 
     loaded: LoadedConfig | None
     run: Callable[[Site], Outcome]
-    folder: Place = field(default_factory=Place)
+    folder: Destination = field(default_factory=Destination)
     decided_by: Mapping[str, object] = field(default_factory=dict)
     keep: str = ""
     stays: bool = False

@@ -75,7 +75,7 @@ def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
 Known: TypeAlias = Mapping[tuple[str, bool], tuple[Array, Array]]
 
 
-class Plants(NamedTuple):
+class TrialPlants(NamedTuple):
     """One draw as loops to run in, and what laws are made of.
 
     Loops are without payload, with it, and without it at `LESS_DAMPING`; then with the held-out payload and
@@ -111,7 +111,7 @@ class Candidate(NamedTuple):
     given: Law | None = None
 
 
-class Measured(NamedTuple):
+class Performance(NamedTuple):
     """Of C candidates in R runs: mean absolute error (C, R, n), rad, roughness (C,), N m, stability (C, R).
 
     Roughness is the RMS change of torque in a sample, in the rougher of the first two runs.
@@ -122,12 +122,12 @@ class Measured(NamedTuple):
     stable: NDArray[np.bool_]
 
 
-def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> Plants:
+def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> TrialPlants:
     """One draw (P,) of the box, with the motions and loads of the tuning."""
     return posed(loaded, configured(loaded.base, box, row))
 
 
-def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
+def posed(loaded: LoadedEnsemble, config: CompareConfig) -> TrialPlants:
     """A configuration with the motions and loads of the tuning; its own motion is not looked at.
 
     Nor is its ``errors_from``, which speaks of that motion: errors are of the whole of these.
@@ -143,7 +143,7 @@ def posed(loaded: LoadedEnsemble, config: CompareConfig) -> Plants:
     weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))
     loops = [replace(own, plant=plant) for plant in (bare, carrying, weak)]
     filtering = under(parse_reading("error_rate=low_pass"), config, {})
-    return Plants(
+    return TrialPlants(
         loops=(*loops, replace(own, plant=other, reference=motions[1])),
         controllers={name: build_law(config, name) for name in CONTROLLERS},
         alpha=config.control.gains.alpha.si,
@@ -175,7 +175,7 @@ def _known(name: str, plant: Plant, along: DesiredMotion) -> tuple[Array, Array]
     return torque, middle / np.mean(np.diag(middle))
 
 
-def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
+def loops_of(plants: TrialPlants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
     """Loops of the first so many runs; runs of one motion share what a law is given."""
     law, command = _law_of(plants, candidate), candidate.law.command
     controller = TimeDelayController(law, command, on_lanes=command is not None)
@@ -191,7 +191,7 @@ def loops_of(plants: Plants, candidate: Candidate, runs: int = TUNED) -> list[Lo
     ]
 
 
-def _law_of(plants: Plants, candidate: Candidate) -> Law:
+def _law_of(plants: TrialPlants, candidate: Candidate) -> Law:
     law = candidate.given or candidate.law.law(plants.law, candidate.gains, plants.alpha)
     weight = plants.newest if candidate.filtered else 1.0
     _, to_joint = plants.known[candidate.knows, False]
@@ -215,7 +215,7 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
     )
 
 
-def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) -> Measured:
+def measure(plants: TrialPlants, candidates: Sequence[Candidate], runs: int = TUNED) -> Performance:
     """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
     batch = simulate_batch(loops, plants.limits, device=plants.device)
@@ -226,10 +226,10 @@ def measure(plants: Plants, candidates: Sequence[Candidate], runs: int = TUNED) 
     loud = (rmse * np.sqrt(share) > COUNTS * plants.loops[0].joint_encoder.resolution).any(axis=2)
     status = batch.status.reshape(shape[:2])
     stable = (status == STATUSES.index("ok")) | (status == STATUSES.index("ringing")) & ~loud
-    return Measured(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
+    return Performance(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
 
 
-def as_published(plants: Plants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
+def as_published(plants: TrialPlants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
     """Controllers 1 to 3 with the gains and readings of the configuration, as published or a user's."""
     candidates = {}
     for name, kind in zip(CONTROLLERS, ("alpha_published", "ntsm", "tsm"), strict=True):
@@ -239,6 +239,6 @@ def as_published(plants: Plants, knows: str = "none", filtered: bool = False) ->
     return candidates
 
 
-def usable(plants: Plants) -> bool:
+def usable(plants: TrialPlants) -> bool:
     """Whether these gains are stable, with and without payload."""
     return bool(measure(plants, [*as_published(plants).values()]).stable[:, :2].all())

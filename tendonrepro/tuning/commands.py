@@ -3,7 +3,17 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
-from tendonrepro.studies.parameters import Changes, Folder, Jobs, Laws, On, Ranges, Seed, Source, Spread
+from tendonrepro.studies.parameters import (
+    Changes,
+    ConfigOption,
+    Folder,
+    Jobs,
+    Laws,
+    On,
+    RangesOption,
+    Seed,
+    SpreadOption,
+)
 from tendonrepro.studies.study import Study
 
 __all__ = ["tune"]
@@ -18,10 +28,10 @@ def tune(
     population: int = 6,
     laws: Laws = None,
     any_plant: bool = False,
-    spread: Spread = None,
-    ranges: Ranges = None,
+    spread: SpreadOption = None,
+    ranges: RangesOption = None,
     only: str = "",
-    config: Source = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
@@ -53,7 +63,7 @@ def tune(
     """
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of
-    from tendonrepro.tuning.search import Effort
+    from tendonrepro.tuning.search import TuningEffort
     from tendonrepro.tuning.tuning import tuning
 
     loaded = load_plants(config, spread, ranges, overrides=set)
@@ -62,7 +72,7 @@ def tune(
         loaded,
         users,
         plants,
-        Effort(searches, generations, population),
+        TuningEffort(searches, generations, population),
         any_plant=any_plant,
         seed=seed,
         jobs=jobs,

@@ -8,7 +8,7 @@ from itertools import product
 from matplotlib.axes import Axes
 
 from tendonrepro.results.figures import style
-from tendonrepro.tuning.search import Row
+from tendonrepro.tuning.search import TunedRow
 
 KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
 VELOCITY = {False: "velocity as measured", True: "velocity filtered"}
@@ -19,7 +19,7 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 @style.journal_style()
 def draw_tuning(
-    laws: Sequence[Row], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
+    laws: Sequence[TunedRow], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
 ) -> style.Drawing:
     """Draw medians of error against torque roughness: a column for what is known, a row for the velocity.
 
@@ -49,8 +49,8 @@ def draw_tuning(
     )
 
 
-def _draw(panel: Axes, rows: Sequence[Row], titles: Mapping[str, str], gains: str) -> None:
-    def plot(own: Sequence[Row], look: style.Look) -> None:
+def _draw(panel: Axes, rows: Sequence[TunedRow], titles: Mapping[str, str], gains: str) -> None:
+    def plot(own: Sequence[TunedRow], look: style.Look) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
     for number, (law, title) in enumerate(titles.items(), start=1):

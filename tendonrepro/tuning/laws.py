@@ -160,16 +160,16 @@ _LAWS = (
 LAWS = {law.name: law for law in _LAWS}
 
 # Other gains of these, and of the published α (n,).
-Change: TypeAlias = Callable[[Gains, Array], Numbers]
+Conversion: TypeAlias = Callable[[Gains, Array], Numbers]
 
 
-class Step(NamedTuple):
+class Equivalence(NamedTuple):
     """How gains of one law give another that does the same."""
 
     source: str
     target: str
     exact: bool
-    change: Change
+    change: Conversion
 
 
 def _slope(gains: Gains) -> Array:
@@ -200,22 +200,22 @@ SAMPLING_PERIOD = 1e-3  # s, as published; other periods only make the seeds of 
 
 # In the order in which gains are handed on. An exact step makes the source a special case of the target,
 # which may then not do worse; these come last, each after those that improve its source.
-STEPS: tuple[Step, ...] = (
-    Step("ntsm", "alpha_published", False, lambda g, a: _scaled(g, 1.0 + a)),
-    Step("ntsm", "alpha_extrapolating", False, lambda g, a: _scaled(g, 1.0 - a)),
-    Step("alpha_published", "ntsm", False, lambda g, a: _scaled(g, 1.0 / (1.0 + a))),
-    Step("alpha_free", "ntsm", False, lambda g, _: _scaled(g, 1.0 / (1.0 + g["alpha"]))),
-    Step("ntsm", "tdc", False, lambda g, _: _linear(g, _slope(g))),
-    Step("tdc", "pid", False, lambda g, _: g),
-    Step("pid", "tdc", False, lambda g, _: g),
-    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g, 10.0, 0.05)),
-    Step("tsm", "super_twisting", False, lambda g, _: _twisting(g, 100.0, 0.4)),
-    Step("tsm", "tdc", True, lambda g, _: _linear(g, g["beta"])),
-    Step("tsm", "ntsm", True, lambda g, _: {**g, "eta": g["beta"], "b": 1.0, "Delta": 0.2}),
-    Step("tdc", "dob", True, lambda g, _: {**g, "estimate_filter": 1.0}),
-    Step("ntsm", "alpha_free", True, lambda g, _: {**g, "alpha": 0.0}),
-    Step("alpha_published", "alpha_free", True, lambda g, a: {**g, "alpha": a}),
-    Step("alpha_extrapolating", "alpha_free", True, lambda g, a: {**g, "alpha": -a}),
+EQUIVALENCES: tuple[Equivalence, ...] = (
+    Equivalence("ntsm", "alpha_published", False, lambda g, a: _scaled(g, 1.0 + a)),
+    Equivalence("ntsm", "alpha_extrapolating", False, lambda g, a: _scaled(g, 1.0 - a)),
+    Equivalence("alpha_published", "ntsm", False, lambda g, a: _scaled(g, 1.0 / (1.0 + a))),
+    Equivalence("alpha_free", "ntsm", False, lambda g, _: _scaled(g, 1.0 / (1.0 + g["alpha"]))),
+    Equivalence("ntsm", "tdc", False, lambda g, _: _linear(g, _slope(g))),
+    Equivalence("tdc", "pid", False, lambda g, _: g),
+    Equivalence("pid", "tdc", False, lambda g, _: g),
+    Equivalence("tsm", "super_twisting", False, lambda g, _: _twisting(g, 10.0, 0.05)),
+    Equivalence("tsm", "super_twisting", False, lambda g, _: _twisting(g, 100.0, 0.4)),
+    Equivalence("tsm", "tdc", True, lambda g, _: _linear(g, g["beta"])),
+    Equivalence("tsm", "ntsm", True, lambda g, _: {**g, "eta": g["beta"], "b": 1.0, "Delta": 0.2}),
+    Equivalence("tdc", "dob", True, lambda g, _: {**g, "estimate_filter": 1.0}),
+    Equivalence("ntsm", "alpha_free", True, lambda g, _: {**g, "alpha": 0.0}),
+    Equivalence("alpha_published", "alpha_free", True, lambda g, a: {**g, "alpha": a}),
+    Equivalence("alpha_extrapolating", "alpha_free", True, lambda g, a: {**g, "alpha": -a}),
 )
 
 

@@ -14,7 +14,7 @@ from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.tuning.laws import LAWS
-from tendonrepro.tuning.search import CAPS, CONDITIONS, Row, Task
+from tendonrepro.tuning.search import CAPS, CONDITIONS, TunedRow, TuningTask
 
 SCHEMA_VERSION = 2
 
@@ -38,7 +38,7 @@ FEWEST = 8  # draws on which both laws must have gains, for a verdict
 _HEAD = "law", "over", "knows", "filtered", "cap", "draws"
 
 
-def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[Row]:
+def comparisons(rows: Sequence[TunedRow], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[TunedRow]:
     """Yield the error of one law over another's, both at their best, under every condition and cap.
 
     ``ratio`` is the median over draws with its 95 % bootstrap interval, ``scatter`` the ratio by which the
@@ -54,7 +54,7 @@ def comparisons(rows: Sequence[Row], pairs: Sequence[tuple[str, str]], seed: int
         yield head | (_compared(kept, seed) if len(kept) >= FEWEST else none)
 
 
-def _compared(kept: Sequence[tuple[Row, Row]], seed: int) -> Row:
+def _compared(kept: Sequence[tuple[TunedRow, TunedRow]], seed: int) -> TunedRow:
     logs = np.log([a["error"] / b["error"] for a, b in kept])
     errors = [(a["held_out_error"], b["held_out_error"]) for a, b in kept]
     held_out = [a / b for a, b in errors if a and b]
@@ -78,10 +78,10 @@ def _miss(errors: Sequence[float | None]) -> float:
     return sizes[1] - sizes[0] if len(sizes) > 1 else np.inf
 
 
-def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[Row]:
+def law_rows(rows: Sequence[TunedRow], joints: Sequence[int]) -> Iterator[TunedRow]:
     """Yield errors, roughness and share of stable draws, by law, condition and cap."""
     names = ("law", "knows", "filtered", "cap", "alpha")
-    groups: dict[tuple[object, ...], list[Row]] = {}
+    groups: dict[tuple[object, ...], list[TunedRow]] = {}
     for row in rows:
         groups.setdefault(tuple(map(row.get, names)), []).append(row)
     for key, own in groups.items():
@@ -97,7 +97,7 @@ def law_rows(rows: Sequence[Row], joints: Sequence[int]) -> Iterator[Row]:
         yield summary
 
 
-def question_rows(rows: Sequence[Row], titles: Mapping[str, str]) -> Iterator[Row]:
+def question_rows(rows: Sequence[TunedRow], titles: Mapping[str, str]) -> Iterator[TunedRow]:
     """Yield how often a pair has which verdict, and which it has in half of all cases."""
     for (law, over), group in groupby(rows, itemgetter("law", "over")):
         own = list(group)
@@ -123,7 +123,7 @@ def pairs_among(laws: KeysView[str]) -> list[tuple[str, str]]:
     return pairs
 
 
-def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
+def outcome(task: TuningTask, drawn: Sequence[TunedRow]) -> Outcome:
     """Numbers, tables and figure."""
     from tendonrepro.tuning.figure import draw_tuning
 
@@ -166,7 +166,7 @@ def outcome(task: Task, drawn: Sequence[Row]) -> Outcome:
     return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on, gains)})
 
 
-def count_scattered(rows: Sequence[Row]) -> int:
+def count_scattered(rows: Sequence[TunedRow]) -> int:
     """In how many cases without a difference two searches of one law differ by more than counts as none."""
     return sum(row["verdict"] == NONE and bool(np.log(row["scatter"]) > ALIKE) for row in rows)
 

@@ -1,7 +1,7 @@
 """Search for the gains of every law on one draw, by CMA-ES.
 
 A search works under every cap on roughness at once: what one cap finds serves the others. Halfway and at the
-end laws hand on their best gains (`laws.STEPS`).
+end laws hand on their best gains (`laws.EQUIVALENCES`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from tendonrepro.tuning.bench import (
     ALL_RUNS,
     CLASSES,
     Candidate,
-    Plants,
+    TrialPlants,
     as_published,
     measure,
     plants_of,
     posed,
 )
-from tendonrepro.tuning.laws import LAWS, STEPS, Change, TunedLaw
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Conversion, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
 CAPS: Mapping[str, float] = {"none": np.inf, "1/3": 1 / 3, "1/10": 1 / 10, "1/30": 1 / 30}
@@ -47,7 +47,7 @@ ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
 # Difference of errors, in logs, up to which a special case is matched: rounding moves encoder counts.
 SAME = 0.02
 
-Row: TypeAlias = dict[str, Any]
+TunedRow: TypeAlias = dict[str, Any]
 """A law under a condition and a cap on one draw, as it is stored."""
 
 # Candidates that a search begins with, and how wide they lie around its start, as a share of the ranges.
@@ -59,7 +59,7 @@ _UNSTABLE = 10.0  # what an unstable run costs, in logs: more than any error
 _HERE = 1e-9  # distance in the unit cube up to which a place is the same
 
 
-class Key(NamedTuple):
+class SearchKey(NamedTuple):
     """What a search belongs to."""
 
     law: str
@@ -91,7 +91,7 @@ def best(seen: Sequence[Seen], cap: float) -> Seen | None:
 
 
 @dataclass(frozen=True)
-class Effort:
+class TuningEffort:
     """How hard to search: searches of each law and condition, generations of each, members of these."""
 
     searches: int
@@ -105,15 +105,15 @@ class Tuning:
 
     laws: Mapping[str, TunedLaw]
     caps: Sequence[float]
-    plants: Plants
-    effort: Effort
+    plants: TrialPlants
+    effort: TuningEffort
     seed: tuple[int, int]
-    places: dict[Key, list[Seen]] = field(default_factory=dict)
+    places: dict[SearchKey, list[Seen]] = field(default_factory=dict)
 
-    def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[Key, list[Seen]]:
+    def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[SearchKey, list[Seen]]:
         """Search under conditions: what is known, and whether velocities are filtered."""
         for law, condition, k in product(self.laws, conditions, range(self.effort.searches)):
-            self.places[Key(law, *condition, k)] = []
+            self.places[SearchKey(law, *condition, k)] = []
         self._look([(key, unit) for key in self.places for unit in self._spread(key)])
         self._exchange()
         for half in (0, 1):
@@ -121,13 +121,13 @@ class Tuning:
             self._exchange()
         return self.places
 
-    def _spread(self, key: Key) -> list[Array]:
+    def _spread(self, key: SearchKey) -> list[Array]:
         law = self.laws[key.law]
         start = law.unit({name: bounds.start for name, bounds in law.gains.items()}, self.plants.alpha.size)
         steps = np.random.default_rng(self._seed(key)).standard_normal((FIRST - 1, start.size))
         return [start, *np.clip(start + FIRST_WIDTH * steps, 0.0, 1.0)]
 
-    def _seed(self, key: Key, *half: int) -> list[int]:
+    def _seed(self, key: SearchKey, *half: int) -> list[int]:
         """Numbers that are a search's own whatever other searches there are."""
         return [*self.seed, *half, zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
 
@@ -144,7 +144,7 @@ class Tuning:
                 own = self.places[key][-size * len(self.caps) :][k * size :][:size]
                 strategy.tell(asked[key, k], costs(own, self.caps[k]).tolist())
 
-    def _look(self, asked: Sequence[tuple[Key, Array]]) -> None:
+    def _look(self, asked: Sequence[tuple[SearchKey, Array]]) -> None:
         n, candidates = self.plants.alpha.size, []
         for key, unit in asked:
             law = self.laws[key.law]
@@ -159,11 +159,11 @@ class Tuning:
     def _exchange(self) -> None:
         for before, after in pairwise(CLASSES):
             self._hand_on("knows", before, after)
-        for step in STEPS:
-            self._hand_on("law", step.source, step.target, step.change)
+        for equal in EQUIVALENCES:
+            self._hand_on("law", equal.source, equal.target, equal.change)
 
     def _hand_on(
-        self, axis: Literal["knows", "law"], source: str, target: str, change: Change | None = None
+        self, axis: Literal["knows", "law"], source: str, target: str, change: Conversion | None = None
     ) -> None:
         """Have searches look at the best places of others, if these are new to them."""
         alpha, asked = self.plants.alpha, []
@@ -191,12 +191,12 @@ BestSeen: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
 
 
 @dataclass(frozen=True)
-class Task:
+class TuningTask:
     """All that a tuning depends on; its seed is the searches', draws have the box's."""
 
     loaded: LoadedEnsemble
     laws: Mapping[str, TunedLaw]
-    effort: Effort
+    effort: TuningEffort
     seed: int
     device: DeviceName = "cpu"
 
@@ -206,17 +206,17 @@ class Task:
         published = self.loaded.around is None and compares_as_paper(self.loaded.compare)
         return "published" if published else "your own"
 
-    def draw(self, number: int) -> Plants:
+    def draw(self, number: int) -> TrialPlants:
         """Draw of a number from the box, or around a user's arm."""
         return self._drawn(number)._replace(device=self.device)
 
-    def _drawn(self, number: int) -> Plants:
+    def _drawn(self, number: int) -> TrialPlants:
         if self.loaded.around:
             return posed(self.loaded, AroundArm(self.loaded, self.loaded.around).draw(number))
         box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
         return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
 
-    def tuned(self, number: int) -> Row:
+    def tuned(self, number: int) -> TunedRow:
         """Tune every law on one draw, as plain values."""
         plants = self.draw(number)
         scale = measure(plants, [as_published(plants)[SECOND]]).roughness[0]
@@ -228,7 +228,7 @@ class Task:
         kept = [*self._best(best_seen, plants.alpha.size), *_published_rows(plants)]
         return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(best_seen)]}
 
-    def _best(self, best_seen: BestSeen, n: int) -> Iterator[Row]:
+    def _best(self, best_seen: BestSeen, n: int) -> Iterator[TunedRow]:
         for (name, knows, filtered, cap), own in best_seen.items():
             row = _row(name, knows, filtered, cap, errors=[place.error if place else None for place in own])
             if top := min(filter(None, own), key=lambda place: place.error, default=None):
@@ -237,11 +237,11 @@ class Task:
             yield row
 
 
-def _row(law: str, knows: str, filtered: bool, cap: str, **more: object) -> Row:
+def _row(law: str, knows: str, filtered: bool, cap: str, **more: object) -> TunedRow:
     return {"law": law, "knows": knows, "filtered": filtered, "cap": cap, **more}
 
 
-def _published_rows(plants: Plants) -> Iterator[Row]:
+def _published_rows(plants: TrialPlants) -> Iterator[TunedRow]:
     """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
     for condition in CONDITIONS:
         for name, candidate in as_published(plants, *condition).items():
@@ -252,7 +252,7 @@ def _published_rows(plants: Plants) -> Iterator[Row]:
         yield _row(SECOND, knows, False, "published", alpha=alpha, candidate=moved)
 
 
-def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
+def _measured(plants: TrialPlants, rows: Sequence[TunedRow]) -> list[TunedRow]:
     """Rows with what their candidates give, angles in rad."""
     measured = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
     results = zip(measured.mae, measured.roughness.tolist(), measured.stable, strict=True)
@@ -267,10 +267,10 @@ def _measured(plants: Plants, rows: Sequence[Row]) -> list[Row]:
     return [*rows]
 
 
-def _lost(best_seen: BestSeen) -> Iterator[Row]:
+def _lost(best_seen: BestSeen) -> Iterator[TunedRow]:
     """Yield where a law does worse than its own special case: a failure of the search."""
     errors = {key: min(place.error if place else np.inf for place in own) for key, own in best_seen.items()}
-    for step, (key, special) in product(STEPS, errors.items()):
-        general = (step.target, *key[1:])
-        if step.exact and key[0] == step.source and errors.get(general, -np.inf) > special + SAME:
+    for equal, (key, special) in product(EQUIVALENCES, errors.items()):
+        general = (equal.target, *key[1:])
+        if equal.exact and key[0] == equal.source and errors.get(general, -np.inf) > special + SAME:
             yield _row(*general, to=key[0])

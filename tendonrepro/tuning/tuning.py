@@ -34,7 +34,7 @@ from tendonrepro.studies.study import Site
 from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
-from tendonrepro.tuning.search import Effort, Row, Task
+from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
@@ -47,7 +47,7 @@ LEAST = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
 class Tuned:
     """A tuning that is ready to run; `base` tells of it in the manifest."""
 
-    task: Task
+    task: TuningTask
     base: LoadedConfig
     plants: int
     any_plant: bool
@@ -74,7 +74,7 @@ def tuning(
     loaded: LoadedEnsemble,
     users: Sequence[UserLaw],
     plants: int,
-    effort: Effort,
+    effort: TuningEffort,
     *,
     any_plant: bool,
     seed: int,
@@ -101,7 +101,7 @@ def tuning(
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = Task(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed, device)
+    task = TuningTask(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed, device)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
     base = with_user_laws(loaded.base, users)
@@ -123,7 +123,7 @@ def _chosen(only: str) -> dict[str, TunedLaw]:
     return {name: law for name, law in LAWS.items() if name in names}
 
 
-def _try(task: Task, user: UserLaw, law: TunedLaw) -> None:
+def _try(task: TuningTask, user: UserLaw, law: TunedLaw) -> None:
     """Refuse a user's law that cannot run on lanes, before hours of work."""
     plants = task.draw(0)
     n = plants.alpha.size
@@ -137,7 +137,7 @@ def _try(task: Task, user: UserLaw, law: TunedLaw) -> None:
         raise memory_refused(user)
 
 
-def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
+def _usable(task: TuningTask, wanted: int, *, every: bool) -> list[int]:
     """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
     usable_draws = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
@@ -151,7 +151,7 @@ def _usable(task: Task, wanted: int, *, every: bool) -> list[int]:
     return usable_draws
 
 
-def _tuned(task: Task, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[Row]:
+def _tuned(task: TuningTask, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[TunedRow]:
     """Tune on the draws that are not on disk already."""
     states.mkdir(exist_ok=True)
     paths = {number: states / f"{number}.json" for number in numbers}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, Folder, Seed, Source
+from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Folder, Seed
 from tendonrepro.studies.study import Site, Study
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ __all__ = ["validate"]
 @study(DATA, "tendonrepro validate data/measured.h5")
 def validate(
     measured: Annotated[Path | str, ARGUMENT] = Path("data/measured.h5"),
-    config: Source = None,
+    config: ConfigOption = None,
     *,
     set: Changes = None,
     seed: Seed = None,
@@ -34,17 +34,19 @@ def validate(
         Trace file written by ingest.
     """
     from tendonrepro.configuration.load import ExperimentName, load_config
+    from tendonrepro.configuration.published import published
     from tendonrepro.files import sha256_of
     from tendonrepro.validation.report import validation_outcome
+    from tendonrepro.validation.validated import validated
     from tendonrepro.verdicts.measurement import read_measured
 
-    path = Path(measured)
+    path, paper = Path(measured), published()
     file = read_measured(path)
     experiment: ExperimentName = "compare" if file.part("compare").runs else "decouple"
     base = load_config(config, experiment, overrides=set, seed=seed)
     base = replace(base, inputs=(*base.inputs, path))
 
     def run(site: Site) -> "Outcome":
-        return validation_outcome(file, path, base, site)
+        return validation_outcome(validated(file, path.name, base, paper, site), path, paper)
 
     return Study(base, run, folder, decided_by={"measured": sha256_of(path)}, stored=True)

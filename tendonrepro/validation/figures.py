@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from tendonrepro.results.figures.catalogue import FIGURES, available, caption_of, runs_of
-from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import REFERENCE, Stroke, journal_style, paler
+from tendonrepro.results.figures.panels import Canvas
+from tendonrepro.results.figures.style import REFERENCE, Drawing, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
 _LABEL = "Thin, dashed: simulated"
@@ -26,7 +26,7 @@ def overlays(measured: TraceFile) -> list[str]:
     return [name for name in available(measured) if name != "fig06"]
 
 
-def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> FigureArtists:
+def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> Drawing:
     """Draw one of `overlays`: measured wide and pale, simulated thin and dashed above.
 
     `models` are simulations on the measured axes, by run. What was not measured is not drawn.

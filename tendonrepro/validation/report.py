@@ -7,26 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TypeAlias, TypedDict
+from typing import TypeAlias
 
-import numpy as np
-
-from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import COMPARED, METRICS, Published, published, row_of
+from tendonrepro.configuration.published import COMPARED, METRICS, Published, row_of
 from tendonrepro.console import count_of
-from tendonrepro.dataset.motion import timing_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
-from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.files import Json
-from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
-from tendonrepro.studies.study import Site
-from tendonrepro.validation.rerun import comparison_rows, coupling_rows, reruns
-from tendonrepro.verdicts.from_measurement import JUDGED, judge_measured
-from tendonrepro.verdicts.measurement import Measurement, measurement_of
-from tendonrepro.verdicts.rules import Evidence, Ruling
+from tendonrepro.validation.validated import Validation
+from tendonrepro.verdicts.from_measurement import JUDGED
+from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.rules import Ruling
 
 _ROWS: Mapping[str, Mapping[str, str]] = {
     "table2": {run: row_of(run) for run in CONTROLLERS},
@@ -37,9 +30,6 @@ _WHAT = ("measured", "printed", "agree")
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is told of."""
 
-EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
-"""Runs that a complete measurement holds."""
-
 _MOTION = ("run", "joints", "period_s", "begin_s", "spacing_s", "deviation_deg", "brought_to_rest")
 _RESIDUALS = ("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s")
 _READ_OFF = ("e_rms_deg", "e_rms_low_deg", "e_rms_high_deg")
@@ -47,29 +37,18 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Site) -> Outcome:
-    """Compare the measurement of a file with print and model; models' motions are written to the site."""
+def validation_outcome(validation: Validation, path: Path, paper: Published) -> Outcome:
+    """Show what the measurement at a path says of paper and model."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
-    paper, known = published(), json.loads(file.manifest_json)
-    measured = measurement_of(file, paper)
-    tables, reference = measured.tables, measured.reference
-    judged = judge_measured(measured, paper)
-    models, missing = reruns(measured, base, path.name, site.files, site.talk)
-    timing = timing_of(file, reference)
-    starts = {name: timing[name].start for name in models if name in timing}
-    pairs = [(file.runs[name], model, starts.get(name, -np.inf)) for name, model in models.items()]
-    rows = [row for pair in pairs for row in comparison_rows(*pair)]
-    decouple = file.part("decouple").runs.get("decouple")
-    coupling = [*coupling_rows(decouple, file.plant)] if decouple else []
-    closest = closest_window(tables)
-    claims = _judged_claims(judged, paper)
-    numbers = {name: number for name, number in judged.items() if name not in JUDGED}
-    windows, motion = tables.as_dict(), reference.as_dict() if reference else None
-    controllers = controllers_of(measured.compare, site.talk, site.start)
-    told = [{name: row.get(name) for name in _CONTROLLERS} for row in controllers]
-    missing = [f"the run {run}" for run in EXPECTED if run not in file.runs] + missing
-    status = {name: model.status for name, model in models.items()}
+    measurement, rulings = validation.measurement, validation.rulings
+    file, known = measurement.file, json.loads(measurement.file.manifest_json)
+    closest = closest_window(measurement.tables)
+    windows = measurement.tables.as_dict()
+    motion = measurement.reference.as_dict() if measurement.reference else None
+    told = [{name: row.get(name) for name in _CONTROLLERS} for row in validation.controllers]
+    status = {name: model.status for name, model in validation.models.items()}
+    diverged = "diverged" in status.values()
     data = {
         "schema_version": 1,
         "measured": str(path),
@@ -78,33 +57,36 @@ def validation_outcome(file: TraceFile, path: Path, base: LoadedConfig, site: Si
         "sources": known.get("inputs", []),
         "guesses": known.get("guesses", []),
         "doubts": known.get("doubts", []),
-        "window": tables.window,
-        **table_data(tables.deciding, paper),
+        "window": measurement.tables.window,
+        **table_data(measurement.tables.deciding, paper),
         "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
         "windows": windows,
         "reference": motion,
-        "claims": claims,
+        "claims": claims_data(rulings, paper),
         "numbers": {
-            name: {"verdict": number.verdict, "ours": number.ours} for name, number in numbers.items()
+            name: {"verdict": ruling.verdict, "ours": ruling.ours}
+            for name, ruling in rulings.items()
+            if name not in JUDGED
         },
-        "residuals": {"rows": rows, "coupling": coupling, "status": status},
-        "diverged": "diverged" in status.values(),
-        "controllers": controllers,
-        "missing": missing,
+        "residuals": {"rows": validation.residuals, "coupling": validation.coupling, "status": status},
+        "diverged": diverged,
+        "controllers": validation.controllers,
+        "missing": validation.missing,
     }
-    figures = {name: partial(draw_overlay, name, file, models) for name in overlays(file)}
+    figures = {name: partial(draw_overlay, name, file, validation.models) for name in overlays(file)}
+    columns = _columns_of(validation.residuals)
     parts: list[Table | str] = [
         _about(path, known),
-        *measured_tables(measured, paper, str(path)),
+        *measured_tables(measurement, paper, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
-        claims_table(claims),
-        *shown("residuals", "Measured less simulated.", rows, _columns_of(rows)),
-        *shown("coupling", "Angles through the coupling.", coupling, ()),
+        claims_table(rulings, paper),
+        *shown("residuals", "Measured less simulated.", validation.residuals, columns),
+        *shown("coupling", "Angles through the coupling.", validation.coupling, ()),
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
-        *(f"Missing: {what}" for what in missing),
+        *(f"Missing: {what}" for what in validation.missing),
     ]
-    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged="diverged" in status.values())
+    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged=diverged)
 
 
 def _about(path: Path, known: Json) -> str:
@@ -120,29 +102,18 @@ def _columns_of(residuals: TableRows) -> Sequence[str]:
     return (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
 
 
-class JudgedClaim(TypedDict):
-    """A claim's entry in ``validate --json``."""
-
-    id: str
-    where: str
-    rule: str
-    kind: str
-    verdict: str
-    evidence: Evidence
-
-
-def _judged_claims(judged: Mapping[str, Ruling], paper: Published) -> list[JudgedClaim]:
+def claims_data(rulings: Mapping[str, Ruling], paper: Published) -> list[dict[str, object]]:
+    """``claims`` of ``validate --json``."""
     return [
         {
             "id": name,
             "where": paper.entries[name].where,
             "rule": paper.judgements[name].rule,
             "kind": "measured",
-            "verdict": claim.verdict,
-            "evidence": claim.evidence,
+            "verdict": rulings[name].verdict,
+            "evidence": rulings[name].evidence,
         }
-        for name, claim in judged.items()
-        if name in JUDGED
+        for name in JUDGED
     ]
 
 
@@ -183,9 +154,9 @@ def closest_window(tables: PrintedTables) -> Tried | None:
     return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
 
 
-def measured_tables(measured: Measurement, paper: Published, origin: str) -> Iterator[Table]:
+def measured_tables(measurement: Measurement, paper: Published, origin: str) -> Iterator[Table]:
     """Tables 2 and 3 over the window that decides, and all numbers of all windows."""
-    window = measured.tables.deciding
+    window = measurement.tables.deciding
     for table in _ROWS:
         if rows := [*size_rows(window, paper, table)]:
             caption = f"Table {table[-1]} as measured, degrees, averaged over: {window.name} ({origin})."
@@ -193,21 +164,25 @@ def measured_tables(measured: Measurement, paper: Published, origin: str) -> Ite
     windows = [
         {"window": tried.window, "offset_removed": tried.offset_removed, "id": name, "measured_deg": size}
         | {"printed_deg": paper.number(name), "agrees": name in tried.agree}
-        for tried in measured.tables.tried
+        for tried in measurement.tables.tried
         for name, size in tried.sizes.items()
     ]
     yield Table("windows", "Every number by every way of averaging.", windows, terminal=(), suffixes=["csv"])
 
 
-def claims_table(claims: Sequence[JudgedClaim]) -> Table:
+def claims_table(rulings: Mapping[str, Ruling], paper: Published) -> Table:
     """Verdicts with their window, statements that fail, and what is missing."""
     rows = []
-    for claim in claims:
-        evidence = claim["evidence"]
-        row: dict[str, object] = {"claim": claim["id"], "where": claim["where"], "verdict": claim["verdict"]}
-        # A remark of C4 says that s was computed and not recorded.
-        row |= {name: evidence.get(name) or None for name in ("window", "missing", "remarks")}
+    for name in JUDGED:
+        evidence = rulings[name].evidence
         failing = sum(not statement["holds"] for statement in evidence.get("statements", ()))
+        row: dict[str, object] = {
+            "claim": name,
+            "where": paper.entries[name].where,
+            "verdict": rulings[name].verdict,
+        }
+        # A remark of C4 says that s was computed and not recorded.
+        row |= {key: evidence.get(key) or None for key in ("window", "missing", "remarks")}
         rows.append(row | {"statements that fail": failing or None})
     return Table("claims", "Claims judged on the measurement.", rows)
 

@@ -1,4 +1,4 @@
-"""Verdicts from an ensemble."""
+"""Claims and numbers judged over the plants of an ensemble, by "Many plants" in docs/verdicts.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, share_of, spread_of
+from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, formula_of
@@ -58,52 +58,39 @@ def judge_plants(plants: EnsemblePlants, paper: Published, identifier: str) -> R
 
 
 def _check_enough(judged: Mask) -> None:
+    """Refuse to judge by too few plants."""
     count = int(judged.sum())
     if count < LEAST_PLANTS:
         told = f"only {count} of {len(judged)} plants can be judged"
         raise DataMissingError(f"{told}, {LEAST_PLANTS} are needed: more --draws")
 
 
-def _share(plants: EnsemblePlants, holds: Mask, counted: Mask) -> Share:
-    return share_of(holds[counted], plants.replicate[counted])
-
-
 def _number(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
+    """Judge a number by its spread, and a percentage by its direction too."""
     values, judged = numbers_of(plants, paper, identifier)
     _check_enough(judged)
-    box = spread_of(values[judged], plants.replicate[judged])
+    box = plants.spread(values, judged)
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
     ruling, remarks = rules.of_number((low, high), box, None, power), []
     if identifier.startswith(PERCENTAGES):
         statement, rankable = _direction(plants, paper, identifier)
-        share, last = (_share(plants, statement.holds, counted) for counted in (judged, rankable))
+        share, last = (plants.share(statement.holds, counted) for counted in (judged, rankable))
         evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
         ruling, ranked = (rules.of_number((low, high), box, direction, power) for direction in (share, last))
         if ranked.verdict != ruling.verdict:
             remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
-    return replace(ruling, ours=box.median, evidence=evidence | _remarks(ruling, remarks))
+    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, remarks)})
 
 
 def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
+    """Judge a claim by its statements, and by its values where it prints some."""
     claim = claim_on(plants, paper, rule)
     _check_enough(claim.judged)
     ruling = _by_statements(plants, claim, claim.judged)
-    evidence = ruling.evidence | {"share_judged": float(claim.judged.mean())}
-    remarks = [*claim.remarks]
-    if claim.beside:
-        evidence["beside"] = _rows(plants, claim.beside, claim.judged)
-    if claim.chance:
-        evidence["chance"], evidence["chance_together"] = claim.chance
-    if "measure" in evidence:
-        shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
-        remarks.append(
-            f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"
-        )
-    unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
-    if unresolved:
-        remarks.append(f"left out: {count_of(unresolved, 'plant')} too fast for the integrator")
+    evidence = ruling.evidence | _beside(plants, claim)
+    remarks = [*claim.remarks, *_by_which_measure(evidence), *_left_out(plants)]
     if claim.rankable is not None:
         last = _by_statements(plants, claim, claim.rankable)
         evidence["diverged_last"] = last.evidence
@@ -118,10 +105,34 @@ def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
         if ruling.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
-    evidence |= _remarks(ruling, remarks)
+    evidence["remarks"] = _remarks(ruling, remarks)
     if claim.untestable:
         return not_testable(claim.untestable, None, **evidence)
     return replace(ruling, evidence=evidence)
+
+
+def _beside(plants: EnsemblePlants, claim: Claim) -> Evidence:
+    """What stands beside the statements and does not count."""
+    evidence: Evidence = {"share_judged": float(claim.judged.mean())}
+    if claim.beside:
+        evidence["beside"] = _rows(plants, claim.beside, claim.judged)
+    if claim.chance:
+        evidence["chance"], evidence["chance_together"] = claim.chance
+    return evidence
+
+
+def _by_which_measure(evidence: Evidence) -> list[str]:
+    """Remark on the share by each measure, if there are several."""
+    if "measure" not in evidence:
+        return []
+    shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
+    return [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"]
+
+
+def _left_out(plants: EnsemblePlants) -> list[str]:
+    """Remark on plants that could not be simulated, if there are some."""
+    unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
+    return [f"left out: {count_of(unresolved, 'plant')} too fast for the integrator"] if unresolved else []
 
 
 def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Ruling:
@@ -129,9 +140,9 @@ def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Rulin
 
     def against(statements: Sequence[Statement]) -> Share:
         none = np.logical_and.reduce([~part.holds for part in statements])
-        return _share(plants, claim.opposite.holds if claim.opposite else none, counted)
+        return plants.share(claim.opposite.holds if claim.opposite else none, counted)
 
-    wholes = {name: _share(plants, together(parts), counted) for name, parts in claim.measures.items()}
+    wholes = {name: plants.share(together(parts), counted) for name, parts in claim.measures.items()}
     best = max(wholes, key=lambda name: wholes[name].share)
     overall = against(claim.statements)
     evidence: Evidence = asdict(wholes[best])
@@ -148,9 +159,10 @@ def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Rulin
 
 
 def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
+    """Share and verdict of each statement by itself."""
     rows = []
     for statement in statements:
-        share = _share(plants, statement.holds, counted)
+        share = plants.share(statement.holds, counted)
         named = {"measure": statement.measure} if statement.measure else {}
         rows.append(
             {"statement": statement.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
@@ -158,6 +170,7 @@ def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask
     return rows
 
 
-def _remarks(ruling: Ruling, remarks: Sequence[str]) -> Evidence:
+def _remarks(ruling: Ruling, remarks: Sequence[str]) -> list[str]:
+    """Remarks, after what has to be said wherever the opposite holds."""
     hardware = [HARDWARE] if ruling.verdict == "contradicted" else []
-    return {"remarks": [*hardware, *remarks]}
+    return [*hardware, *remarks]

@@ -65,6 +65,7 @@ def _number(measurement: Measurement, paper: Published, identifier: str) -> Ruli
 
 
 def _claim(measurement: Measurement, paper: Published, identifier: str) -> Ruling:
+    """Judge a claim: it holds where all its statements do, by one of its measures."""
     rule = paper.judgements[identifier].rule
     if identifier in ANGLES:
         return ANGLES[identifier](measurement.file)
@@ -113,6 +114,7 @@ def _check_ok(claim: Claim, runs: Mapping[str, Trace], needed: Sequence[str]) ->
 
 
 def _evidence(claim: Claim, arm: MeasuredArm, measurement: Measurement, remarks: list[str]) -> Evidence:
+    """Statements, what they were judged by, and over which window."""
     statements = [{"statement": part.text, "holds": bool(part.holds[0])} for part in claim.statements]
     evidence = {"statements": statements, "statistics": arm.looked_up, "remarks": remarks}
     by_tables = any("mae_deg" in sizes for sizes in arm.looked_up.values())

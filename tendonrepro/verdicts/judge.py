@@ -1,9 +1,8 @@
-"""The ledger: every printed result and claim, judged from what has been run."""
+"""Every printed result and claim, judged from what has been run."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,12 +27,11 @@ from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.measurement import measurement_of
 from tendonrepro.verdicts.plants import EnsemblePlants
-from tendonrepro.verdicts.rules import VERDICTS, Evidence, Ruling, Rulings, not_testable
+from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
 from tendonrepro.verdicts.verdict import ByChoice, Verdict
 
-SCHEMA_VERSION = 1
 SHARE = "share of the box"
 FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
 
@@ -68,7 +66,7 @@ def judge_all(
     wanted = _wanted(paper, only)
     over_the_box = _over_the_box(sources.ensemble, paper, wanted, progress or (lambda _: None))
     measured = judge_measured(measurement_of(sources.measured, paper), paper) if sources.measured else {}
-    shipped = _shipped_numbers(sources.compare, paper)
+    nominal = _nominal_numbers(sources.compare, paper)
     verdicts = []
     for name in wanted:
         kind = paper.judgements[name].kind
@@ -81,8 +79,8 @@ def judge_all(
         elif name in measured:
             head = {"verdict": measured[name].verdict, "ours": measured[name].ours}
             beside["measured"] = head | measured[name].evidence
-        if name in shipped:
-            beside["shipped_run"] = shipped[name]
+        if name in nominal:
+            beside["shipped_run"] = nominal[name]
         verdicts.append(_verdict(paper, name, rulings, beside))
     return verdicts
 
@@ -155,7 +153,7 @@ def _verdict(paper: Published, identifier: str, rulings: Rulings, beside: Eviden
     )
 
 
-def _shipped_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
+def _nominal_numbers(compare: TraceFile | None, paper: Published) -> dict[str, float]:
     """Numbers of the nominal run, in printed units."""
     sizes: dict[str, float] = {}
     for run, trace in compare.runs.items() if compare else ():
@@ -181,19 +179,3 @@ def _as_printed(paper: Published, identifier: str) -> tuple[str, str | None]:
         return entry.as_printed, entry.unit
     low, high = paper.interval(identifier)
     return f"{float(low):.3f} to {float(high):.3f}", entry.unit
-
-
-def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count verdicts, without what repeats another."""
-    counts = Counter(verdict.verdict for verdict in verdicts if verdict.repeats is None)
-    return {name: counts[name] for name in VERDICTS}
-
-
-def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdicts before and now that differ; None: not judged."""
-    after = {verdict.id: verdict.verdict for verdict in now}
-    return {
-        name: (before.get(name), after.get(name))
-        for name in dict.fromkeys((*before, *after))
-        if before.get(name) != after.get(name)
-    }

@@ -1,14 +1,18 @@
-"""The ledger, all verdicts and which ensemble judged them; and the one that comes with the package."""
+"""The ledger: all verdicts, and which ensemble judged them, as ``claims.json`` has them."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TypedDict, cast
 
 from tendonrepro.files import Json, shipped
+from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.verdict import ByChoice, Verdict
+
+SCHEMA_VERSION = 1
 
 
 class Origin(TypedDict):
@@ -29,6 +33,16 @@ class Ledger:
     ensemble: Origin
 
 
+def as_data(verdicts: Sequence[Verdict], ensemble: Origin | None = None) -> dict[str, object]:
+    """Data of ``claims --json``; `ensemble` tells which one judged."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "claims": [asdict(verdict) for verdict in verdicts],
+        "summary": summary(verdicts),
+        "ensemble": ensemble,
+    }
+
+
 def read_ledger(content: Json) -> Ledger:
     """Ledger from what ``claims.json`` holds, of an earlier version too."""
     verdicts = map(_read_verdict, content["claims"])
@@ -40,6 +54,22 @@ def _read_verdict(entry: Json) -> Verdict:
     lists = {name: tuple(known[name]) for name in ("depends_on", "readings_that_change_it")}
     choices = tuple(ByChoice(**choice) for choice in entry.get("by_choice", ()))
     return Verdict(**(known | lists | {"by_choice": choices}))
+
+
+def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
+    """Count verdicts, without what repeats another."""
+    counts = Counter(verdict.verdict for verdict in verdicts if verdict.repeats is None)
+    return {name: counts[name] for name in VERDICTS}
+
+
+def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
+    """Id -> verdicts before and now that differ; None: not judged."""
+    after = {verdict.id: verdict.verdict for verdict in now}
+    return {
+        name: (before.get(name), after.get(name))
+        for name in dict.fromkeys((*before, *after))
+        if before.get(name) != after.get(name)
+    }
 
 
 def shipped_ledger() -> Ledger:

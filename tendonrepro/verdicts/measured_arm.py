@@ -18,7 +18,8 @@ from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
-from tendonrepro.results.summary import CONTROLLERS, statistics
+from tendonrepro.results.statistics import statistics
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.formulas import ErrorOf
 from tendonrepro.verdicts.measurement import Measurement
 from tendonrepro.verdicts.plants import Plants, Run

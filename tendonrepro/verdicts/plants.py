@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.monte_carlo.data import CaseName, EnsembleData, ShardArray
+from tendonrepro.monte_carlo.shares import Share, Spread, share_of, spread_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
 
@@ -76,14 +77,17 @@ class Plants(ABC):
         lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
         return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
 
+    def counted(self, *runs: Run) -> tuple[Mask, Mask]:
+        """Where all these runs are ``ok``, and where they can be ranked, a diverged one last."""
+        return self.ok(*runs), self.rankable(*runs)
+
 
 class EnsemblePlants(Plants):
-    """All plants of an ensemble under one reading, each with its scrambling `replicate` (N,)."""
+    """All plants of an ensemble under one reading, with intervals from its scramblings."""
 
     def __init__(self, data: EnsembleData, reading: str) -> None:
         self.joints = data.joints
         self.reading = reading
-        self.replicate = data.replicate
         self._data = data
         # Claims ask for the same statistics, which a large ensemble reads from all its files.
         self._kept: dict[tuple[Run, str], ShardArray] = {}
@@ -103,6 +107,14 @@ class EnsemblePlants(Plants):
         if (run, name) not in self._kept:
             self._kept[run, name] = self._data.statistic(*self._case(run), name)
         return self._kept[run, name]
+
+    def share(self, holds: Mask, counted: Mask) -> Share:
+        """Share of the plants counted (N,) on which something holds (N,)."""
+        return share_of(holds[counted], self._data.replicate[counted])
+
+    def spread(self, values: Array, counted: Mask) -> Spread:
+        """Spread of values (N,) over the plants counted (N,)."""
+        return spread_of(values[counted], self._data.replicate[counted])
 
     def _case(self, run: Run) -> CaseName:
         return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)

@@ -1,4 +1,4 @@
-"""The ledger as files and text."""
+"""Verdicts as tables and text."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
-from tendonrepro.verdicts.judge import SCHEMA_VERSION, SHARE, summary
-from tendonrepro.verdicts.ledger import Origin
+from tendonrepro.verdicts.judge import SHARE
+from tendonrepro.verdicts.ledger import summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
 from tendonrepro.verdicts.verdict import Verdict
 
@@ -65,16 +65,6 @@ def number_in_words(identifier: str) -> str:
     parts = identifier.split(".")
     words = [_NUMBERS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in parts]
     return ", ".join(words).replace("controller", "Controller")
-
-
-def as_data(verdicts: Sequence[Verdict], ensemble: Origin | None = None) -> dict[str, object]:
-    """Data of ``claims --json``; `ensemble` tells which one judged."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "claims": [asdict(verdict) for verdict in verdicts],
-        "summary": summary(verdicts),
-        "ensemble": ensemble,
-    }
 
 
 def claims_table(verdicts: Sequence[Verdict]) -> Table:

@@ -133,8 +133,8 @@ def _outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple
             return np.log(values) if (values[judged] > 0.0).all() else values, judged
     claim = claim_on(plants, paper, rule)
     ways = map(together, claim.measures.values())
-    deciding = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
-    return deciding.astype(np.float64), claim.judged
+    most = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
+    return most.astype(np.float64), claim.judged
 
 
 def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:

@@ -71,21 +71,6 @@ def claim_on(plants: Plants, paper: Published, rule: str) -> Claim:
         return CLAIMS[rule](plants, paper)
 
 
-def _over(
-    plants: Plants,
-    runs: Sequence[Run],
-    statements: Sequence[Statement],
-    *,
-    remarks: Sequence[str] = (),
-    opposite: Statement | None = None,
-    beside: Sequence[Statement] = (),
-    chance: tuple[float, float] | None = None,
-) -> Claim:
-    """Judge statements where some runs are ``ok``, and rank these runs."""
-    judged, rankable = plants.ok(*runs), plants.rankable(*runs)
-    return Claim(statements, judged, rankable, remarks, opposite, beside, chance)
-
-
 def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> list[Statement]:
     """One statement a joint, from a mask (N, n)."""
     return [
@@ -156,7 +141,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
     ]
     opposite = Statement("the complete reverse order on all joints", together(reverse))
     chance = _by_chance(plants, factorial(3))
-    return _over(plants, CONTROLLERS, published, opposite=opposite, beside=beside, chance=chance)
+    return Claim(published, *plants.counted(*CONTROLLERS), opposite=opposite, beside=beside, chance=chance)
 
 
 def joints_alike(plants: Plants, paper: Published) -> Claim:
@@ -169,7 +154,7 @@ def joints_alike(plants: Plants, paper: Published) -> Claim:
         holds = plants[run, name][:, -1] / plants[run, name][:, 0] >= least
         text = f"{what} of {run} on joint {last} at least {least:.3f} of that on joint {first}"
         statements.append(Statement(text, holds & plants.none(DIVERGED, run)))
-    return _over(plants, runs, statements)
+    return Claim(statements, *plants.counted(*runs))
 
 
 def rapid_advantage(plants: Plants, _: Published) -> Claim:
@@ -181,7 +166,7 @@ def rapid_advantage(plants: Plants, _: Published) -> Claim:
         statements += _of_runs(plants, text, rapid > 0.0, (FIRST, rival))
         text = f"the lead of {FIRST} over {rival} is larger there than elsewhere, its lag smaller"
         statements += _of_runs(plants, text, rapid > calm, (FIRST, rival))
-    return _over(plants, CONTROLLERS, statements)
+    return Claim(statements, *plants.counted(*CONTROLLERS))
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Claim:
@@ -191,7 +176,7 @@ def similar_surfaces(plants: Plants, _: Published) -> Claim:
         holds = _similar([plants[run, name] for run in CONTROLLERS])
         text = f"the {what} of the three laws differ by at most {100.0 * SIMILAR:.0f} %"
         statements += _of_runs(plants, text, holds, CONTROLLERS, what)
-    return _over(plants, CONTROLLERS, statements)
+    return Claim(statements, *plants.counted(*CONTROLLERS))
 
 
 def _similar(sizes: Sequence[Array]) -> Mask:
@@ -207,7 +192,7 @@ def estimate_size(plants: Plants, _: Published) -> Claim:
             holds = _similar([plants[run, f"H_hat_{size}_down"] for run in (FIRST, rival)])
             text = f"moving down {measure} of H_hat of {FIRST} and {rival} are similar"
             statements += _of_runs(plants, text, holds, (FIRST, rival), measure)
-    return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
+    return Claim(statements, *plants.counted(*CONTROLLERS), remarks=[ONE_OBSERVATION])
 
 
 def torque_size(plants: Plants, _: Published) -> Claim:
@@ -218,7 +203,7 @@ def torque_size(plants: Plants, _: Published) -> Claim:
         for rival in RIVALS:
             statements += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
             statements += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
-    return _over(plants, CONTROLLERS, statements, remarks=[ONE_OBSERVATION])
+    return Claim(statements, *plants.counted(*CONTROLLERS), remarks=[ONE_OBSERVATION])
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
@@ -234,7 +219,7 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
 def payload(plants: Plants, _: Published) -> Claim:
     """P1: the payload makes errors of Controller 1 larger."""
     runs = (*CONTROLLERS, LOADED)
-    return _over(plants, runs, larger_with_load(plants), chance=_by_chance(plants, 2))
+    return Claim(larger_with_load(plants), *plants.counted(*runs), chance=_by_chance(plants, 2))
 
 
 def larger_with_load(plants: Plants) -> list[Statement]:
@@ -253,7 +238,7 @@ def better_estimate(plants: Plants, _: Published) -> Claim:
             text, holds = f"with an ideal encoder {what}", plants[first, name] < plants[second, name]
             beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
             beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
-    return _over(plants, CONTROLLERS, statements, beside=beside, chance=_by_chance(plants, 2))
+    return Claim(statements, *plants.counted(*CONTROLLERS), beside=beside, chance=_by_chance(plants, 2))
 
 
 def robustness(plants: Plants, _: Published) -> Claim:
@@ -289,7 +274,9 @@ def delay_time(plants: Plants, _: Published) -> Claim:
         "what a shorter one costs in stability is no part of the claim"
     )
     chance = _by_chance(plants, factorial(3))
-    return _over(plants, (*published, *ideal), statements, remarks=[remark], beside=beside, chance=chance)
+    return Claim(
+        statements, *plants.counted(*published, *ideal), remarks=[remark], beside=beside, chance=chance
+    )
 
 
 def small_inertia(plants: Plants, _: Published) -> Claim:
@@ -297,7 +284,7 @@ def small_inertia(plants: Plants, _: Published) -> Claim:
     _check_printed(plants)
     halved = RunUnder(SECOND, HALVED)
     statements = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
-    return _over(plants, (SECOND, halved), statements, chance=_by_chance(plants, 2))
+    return Claim(statements, *plants.counted(SECOND, halved), chance=_by_chance(plants, 2))
 
 
 def _check_printed(plants: Plants) -> None:
@@ -318,7 +305,7 @@ def overshoot(plants: Plants, paper: Published) -> Claim:
         Statement(f"{statement.text}, or neither", statement.holds | resting)
         for statement, resting in zip(less, neither.T, strict=True)
     ]
-    ok, rankable = plants.ok(*CONTROLLERS), plants.rankable(*CONTROLLERS)
+    ok, rankable = plants.counted(*CONTROLLERS)
     remark = (
         f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
     )
@@ -327,7 +314,8 @@ def overshoot(plants: Plants, paper: Published) -> Claim:
 
 def bounds(plants: Plants, paper: Published) -> Claim:
     """L1: Controller 1 stays inside the bounds of section 4.3."""
-    first, *rivals = (RunUnder(run, AS_PRINTED) for run in CONTROLLERS)
+    printed = [RunUnder(run, AS_PRINTED) for run in CONTROLLERS]
+    first = printed[0]
     lam, eta, b, Delta = (
         np.array(paper.per_joint(f"gain.{name}", plants.joints)) for name in ("lam", "eta", "b", "Delta")
     )
@@ -342,7 +330,7 @@ def bounds(plants: Plants, paper: Published) -> Claim:
         for text, holds in inside.items()
         for statement in _of_runs(plants, f"the largest {text}", holds, [first])
     ]
-    judged = plants.ok(first, *rivals)
+    judged = plants.ok(*printed)
     remarks = ["judged under the reading printed, whatever the reading"]
     return Claim(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
 

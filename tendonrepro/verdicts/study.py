@@ -20,10 +20,10 @@ from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.ledger import Origin, origin_of, shipped_ledger, with_shipped
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.ledger import Origin, as_data, changed, origin_of, shipped_ledger, with_shipped
 from tendonrepro.verdicts.measurement import MEASURED, read_measured
-from tendonrepro.verdicts.report import as_data, changes_text, claims_table, details_text, table_text
+from tendonrepro.verdicts.report import changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import rankings
 from tendonrepro.verdicts.verdict import Verdict

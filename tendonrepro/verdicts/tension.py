@@ -30,8 +30,8 @@ DRAWS = 1024
 """Plants drawn where no ensemble is at hand, as many as `tendonrepro ensemble` draws."""
 
 
-class Machines(NamedTuple):
-    """N draws at rest, each with its scrambling.
+class PlantsAtRest(NamedTuple):
+    """N plants at rest, each with its scrambling.
 
     ``moment`` (3, N), N m, is of horizontal links; ``force`` (N,), N, of tendon 4.
     """
@@ -44,8 +44,8 @@ class Machines(NamedTuple):
 def tension(data: EnsembleData | None) -> Rulings:
     """T1 on the draws of an ensemble, else of the shipped box."""
     config = load_config(None, "decouple").config
-    machines = machines_of(data, config.manipulator)
-    courses = {course: _course(course, mechanism(config, course), machines) for course in COURSES}
+    plants = plants_at_rest(data, config.manipulator)
+    courses = {course: _course(course, mechanism(config, course), plants) for course in COURSES}
     evidence: Evidence = {
         "courses": [ruling.evidence for ruling in courses.values()],
         "link_angles_deg": [[margin, 180.0 - margin] for margin in MARGINS],
@@ -62,14 +62,14 @@ def tension(data: EnsembleData | None) -> Rulings:
     }
 
 
-def _course(course: str, route: Mechanism, machines: Machines) -> Ruling:
+def _course(course: str, route: Mechanism, plants: PlantsAtRest) -> Ruling:
     """T1 with one course of tendon 4, where all margins agree."""
     travel = route.travel()
     shares, by_margin = {}, []
     for margin in MARGINS:
-        tense = _tense(margin, machines, route)
+        tense = _tense(margin, plants, route)
         masks = (tense & (travel > 0.0), ~tense & (travel <= 0.0), tense)
-        whole, opposite, kept = (share_of(hits, machines.replicate) for hits in masks)
+        whole, opposite, kept = (share_of(hits, plants.replicate) for hits in masks)
         by_margin.append(of_claim(whole, opposite))
         shares[f"at_{margin:g}_deg"] = asdict(kept) | {"verdict": by_margin[-1].verdict}
     ruling = of_courses(by_margin)
@@ -84,15 +84,15 @@ def _course(course: str, route: Mechanism, machines: Machines) -> Ruling:
     return replace(ruling, evidence=evidence)
 
 
-def _tense(margin: float, machines: Machines, route: Mechanism) -> Mask:
+def _tense(margin: float, plants: PlantsAtRest, route: Mechanism) -> Mask:
     """Whether every tendon pulls in all postures at least `margin` deg from the edges, (N,).
 
     Tension is linear in the sines of the angles, so their extremes tell.
     """
     sines = np.array(list(product((np.sin(np.deg2rad(margin)), 1.0), repeat=3))).T
-    moments = machines.moment[:, np.newaxis] * sines[:, :, np.newaxis]
+    moments = plants.moment[:, np.newaxis] * sines[:, :, np.newaxis]
     weight = np.cumsum(moments[::-1], axis=0)[::-1]
-    pull = np.multiply.outer(route.per_newton(), machines.force)
+    pull = np.multiply.outer(route.per_newton(), plants.force)
     tension = tendon_tension(weight, route.S, route.winch) + pull[:, np.newaxis]
     return np.asarray((tension > SLACK).all(axis=(0, 1)))
 
@@ -106,8 +106,8 @@ def _shipped_draws() -> tuple[tuple[str, ...], Array, NDArray[np.int64]]:
     return box.names, np.concatenate(draws), np.repeat(np.arange(replicates), each)
 
 
-def machines_of(data: EnsembleData | None, manipulator: Manipulator) -> Machines:
-    """Machines of an ensemble, else of the shipped box."""
+def plants_at_rest(data: EnsembleData | None, manipulator: Manipulator) -> PlantsAtRest:
+    """Plants of an ensemble, else of the shipped box."""
     if data is not None and "tensioner_force" in data.names:
         names, draws, replicate = data.names, data.draws, data.replicate
     else:
@@ -120,4 +120,4 @@ def machines_of(data: EnsembleData | None, manipulator: Manipulator) -> Machines
         # The box has no link 1, which is held in the comparison.
         values[0] = getattr(manipulator.links, key).si[0]
     moment = weight_moment(**links, payload_mass=0.0, gravity=manipulator.gravity.si)
-    return Machines(moment, draw["tensioner_force"], replicate)
+    return PlantsAtRest(moment, draw["tensioner_force"], replicate)

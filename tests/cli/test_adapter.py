@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from tendonrepro.cli.adapter import add_command
 from tendonrepro.cli.terminal import Terminal
 from tendonrepro.studies.command import Command
-from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Laws, Place, Telling
+from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Destination, Laws, Telling
 from tendonrepro.studies.study import Answer
 
 
@@ -29,7 +29,7 @@ def everything(
     set: Changes = None,
     laws: Laws = None,
     talk: Telling = TALK,
-    **folder: Unpack[Place],
+    **folder: Unpack[Destination],
 ) -> Answer[None]:
     """What it does.
 

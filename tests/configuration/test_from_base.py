@@ -169,7 +169,9 @@ def test_joints_that_do_not_exist(folder: Path) -> None:
         load_config(folder / "compare.yaml", "compare")
 
 
-@pytest.mark.parametrize("joints", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize(
+    "joints", [1, 2, 3, 4, pytest.param(5, marks=pytest.mark.slow), pytest.param(6, marks=pytest.mark.slow)]
+)
 def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path, joints: int) -> None:
     written = init_arm(joints, tmp_path / "my_arm.yaml")
     assert [path.name for path in written] == ["my_arm.yaml", "compare.yaml", "decouple.yaml", "schema.json"]

@@ -393,7 +393,7 @@ def test_schema_file_is_up_to_date() -> None:
     text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
     shipped = (shipped_folder() / "schema.json").read_text(encoding="utf-8")
     assert hashlib.sha256(shipped.encode()).hexdigest() == hashlib.sha256(text.encode()).hexdigest(), (
-        "write json_schema() to configs/schema.json again, with an indent of 2"
+        "write it again: tendonrepro config schema > configs/schema.json"
     )
 
 

@@ -70,7 +70,10 @@ def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
     pages, generate = makers
     texts = {path.name: path.read_text(encoding="utf-8") for path in (README, *DOCS.glob("*.md"))}
     for name, text in texts.items():
-        assert pages.fresh(pages.fresh(text), generate.MAKERS) == text, name
+        assert pages.fresh(text) == text, f"docs/{name} has a part of another day: make pages"
+        assert pages.fresh(text, generate.MAKERS) == text, (
+            f"docs/{name} has a part of another day: make findings"
+        )
     parts = [part[2] for text in texts.values() for part in pages.PART.finditer(text)]
     assert sorted(parts) == sorted([*pages.MAKERS, *generate.MAKERS])
 

@@ -31,6 +31,7 @@ from tendonrepro.configuration.load import (
     shipped_folder,
     shipped_names,
 )
+from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.quantity import UNITS
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops, build_loops
@@ -40,6 +41,7 @@ from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.results.traces import read_traces
+from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import simulate
 
 PACKAGE = Path(tendonrepro.__file__).parent
@@ -242,7 +244,15 @@ def test_configuration_keys_in_the_text_exist(shipped: dict[str, LoadedConfig]) 
             of_a_base = {"manipulator.base", "manipulator.joints"}
             if key.endswith((".py", ".csv")) or key in {"control.Surface", "control.Law"} | of_a_base:
                 continue
-            assert any(leads_somewhere(key, tree) for tree in trees), f"{name} names {token}"
+            assert any(leads_somewhere(key, tree) for tree in trees), (
+                f"{name} names {token}, which no configuration in configs/ has"
+            )
+
+
+def test_slips_names_the_switch_of_every_reading() -> None:
+    text = page("slips.md")
+    missing = [name for name in Readings.model_fields if f"control.readings.{name}" not in text]
+    assert not missing, "docs/slips.md says where the paper can be read so: add an entry with its switch"
 
 
 def test_every_unit_is_listed() -> None:
@@ -280,9 +290,23 @@ def test_examples_load_and_build(key: str, tmp_path: Path) -> None:
         loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
         assert np.isfinite(loop.reference.q_d).all()
         assert np.abs(loop.reference.q_d).max() > 0
+        if key == "reference":
+            check_rates(loop.reference)
         kinds.append(getattr(loaded.config, key).kind)
     field = json_schema("compare")["properties"][key]
-    assert sorted(kinds) == sorted(field["discriminator"]["mapping"])
+    without = field["discriminator"]["mapping"].keys() - {*kinds}
+    assert not without, f"docs/configs.md has no example of {key} of kind {without}"
+    assert len(kinds) == len({*kinds})
+
+
+def check_rates(motion: DesiredMotion) -> None:
+    """Between two samples the mean velocity lies between their velocities, which may step."""
+    L = float(motion.time[1])
+    step, ends = np.diff(motion.q_d, axis=0) / L, np.stack([motion.dq_d[:-1], motion.dq_d[1:]])
+    # A velocity that turns round within a period is beyond both by a share of its change in a period.
+    room = 0.1 * np.ptp(ends, axis=0).max() + 1e-9
+    assert (step >= ends.min(axis=0) - room).all()
+    assert (step <= ends.max(axis=0) + room).all()
 
 
 # ---- numbers -----------------------------------------------------------------------------------------------

@@ -194,6 +194,7 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
     assert ("10 ms" in one.advice) == ("every" in record)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_filter")
 def test_another_controller_is_none_of_these() -> None:
     """A feedback without any estimate."""

@@ -8,12 +8,19 @@ from support.made_plants import Killed, loaded
 
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench
-from tendonrepro.identification.search import Effort, Evaluated, Plants, SearchResult, held_unit, search
+from tendonrepro.identification.search import (
+    Evaluated,
+    SearchEffort,
+    SearchPoints,
+    SearchResult,
+    held_unit,
+    search,
+)
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.comparison_values import box_at, values_of
 
-EFFORT = Effort(generations=30, population=24, seeds=3)
+EFFORT = SearchEffort(generations=30, population=24, seeds=3)
 ROWS = 6
 OPTIMUM = np.array([0.3, 0.62])
 EVERY = np.ones(ROWS, dtype=bool)
@@ -36,7 +43,7 @@ def searched(folder, misfit=two_numbers, effort=EFFORT, rows=EVERY):
     starts = np.random.default_rng(5).random((effort.seeds, effort.population, ROWS))
 
     def plants(name):
-        return Plants(misfit, ROWS, effort.plants, folder / f"{name}.npy", lambda _: None)
+        return SearchPoints(misfit, ROWS, effort.plants, folder / f"{name}.npy", lambda _: None)
 
     return search(starts, rows, rows, plants, effort, 1)
 
@@ -63,12 +70,12 @@ def test_a_known_point_is_polished_where_no_seed_comes_as_near(tmp_path):
         residuals = np.where(distance < 0.02, distance, 1.0 + distance)[:, np.newaxis]
         return Evaluated(np.abs(residuals[:, 0]), residuals)
 
-    effort = Effort(generations=2, population=8, seeds=2)
+    effort = SearchEffort(generations=2, population=8, seeds=2)
     starts = np.random.default_rng(5).random((2, 8, ROWS))
     near = valley + 0.01
 
     def plants(name):
-        return Plants(narrow, ROWS, effort.plants, tmp_path / f"{name}.npy", lambda _: None)
+        return SearchPoints(narrow, ROWS, effort.plants, tmp_path / f"{name}.npy", lambda _: None)
 
     found = search(starts, EVERY, EVERY, plants, effort, 1, near)
     assert found.misfit <= narrow(near[np.newaxis]).misfits[0]

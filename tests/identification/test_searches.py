@@ -112,6 +112,7 @@ def test_files(run):
     assert {path.stem for path in (out / "plants").iterdir()} == {held["name"] for held in stored["readings"]}
 
 
+@pytest.mark.slow
 def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):
     calls = Counter()
 

@@ -18,7 +18,7 @@ from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
-from tendonrepro.monte_carlo.block import compute_block, loops_of
+from tendonrepro.monte_carlo.block import compute_blocks, loops_of
 from tendonrepro.monte_carlo.data import Block, read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
@@ -219,7 +219,7 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
     )
     study = load_study(config, short, None, "default", 0.2, laws=laws_of({"plain": plain}))
     assert study.runs[-2:] == ("plain", "plain_payload")
-    found = compute_block(replace(study, check_every=0), Block("arms", 0, 0, 2))
+    (found,) = compute_blocks(replace(study, check_every=0), [Block("arms", 0, 0, 2)])
     for own, other in (("controller_1", "plain"), ("controller_1_payload", "plain_payload")):
         places = [study.lookup[run, "printed"] for run in (own, other)]
         errors = found["mae"][places]
@@ -247,7 +247,7 @@ def test_a_law_that_branches_runs_by_scipy_on_the_same_arms(tmp_path: Path) -> N
     laws = laws_of({"branching": branching})
     study = load_study(tmp_path / "compare.yaml", asked, None, "default", 0.2, laws=laws)
     assert [law.name for law in study.alone] == ["branching"]
-    found = compute_block(replace(study, check_every=1), Block("arms", 0, 0, 2))
+    (found,) = compute_blocks(replace(study, check_every=1), [Block("arms", 0, 0, 2)])
     for own, other in (("controller_1", "branching"), ("controller_1_payload", "branching_payload")):
         places = [study.lookup[run, "printed"] for run in (own, other)]
         for name in ("mae", "rmse"):

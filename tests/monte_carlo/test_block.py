@@ -7,7 +7,7 @@ import pytest
 from support.fake_batch import DRAWS, fake_batch, small_study
 
 from tendonrepro.errors import TendonreproError
-from tendonrepro.monte_carlo.block import compute_block, loops_of, spot_check
+from tendonrepro.monte_carlo.block import compute_blocks, loops_of, spot_check
 from tendonrepro.physics.metrics import mae, rmse
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -16,7 +16,7 @@ def test_results_stand_in_the_place_of_their_draw_and_case():
     """Simulating each experiment alone gives what the block holds."""
     study = small_study()
     block = study.blocks(DRAWS)[3]
-    shard = compute_block(study, block, fake_batch)
+    (shard,) = compute_blocks(study, [block], fake_batch)
     for k, loops in enumerate(loops_of(study, block, shard["draws"])):
         for c, loop in enumerate(loops):
             alone = fake_batch([loop], None)
@@ -34,7 +34,7 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch):
     study = small_study()
     block = study.blocks(DRAWS)[0]
     with pytest.raises(TendonreproError, match=f"{block}.*no such arm"):
-        compute_block(study, block, fake_batch)
+        compute_blocks(study, [block], fake_batch)
 
 
 E_TRUE = np.array([0.004, -0.003])
@@ -67,7 +67,8 @@ def batch_with(status, factor):
 def test_the_spot_check_finds_what_differs():
     study = replace(small_study(), check_every=1)
     block = study.blocks(DRAWS)[0]
-    values = compute_block(small_study(), block, fake_batch)["draws"]
+    (shard,) = compute_blocks(small_study(), [block], fake_batch)
+    values = shard["draws"]
 
     def check(status, factor):
         return spot_check(study, block, values, batch_with(status, factor))["difference"]
@@ -81,7 +82,8 @@ def test_the_spot_check_finds_what_differs():
 @pytest.mark.usefixtures("scipy_finds_e")
 def test_about_one_block_in_so_many_is_checked():
     study = replace(small_study(), check_every=8)
-    values = compute_block(small_study(), study.blocks(DRAWS)[0], fake_batch)["draws"]
+    (shard,) = compute_blocks(small_study(), study.blocks(DRAWS)[:1], fake_batch)
+    values = shard["draws"]
     checks = [spot_check(study, block, values, batch_with(0, 1.0)) for block in study.blocks(512)]
     chosen = [check for check in checks if check]
     assert 0.5 / 8 <= len(chosen) / len(checks) <= 2.0 / 8

@@ -61,6 +61,15 @@ def test_changed_key_version_and_status_are_named(tmp_path):
     assert not found["traces"]
 
 
+def test_the_row_of_a_matrix_that_differs_is_named(tmp_path):
+    first, second = (
+        replace(FILE, config_yaml=f"{FILE.config_yaml}extra: {{value: [[1, 2], [3, {last}]]}}\n")
+        for last in (4, 5)
+    )
+    (row,) = between(tmp_path, first, second)["config"]
+    assert row == {"key": "extra.value.1", "first": [3, 4], "second": [3, 5]}
+
+
 def test_missing_runs_variables_and_samples_are_told(tmp_path):
     kept = {name: values[:-3] for name, values in RUN.variables.items() if name != "s"}
     short = replace(RUN, time=RUN.time[:-3], variables=kept)

@@ -22,8 +22,15 @@ from support.synthetic import S, make_compare_file, make_decouple_file, whole
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.run import outcome_of
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, shown
-from tendonrepro.results.figures.panels import FigureArtists, thin
-from tendonrepro.results.figures.style import SERIES, imprint, journal_style, open_figure, save_drawing
+from tendonrepro.results.figures.panels import thin
+from tendonrepro.results.figures.style import (
+    SERIES,
+    Drawing,
+    imprint,
+    journal_style,
+    open_figure,
+    save_drawing,
+)
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -46,7 +53,7 @@ def source(name: str) -> TraceFile:
 
 
 @cache
-def drawn(name: str) -> FigureArtists:
+def drawn(name: str) -> Drawing:
     artists = draw(name, shown(name, source(name)))
     # Legends and labels find their places when drawn, and the density of ticks follows the style in force.
     with journal_style():
@@ -54,7 +61,7 @@ def drawn(name: str) -> FigureArtists:
     return artists
 
 
-def legend_texts(artists: FigureArtists) -> list[str]:
+def legend_texts(artists: Drawing) -> list[str]:
     return [text.get_text() for legend in artists.figure.legends for text in legend.get_texts()]
 
 
@@ -71,8 +78,19 @@ def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
 
 
 def test_each_experiment_gives_its_figures() -> None:
-    assert available(decouple_file()) + available(compare_file()) == list(FIGURES)
-    assert list(FIGURES) == sorted(UNITS)
+    assert sorted(available(decouple_file()) + available(compare_file())) == sorted(FIGURES)
+    assert UNITS.keys() <= FIGURES.keys()
+
+
+@every_figure
+def test_every_panel_with_a_time_says_its_unit_and_a_figure_is_as_wide_as_a_column_or_page(name: str) -> None:
+    artists = drawn(name)
+    labels = [panel.get_ylabel() for panel in artists.axes.values() if panel.axison]
+    assert labels
+    assert [label for label in labels if not re.search(r"\(.+\)$", label)] == []
+    assert artists.figure.get_figwidth() * 25.4 == pytest.approx(85.0) or (
+        artists.figure.get_figwidth() * 25.4 == pytest.approx(175.0)
+    )
 
 
 @pytest.mark.parametrize("name", UNITS)
@@ -90,7 +108,7 @@ def test_panels_say_their_units_and_have_the_size_of_a_column_or_page(name: str)
 # --- what a journal would check ----------------------------------------------------------------------------
 
 
-def shown_texts(artists: FigureArtists) -> list[Text]:
+def shown_texts(artists: Drawing) -> list[Text]:
     texts = [text for legend in artists.figure.legends for text in legend.get_texts()]
     texts += artists.figure.texts
     for panel in artists.axes.values():

@@ -13,13 +13,12 @@ from support.synthetic import make_compare_file
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.summary import (
     fitted_under,
     loaded_runs,
     ranking,
-    saturated,
     sizes_deg,
-    statistics,
     tension_sizes,
     tensions,
     tracking_errors,

@@ -11,8 +11,8 @@ from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import (
     LANES,
-    Record,
     Signal,
+    TraceBuffer,
     assembled,
     callable_code,
     callable_sweep,
@@ -123,7 +123,7 @@ def test_signals_and_records_are_each_lanes_own() -> None:
     k = tape.write("sample")
     sample = lane_code("sample", tape, {0: live * (k < 7.0), 2: total + given}, rows)
     advance = lane_code("advance", tape, {2: total + 1000.0}, rows)
-    signals, records = [Signal(1, 1)], [Record(2, 1, 2)]
+    signals, records = [Signal(1, 1)], [TraceBuffer(2, 1, 2)]
     codes = [assembled(source, name)[0] for source, name in ((sample, "sample"), (advance, "advance"))]
     (address,) = assembled(sweep_code(0, signals, records), "sweep")
     numbers, kept = np.arange(20.0 * LANES).reshape(LANES, 20), np.zeros((8, 1, LANES))

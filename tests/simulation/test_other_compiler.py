@@ -90,6 +90,7 @@ def test_a_sample_of_an_experiment_is_that_of_python(run: str) -> None:
     assert np.abs(after[:8] - w[:8]).min() > 1e-9, "all of the state has moved"
 
 
+@pytest.mark.slow
 def test_the_slope_of_a_plant_is_that_of_numba() -> None:
     plant = random_plant(2, 5, FEATURES).plant
     code = Writer(experiment_rows(2))

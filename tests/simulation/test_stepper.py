@@ -20,7 +20,7 @@ from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation import stepper
 from tendonrepro.simulation.codegen import callback
 from tendonrepro.simulation.loop import DesiredMotion
-from tendonrepro.simulation.stepper import Arm, simulate
+from tendonrepro.simulation.stepper import MachinePlant, simulate
 
 L = 1e-3
 IDEAL = "manipulator.encoders.joint.resolution=0"
@@ -313,7 +313,7 @@ class TestEquivalence:
         rng = np.random.default_rng(n)
         for seed in range(3):
             plant = random_plant(n, seed, features).plant
-            arm = Arm(replace(make_loop(), plant=plant))
+            arm = MachinePlant(replace(make_loop(), plant=plant))
             for t in (0.0, 0.5, 0.8):
                 state, tau_m = random_state(n, rng), rng.uniform(-5.0, 5.0, n)
                 arm.torque[:] = tau_m

@@ -19,8 +19,16 @@ from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
-from tendonrepro.tuning.bench import CLASSES, Candidate, Plants, known_along, loops_of, measure, plants_of
-from tendonrepro.tuning.laws import LAWS, STEPS, Gains, Step, user_law
+from tendonrepro.tuning.bench import (
+    CLASSES,
+    Candidate,
+    TrialPlants,
+    known_along,
+    loops_of,
+    measure,
+    plants_of,
+)
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, Gains, user_law
 
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
@@ -40,7 +48,7 @@ GOOD = {law: {name: np.array(value) for name, value in gains.items()} for law, g
 
 
 @cache
-def nominal() -> Plants:
+def nominal() -> TrialPlants:
     """The box's middle, with ideal encoders."""
     loaded = load_ensemble(None)
     box = make_box(loaded.config)
@@ -55,10 +63,10 @@ def errors(law: str, gains: Gains, knows: str = "none", *, filtered: bool = Fals
     return found.mae[0, :2]
 
 
-def changed(step: Step) -> Gains:
+def changed(equal: Equivalence) -> Gains:
     """Gains of the target, by way of the cube in which it is searched."""
-    law = LAWS[step.target]
-    return law.values(law.unit(step.change(GOOD[step.source], nominal().alpha), 2), 2)
+    law = LAWS[equal.target]
+    return law.values(law.unit(equal.change(GOOD[equal.source], nominal().alpha), 2), 2)
 
 
 @pytest.mark.parametrize(
@@ -75,21 +83,23 @@ def test_a_users_law_without_bounds_or_with_a_setup_is_refused(brought: dict[str
         user_law(UserLaw("mine", given=law))
 
 
-EXACT = [step for step in STEPS if step.exact]
-NEAR = [step for step in STEPS if not step.exact and step.target != "super_twisting"]
+EXACT = [equal for equal in EQUIVALENCES if equal.exact]
+NEAR = [equal for equal in EQUIVALENCES if not equal.exact and equal.target != "super_twisting"]
 
 
-@pytest.mark.parametrize("step", EXACT, ids=lambda step: f"{step.source}-{step.target}")
+@pytest.mark.parametrize("equal", EXACT, ids=lambda equal: f"{equal.source}-{equal.target}")
 @pytest.mark.parametrize("filtered", [False, True])
-def test_a_special_case_gives_the_same_run(step: Step, filtered: bool) -> None:
-    general = errors(step.target, changed(step), "gravity", filtered=filtered)
-    special = errors(step.source, GOOD[step.source], "gravity", filtered=filtered)
+def test_a_special_case_gives_the_same_run(equal: Equivalence, filtered: bool) -> None:
+    general = errors(equal.target, changed(equal), "gravity", filtered=filtered)
+    special = errors(equal.source, GOOD[equal.source], "gravity", filtered=filtered)
     assert np.allclose(general, special, rtol=1e-6)
 
 
-@pytest.mark.parametrize("step", NEAR, ids=lambda step: f"{step.source}-{step.target}")
-def test_a_near_equivalence_is_near(step: Step) -> None:
-    assert np.allclose(errors(step.target, changed(step)), errors(step.source, GOOD[step.source]), rtol=0.05)
+@pytest.mark.parametrize("equal", NEAR, ids=lambda equal: f"{equal.source}-{equal.target}")
+def test_a_near_equivalence_is_near(equal: Equivalence) -> None:
+    assert np.allclose(
+        errors(equal.target, changed(equal)), errors(equal.source, GOOD[equal.source]), rtol=0.05
+    )
 
 
 def test_without_the_change_of_gains_alpha_is_another_law() -> None:

@@ -13,9 +13,9 @@ from scipy.optimize import minimize_scalar
 
 from tendonrepro.physics.control import Surface
 from tendonrepro.tuning import search
-from tendonrepro.tuning.bench import Candidate, Measured, Plants
+from tendonrepro.tuning.bench import Candidate, Performance, TrialPlants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Effort, Seen, Tuning, _lost, best, costs
+from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, _lost, best, costs
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -30,11 +30,11 @@ def cost(K_d: float, K_p: float) -> float:
     return float(P[0, 0])
 
 
-def measured(_: Plants, candidates: Sequence[Candidate]) -> Measured:
+def measured(_: TrialPlants, candidates: Sequence[Candidate]) -> Performance:
     gains = [(float(one.gains["K_d"][0]), float(one.gains["K_p"][0])) for one in candidates]
     costs = np.array([cost(*pair) for pair in gains])
     stable = np.ones((len(gains), 3), dtype=bool)
-    return Measured(np.tile(costs[:, None, None], (1, 3, 2)), np.array([K_p for _, K_p in gains]), stable)
+    return Performance(np.tile(costs[:, None, None], (1, 3, 2)), np.array([K_p for _, K_p in gains]), stable)
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def _on_the_unit_mass(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def searched(cap: float, generations: int = 40) -> list[list[Seen]]:
     plants: Any = SimpleNamespace(alpha=np.zeros(2))
-    effort = Effort(searches=4, generations=generations, population=8)
+    effort = TuningEffort(searches=4, generations=generations, population=8)
     return [*Tuning({"pd": PD}, [cap], plants, effort, (1, 0)).run([("none", False)]).values()]
 
 

@@ -52,15 +52,15 @@ def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
 ) -> None:
     whole = run(tmp_path / "whole")
     done: list[int] = []
-    tuned = search.Task.tuned
+    tuned = search.TuningTask.tuned
 
-    def dying(task: search.Task, number: int) -> dict[str, Any]:
+    def dying(task: search.TuningTask, number: int) -> dict[str, Any]:
         done.append(number)
         if len(done) == 2:
             raise KeyboardInterrupt
         return tuned(task, number)
 
-    monkeypatch.setattr(search.Task, "tuned", dying)
+    monkeypatch.setattr(search.TuningTask, "tuned", dying)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert not (tmp_path / "killed").exists()
@@ -95,6 +95,7 @@ def test_what_it_writes(tmp_path: Path) -> None:
             assert least == pytest.approx(math.log(row["error"]), abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     """With one joint, only what was asked for is tuned, and everything says whose ranges these are."""

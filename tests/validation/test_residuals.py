@@ -16,13 +16,12 @@ from tendonrepro.results.records import Trace
 from tendonrepro.validation import rerun
 from tendonrepro.validation.rerun import (
     aligned,
-    comparison_rows,
-    coupling_rows,
     departure,
     reruns,
     write_compare,
     write_decouple,
 )
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows
 from tendonrepro.verdicts.measurement import measurement_of
 
 STEP = 0.005

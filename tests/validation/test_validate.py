@@ -40,7 +40,7 @@ INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 def _no_recovery():
     """Which controller made a run takes ten seconds a run to find, and has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tendonrepro.validation.report.controllers_of", lambda *_: FOUND)
+        patch.setattr("tendonrepro.validation.validated.controllers_of", lambda *_: FOUND)
         yield
 
 

@@ -148,6 +148,13 @@ class TestEveryClaimCanFail:
         assert by[left] == "compatible"
         assert set(by.values()) > {"compatible"}
 
+    def test_what_an_ideal_encoder_would_show_stands_beside_and_decides_nothing(self, data, paper):
+        for factor, share in ((1.0, 1.0), (1.2, 0.0)):
+            spoil(data, FIRST, ESTIMATES, factor, IDEAL.name)
+            found = one(data, paper, "E1")
+            assert [row["share"] for row in found.evidence["beside"]] == [share] * 6
+            assert found.verdict == "compatible"
+
     def test_laws_that_do_not_differ_are_left_to_chance(self):
         data = MadeEnsemble(per_replicate=500)
         for run in CONTROLLERS:

@@ -15,6 +15,8 @@ from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, mo
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.measured_arm import MeasuredArm
 from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.plants import RunUnder
+from tendonrepro.verdicts.statements import HALVED, claim_on
 
 
 def comparison(sizes=None, **options):
@@ -119,6 +121,13 @@ class TestComparison:
             arm = MeasuredArm(Measurement(with_run(held, lacking), EMPTY, None))
             with pytest.raises(DataMissingError, match=message):
                 arm.statistic("controller_3", "s_rms")
+
+    def test_no_variation_of_a_run_was_measured(self):
+        arm = MeasuredArm(Measurement(comparison(), EMPTY, None))
+        assert arm.has("controller_2")
+        assert not arm.has(RunUnder("controller_2", HALVED))
+        with pytest.raises(DataMissingError):
+            claim_on(arm, published(), "small_inertia")
 
     def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
         file = replace(comparison(GROWING), plant=make_decouple_file().plant)

@@ -10,8 +10,9 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
-from tendonrepro.verdicts.judge import Sources, changed, judge_all
-from tendonrepro.verdicts.report import as_data, claims_table, table_text
+from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.ledger import as_data, changed
+from tendonrepro.verdicts.report import claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL_LONGER, LONGER
 
@@ -26,6 +27,12 @@ class TestReadings:
         found = one(data, paper, "C4")
         assert found.readings_that_change_it == ()
         assert found.evidence["not_testable_under"] == ["c=d"]
+
+    def test_the_printed_one_decides_wherever_it_stands(self):
+        data = MadeEnsemble(readings=("a=b", PRINTED))
+        spoil(data, "controller_1", ESTIMATES, 2.0, "a=b")
+        found = one(data, paper_of(data), "E1")
+        assert (found.verdict, found.readings_that_change_it) == ("compatible", ("a=b",))
 
     def test_a_verdict_says_on_which_motions_and_starts_it_depends(self):
         """Of choices that change it, those that need no more; and nothing of changed equations."""

@@ -15,8 +15,7 @@ from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.ledger import shipped_ledger, with_shipped
-from tendonrepro.verdicts.report import as_data
+from tendonrepro.verdicts.ledger import as_data, shipped_ledger, with_shipped
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.study import claims_study
 
@@ -96,7 +95,10 @@ class TestFreshClone:
     def test_every_claim_has_the_stored_verdict(self, ledger):
         stored, found = shipped_ledger().verdicts, entries(ledger.data)
         shipped = {name for name, entry in found.items() if entry["shipped"]}
-        assert shipped == {name for name, entry in found.items() if entry["kind"] == "ensemble"}
+        # A new claim has no verdict until the ensemble is judged again; check-release asks for that.
+        assert shipped == stored.keys() & {
+            name for name, entry in found.items() if entry["kind"] == "ensemble"
+        }
         for name in shipped:
             for key in ("verdict", "ours", "borderline", "rule", "printed", "unit"):
                 assert found[name][key] == getattr(stored[name], key), name

@@ -36,9 +36,9 @@ def test_no_posture_in_between_is_lower_than_the_corners(course, margin):
     rng = np.random.default_rng(2)
     force, mass = np.linspace(5.0, 400.0, 100), rng.uniform(0.1, 0.5, 100)
     data = drawn(100, tensioner_force=force, link_mass_3=mass, link_mass_2=2.0 * mass)
-    machines = rule.machines_of(data, ARM)
+    plants = rule.plants_at_rest(data, ARM)
     angles = np.stack(np.meshgrid(*[np.deg2rad(np.linspace(margin, 180.0 - margin, 7))] * 3)).reshape(3, -1)
-    torque = machines.moment[:, :, np.newaxis] * np.sin(angles)[:, np.newaxis]
+    torque = plants.moment[:, :, np.newaxis] * np.sin(angles)[:, np.newaxis]
     joint = np.cumsum(torque[::-1], axis=0)[::-1] - (np.outer(TENDON_4[course], force))[:, :, np.newaxis]
     tension = np.einsum("nj,jkp->nkp", np.linalg.inv(ROPE.T), joint)
     by_hand = (tension.min(axis=(0, 2)) > 0.0).mean()
@@ -50,15 +50,15 @@ def test_no_posture_in_between_is_lower_than_the_corners(course, margin):
 def test_moments_are_those_of_the_plants_that_are_simulated():
     values = BOX.values(np.random.default_rng(1).random((3, len(BOX.names))))
     data = SimpleNamespace(names=BOX.names, draws=values, replicate=np.zeros(3, dtype=int))
-    machines = rule.machines_of(data, ARM)
+    plants = rule.plants_at_rest(data, ARM)
     base = load_ensemble(None).base
     for k in range(3):
         links = configured(base, BOX, values[k]).manipulator.links
         mass, length, com = (getattr(links, name).si for name in ("mass", "length", "com"))
         by_hand = 9.81 * np.array([mass[1] * com[1] + mass[2] * length[1], mass[2] * com[2]])
-        assert machines.moment[1:, k] == pytest.approx(by_hand)
+        assert plants.moment[1:, k] == pytest.approx(by_hand)
         first = 9.81 * (0.74 * 0.132 + (mass[1] + mass[2]) * 0.33)
-        assert machines.moment[0, k] == pytest.approx(first), "link 1 is not in the box"
+        assert plants.moment[0, k] == pytest.approx(first), "link 1 is not in the box"
 
 
 def test_where_the_distance_from_the_edges_decides_the_course_depends():

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from tendonrepro.configuration.models.readings import ERROR_RATES
 from tendonrepro.configuration.quantity import Physical, nonneg, positive, to_si
-from tendonrepro.configuration.strict_model import Mistakes, Model, Number, Source
+from tendonrepro.configuration.strict_model import Mistakes, Model, Number, Provenance
 
 _SWITCH = ("off", "on")
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -32,7 +32,7 @@ Confidence: TypeAlias = Literal["high", "medium", "low"]
 
 class _Known(Model):
     confidence: Confidence
-    source: Source
+    source: Provenance
 
 
 class BoxRange(_Known):

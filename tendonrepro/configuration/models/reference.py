@@ -15,7 +15,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.quantity import Moving, Physical, Scalar, nonneg, positive, whole, wrong_sizes
 from tendonrepro.configuration.strict_model import Mistakes, Model
 from tendonrepro.errors import ConfigError
-from tendonrepro.physics.trajectory import trapezoid_times
+from tendonrepro.physics import trajectory
+from tendonrepro.physics.trajectory import Shape, trapezoid_times
 
 Amplitude: TypeAlias = Annotated[Moving, Physical("rad", "largest angle of each joint")]
 Duration: TypeAlias = Annotated[Scalar, positive("s", "duration")]
@@ -32,6 +33,10 @@ class Periodic(Model):
     @abstractmethod
     def cycle(self) -> float:
         """Of one turn, s."""
+
+    @abstractmethod
+    def shape(self, i: int) -> Shape:
+        """What joint i, from 0 among the moving ones, does in one turn."""
 
     @property
     def duration(self) -> float:
@@ -63,6 +68,10 @@ class RaisedCosine(InTurns):
         """Of one turn, s."""
         return self.period.si
 
+    def shape(self, i: int) -> Shape:
+        """What joint i does in one turn."""
+        return trajectory.raised_cosine(self.amplitude.si[i], self.period.si)
+
 
 class MinimumJerk(InTurns):
     """Up, hold, down, hold by minimum-jerk strokes."""
@@ -77,6 +86,10 @@ class MinimumJerk(InTurns):
         """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
 
+    def shape(self, i: int) -> Shape:
+        """What joint i does in one turn."""
+        return trajectory.minimum_jerk(self.amplitude.si[i], self.rise.si, self.hold.si)
+
 
 class Ramp(InTurns):
     """Up, hold, down, hold along straight lines, with steps of velocity and no acceleration."""
@@ -90,6 +103,10 @@ class Ramp(InTurns):
     def cycle(self) -> float:
         """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
+
+    def shape(self, i: int) -> Shape:
+        """What joint i does in one turn."""
+        return trajectory.ramp(self.amplitude.si[i], self.rise.si, self.hold.si)
 
 
 class Trapezoidal(InTurns):
@@ -108,6 +125,13 @@ class Trapezoidal(InTurns):
         _, rise = trapezoid_times(longest, self.velocity.si, self.acceleration.si)
         return 2.0 * (rise + self.hold.si)
 
+    def shape(self, i: int) -> Shape:
+        """What joint i does in one turn."""
+        amplitude, limits = self.amplitude.si[i], (self.velocity.si, self.acceleration.si)
+        # A shorter stroke waits for the longest one, so that all joints turn back together.
+        hold = self.cycle / 2.0 - trapezoid_times(amplitude, *limits)[1]
+        return trajectory.trapezoidal(amplitude, *limits, hold)
+
 
 class Sine(Periodic):
     """``offset + amplitude sin(2π t/period)``, blended in from rest."""
@@ -122,6 +146,11 @@ class Sine(Periodic):
     def cycle(self) -> float:
         """Of one period, s."""
         return self.period.si
+
+    def shape(self, i: int) -> Shape:
+        """What joint i does in the whole motion."""
+        amplitude, offset = self.amplitude.si[i], self.offset.si[i]
+        return trajectory.smooth_sine(amplitude, offset, self.period.si, self.blend.si)
 
     def _mistakes(self) -> Mistakes:
         if self.blend.si > self.duration:

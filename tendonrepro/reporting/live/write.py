@@ -8,7 +8,7 @@ from typing import TypedDict
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.files import refuse_existing, write_atomically
+from tendonrepro.files import refuse_foreign, write_atomically
 from tendonrepro.reporting.live.library import Library
 from tendonrepro.reporting.live.page import build_page
 from tendonrepro.reporting.live.preset import preset
@@ -17,7 +17,7 @@ from tendonrepro.reporting.live.story import shipped_presets
 PAGE = "live.html"
 """Name of the page."""
 
-_MARK = b'<meta name="generator" content="live page of tendonrepro'
+MARK = b'<meta name="generator" content="live page of tendonrepro'
 """What every page has near its beginning."""
 
 
@@ -30,12 +30,6 @@ class LiveFile(TypedDict):
     presets: list[str]
 
 
-def check_target(path: Path, *, force: bool) -> None:
-    """Raise a UsageError where a page would replace what is none; `force` allows that for files."""
-    earlier = path.is_file() and _MARK in path.read_bytes()[:1000]
-    refuse_existing(path, force=force or earlier)
-
-
 def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> LiveFile:
     """Write the page, a user's configuration among its presets; return what ``--json`` prints.
 
@@ -46,7 +40,7 @@ def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> LiveF
     UsageError
         If another file is in the way, or the page cannot run the configuration.
     """
-    check_target(path, force=force)
+    refuse_foreign(path, MARK, force=force)
     library = Library()
     presets = shipped_presets(library)
     if loaded is not None:

@@ -13,8 +13,8 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
-from tendonrepro.results.figures.panels import Canvas, FigureArtists
-from tendonrepro.results.figures.style import journal_style, save_drawing, title_of
+from tendonrepro.results.figures.panels import Canvas
+from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
 from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
@@ -77,7 +77,7 @@ def shown(name: str, file: TraceFile) -> TraceFile:
     return replace(file, runs={trace.name: trace for trace in FIGURES[name].traces(file)})
 
 
-def draw(figure: str | int, file: TraceFile) -> FigureArtists:
+def draw(figure: str | int, file: TraceFile) -> Drawing:
     """Draw a figure by name or number; a DataMissingError where the file does not hold what it shows."""
     name = name_of(figure)
     spec = FIGURES[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,14 +24,6 @@ _MARGIN = 0.06
 # with the colours of controllers they differ in lightness too. And in the edges, which lie above all insides.
 _INSIDES, _EDGE = (0.6, 0.65, 0.65), 0.35
 _SHARED = "#EDEDED"
-
-
-@dataclass(frozen=True)
-class FigureArtists(Drawing):
-    """A figure drawn from traces; lines and bands by panel and name: ``("c", "Controller 1")``."""
-
-    lines: dict[tuple[str, str], Line2D]
-    bands: dict[tuple[str, str], Polygon]
 
 
 class Canvas:
@@ -179,7 +171,7 @@ class Canvas:
         """Add a legend entry for the bands of all curves."""
         self._legend[label] = "", Patch(facecolor=_SHARED, edgecolor="#777777", linewidth=0.5)
 
-    def finish(self, name: str, caption: str, origin: str) -> FigureArtists:
+    def finish(self, name: str, caption: str, origin: str) -> Drawing:
         """Set ranges, legend and imprint, and lay the figure out for all formats."""
         drawn = {letter for letter, _ in self.lines}
         for letter, edges in self._edges.items():
@@ -196,7 +188,7 @@ class Canvas:
         self.figure.align_ylabels(list(self.axes.values()))
         style.settle(self.figure)
         panels = self.pictures | self.axes
-        return FigureArtists(name, self.figure, panels, caption, self.lines, self._bands, origin=origin)
+        return Drawing(name, self.figure, panels, caption, origin, self.lines, self._bands)
 
     def _draw_legend(self) -> None:
         """Use as few rows as the width allows."""

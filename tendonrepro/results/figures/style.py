@@ -20,6 +20,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
 
 from tendonrepro import __version__
 from tendonrepro.files import write_atomically
@@ -159,14 +161,17 @@ class Drawing:
     """A finished figure, and its panels.
 
     `stem` is the name of its files. The `caption` says what it shows; it lies beside the figure as text.
-    The `origin` is printed below the panels.
+    The `origin` is printed below the panels. `lines` and `bands` of a figure drawn from traces are by panel
+    and name: ``("c", "Controller 1")``.
     """
 
     stem: str
     figure: Figure
     axes: Sequence[Axes] | Mapping[str, Axes]
     caption: str
-    origin: str = field(default="", kw_only=True)
+    origin: str = ""
+    lines: Mapping[tuple[str, str], Line2D] = field(default_factory=dict)
+    bands: Mapping[tuple[str, str], Polygon] = field(default_factory=dict)
 
 
 def title_of(name: str) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Line, Operand, Scalar, Symbol, Tape, as_operand, is_number
+from tendonrepro.simulation.codegen.symbols import Line, Operand, Symbol, Tape, Term, as_operand, is_number
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -61,7 +61,7 @@ class LaneTape(Tape):
             return self.write("mantissa", x), self.write("exponent", x)
         return super().function(ufunc, x)
 
-    def binary(self, operator: str, left: Scalar, right: Scalar) -> Numeric:
+    def binary(self, operator: str, left: Term, right: Term) -> Numeric:
         """As of any tape."""
         if operator == "**":
             return elementary.power(left, right)

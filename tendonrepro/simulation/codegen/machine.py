@@ -110,7 +110,7 @@ class Signal(NamedTuple):
     size: int
 
 
-class Record(NamedTuple):
+class TraceBuffer(NamedTuple):
     """Rows kept after each sample in an array (entries, size, LANES), with `each` samples to an entry."""
 
     row: int
@@ -118,7 +118,7 @@ class Record(NamedTuple):
     each: int
 
 
-def sweep_code(live: int, signals: Sequence[Signal], records: Sequence[Record]) -> str:
+def sweep_code(live: int, signals: Sequence[Signal], records: Sequence[TraceBuffer]) -> str:
     """Source of ``sweep(sample, advance, rows, first, last, period, sources, kept)``.
 
     One bundle goes through samples ``first`` to ``last`` while a lane is alive: signals into their rows,

@@ -40,7 +40,7 @@ COMPARISONS = (">=", ">", "<=", "<")
 Line: TypeAlias = tuple[str, tuple[str | float, ...]]
 """An operation and its operands: numbers, and names of earlier lines."""
 
-Scalar: TypeAlias = float | Unknown
+Term: TypeAlias = float | Unknown
 """A number or a symbol, not an array of them."""
 
 Operand: TypeAlias = Numeric | str
@@ -67,7 +67,7 @@ class Tape:
         """Elementary function of a symbol; some give two numbers."""
         return self.write(FUNCTIONS[ufunc], x)
 
-    def binary(self, operator: str, left: Scalar, right: Scalar) -> Numeric:
+    def binary(self, operator: str, left: Term, right: Term) -> Numeric:
         """Arithmetic or comparison; a comparison is 1 or 0."""
         if short := _simplified(operator, left, right):
             return short[0]
@@ -164,7 +164,7 @@ def _as_object(operand: object) -> NDArray[np.object_]:
     return cell
 
 
-def _simplified(operator: str, left: Scalar, right: Scalar) -> tuple[Scalar] | None:
+def _simplified(operator: str, left: Term, right: Term) -> tuple[Term] | None:
     """Result that needs no operation, as a 1-tuple."""
     if operator == "*" and (is_number(left, 0.0) or is_number(right, 0.0)):
         return (0.0,)
@@ -179,6 +179,6 @@ def _simplified(operator: str, left: Scalar, right: Scalar) -> tuple[Scalar] | N
     return None
 
 
-def is_number(operand: Scalar, number: float) -> bool:
+def is_number(operand: Term, number: float) -> bool:
     """Whether an operand is known to be the number."""
     return not isinstance(operand, Symbol) and operand == number
