@@ -22,7 +22,7 @@ from tendonrepro.configuration.models.reference import (
     read_samples,
 )
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.quantity import Value, Vector
+from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, own_loops
@@ -102,8 +102,10 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
 
 
 def _size(reference: Single, i: int) -> tuple[float, ...]:
-    """What distinguishes the shape of joint i, from 0, from that of others."""
-    return tuple(vector.value[i] for _, vector in reference if isinstance(vector, Vector))
+    """What distinguishes the shape of joint i, from 0, from that of others: its entry of every list."""
+    # Lists of draws are no vectors of a configuration, see `monte_carlo/plants.py`.
+    lists = (getattr(part, "value", None) for _, part in reference)
+    return tuple(values[i] for values in lists if isinstance(values, list | tuple))
 
 
 def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
