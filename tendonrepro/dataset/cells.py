@@ -59,16 +59,29 @@ def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 
     if times is not None:
         _add_filled(columns, name if "(" in name else f"{name} (s)", column, times)
         return
-    numbers, note = _numbers(cells)
-    failing = numbers.isna() & ~cells.str.casefold().isin(_GAPS)
+    text = cells.str.replace("−", "-", regex=False)
+    numbers = pd.to_numeric(text, errors="coerce").astype(float)
+    is_gap = text.str.casefold().isin(_GAPS)
+    marked = text[numbers.isna() & ~is_gap & text.str.contains(r"\d", regex=True)]
+    mark = _decimal_mark(marked, text[numbers.notna()])
+    if mark is None:
+        columns.notes.append(
+            f"column {name!r}: unclear in {len(marked)} cells whether a comma is decimal or between "
+            f"thousands, as {marked.iloc[0]!r}: write them without commas"
+        )
+    elif not marked.empty:
+        numbers = numbers.fillna(_by_mark(marked, mark).reindex(numbers.index))
+    failing = numbers.isna() & ~is_gap
     if failing.mean() >= _MOST_FAILING:
         words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
         columns.add(name, words.to_numpy(object).astype(str))
-        ambiguous = note and note.startswith("unclear")
-        columns.notes += [f"column {name!r}: {note}"] if ambiguous else []
         return
-    if note:
-        columns.notes.append(f"column {name!r}: {note}")
+    thousands = marked[marked.str.contains(",", regex=False) & ~failing[marked.index]]
+    if mark == "." and len(thousands):
+        columns.notes.append(
+            f"column {name!r}: {len(thousands)} numbers have a comma between thousands, "
+            f"as {thousands.iloc[0]!r}"
+        )
     if failing.any():
         place = int(np.argmax(column.index == failing.idxmax())) + first_row
         example = str(cells[failing].iloc[0])[:40]
@@ -86,32 +99,23 @@ def _add_filled(columns: Columns, name: str, column: pd.Series, numbers: pd.Seri
     columns.add(name, numbers.reindex(column.index).to_numpy(np.float64))
 
 
-def _numbers(cells: pd.Series) -> tuple[pd.Series, str]:
-    """Numbers of cells of text, NaN elsewhere, and what was read specially."""
-    text = cells.str.replace("−", "-", regex=False)
-    plain = pd.to_numeric(text, errors="coerce").astype(float)
-    rest = text[plain.isna() & ~text.str.casefold().isin(_GAPS)]
-    rest = rest[rest.str.contains(r"\d", regex=True)]
-    if rest.empty:
-        return plain, ""
-    by_point = rest[rest.map(lambda cell: bool(_POINT.fullmatch(cell)))]
-    by_comma = rest[rest.map(lambda cell: bool(_COMMA.fullmatch(cell)))]
-    has_points = bool(text[plain.notna()].str.contains(".", regex=False).any())
-    if len(by_point) > len(by_comma) or (len(by_point) == len(by_comma) and has_points):
-        read, note = by_point.str.replace(",", "", regex=False), "a comma between thousands"
-        used = int(by_point.str.contains(",", regex=False).sum())
-    elif len(by_comma) > len(by_point) or not len(by_comma):
-        read, note = by_comma.str.replace(".", "", regex=False).str.replace(",", ".", regex=False), ""
-        used = 0
-    else:
-        example = rest.iloc[0]
-        return plain, (
-            f"unclear in {len(rest)} cells whether a comma is decimal or between thousands, as {example!r}: "
-            "write them without commas"
-        )
-    numbers = pd.to_numeric(read.str.replace(r"[dD]", "e", regex=True), errors="coerce").astype(float)
-    note = f"{used} numbers have {note}, as {by_point.iloc[0]!r}" if used else ""
-    return plain.fillna(numbers.reindex(plain.index)), note
+def _decimal_mark(marked: pd.Series, plain: pd.Series) -> str | None:
+    """Point or comma: what makes most cells numbers, else that of the `plain` ones; None if unclear."""
+    by_point, by_comma = (
+        sum(pattern.fullmatch(cell) is not None for cell in marked) for pattern in (_POINT, _COMMA)
+    )
+    if by_point != by_comma:
+        return "." if by_point > by_comma else ","
+    has_points = bool(plain.str.contains(".", regex=False).any())
+    return "." if has_points or not by_point else None
+
+
+def _by_mark(marked: pd.Series, mark: str) -> pd.Series:
+    """Numbers with a decimal mark and the other one between thousands; exponents may be Fortran's."""
+    pattern, between = (_POINT, ",") if mark == "." else (_COMMA, ".")
+    cells = marked[[pattern.fullmatch(cell) is not None for cell in marked]]
+    bare = cells.str.replace(between, "", regex=False).str.replace(",", ".", regex=False)
+    return pd.to_numeric(bare.str.replace(r"[dD]", "e", regex=True), errors="coerce").astype(float)
 
 
 def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:

@@ -52,7 +52,7 @@ class Inspected(TypedDict):
     mapping: str | None
 
 
-class Provenance(TypedDict):
+class IngestNotes(TypedDict):
     """What runs were made of: guesses that nobody confirmed, what was done to numbers, and the files."""
 
     guesses: list[str]
@@ -61,7 +61,7 @@ class Provenance(TypedDict):
     inputs: list[dict[str, str | int]]
 
 
-class Ingested(Provenance):
+class Ingested(IngestNotes):
     """What was made of measured files; each run with joints, samples, errors."""
 
     schema_version: int
@@ -164,7 +164,7 @@ def run_ingest(
         talk.note(f"check {doubt}")
     notes = assembly.notes + contents.lines_left_out()
     notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
-    provenance: Provenance = {
+    ingest_notes: IngestNotes = {
         "guesses": loaded.guesses,
         "notes": notes,
         "doubts": assembly.doubts,
@@ -172,7 +172,7 @@ def run_ingest(
     }
     # The runs hold what is needed; the columns of a long log take as much again.
     del assembly, contents
-    file = _trace_file(runs, loaded.title, text, str(mapping), provenance)
+    file = _trace_file(runs, loaded.title, text, str(mapping), ingest_notes)
     if not dry_run:
         write_traces(out, file)
         if confirm:
@@ -184,12 +184,12 @@ def run_ingest(
         "dry_run": dry_run,
         "title": file.title,
         "runs": {name: _described(trace, starts.get(name)) for name, trace in runs.items()},
-        **provenance,
+        **ingest_notes,
     }
 
 
 def _trace_file(
-    runs: dict[str, Trace], title: str, mapping: str, origin: str, provenance: Provenance
+    runs: dict[str, Trace], title: str, mapping: str, origin: str, ingest_notes: IngestNotes
 ) -> TraceFile:
     """Runs with what is known of them: the coupling, and the text of their mapping, read from `origin`."""
     digest = hashlib.sha256(mapping.encode()).hexdigest()
@@ -200,7 +200,7 @@ def _trace_file(
         "created": created,
         "mapping": {"origin": origin, "sha256": digest},
         "environment": environment(),
-        **provenance,
+        **ingest_notes,
     }
     return TraceFile(
         experiment=_experiment(runs),

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -33,10 +34,11 @@ _WAYS: tuple[tuple[str | None, bool], ...] = (
 class Layout:
     """How a text is written: `separator`, None for blanks, `comma` for decimals; `skipped` lines come first.
 
-    `names` are those of its columns.
+    `names` are those of its columns; `is_damaged` says that some bytes are not of the encoding.
     """
 
     encoding: str
+    is_damaged: bool
     separator: str | None
     comma: bool
     skipped: int
@@ -51,34 +53,62 @@ def read_text_table(path: Path) -> Tables:
     Unreadable
         If there is no table of numbers.
     """
-    layout, notes = layout_of(path)
-    columns = _columns(path, layout)
-    columns.notes[:0] = notes
+    layout = layout_of(path)
+    columns = Columns()
+    if layout.is_damaged:
+        columns.notes.append("bytes that are no UTF-8 were replaced")
+    frame, too_long = _read(path, layout)
+    if too_long:
+        columns.notes.append(
+            f"{len(too_long)} lines with more cells than columns left out, the first is {min(too_long)}"
+        )
+    words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
+    if words:
+        # Cells that are no plain numbers are read once more, as they are written.
+        texts = _read(path, layout, usecols=words, dtype=str)[0].map(_content)
+        frame[words] = texts
+        no_number = _rows_without_numbers(frame, texts)
+        columns.notes += _note_on(texts[no_number])
+        frame = frame[~no_number]
+    for k, name in enumerate(layout.names):
+        add_column(columns, name, frame[k])
     return Tables({"": columns})
 
 
-def layout_of(path: Path) -> tuple[Layout, list[str]]:
-    """How a text is written, and notes on its encoding."""
+def layout_of(path: Path) -> Layout:
+    """How a text is written.
+
+    Raises
+    ------
+    Unreadable
+        If there is no table of numbers.
+    """
     encoding, is_damaged = encoding_of(path)
-    with path.open(encoding=encoding, errors="replace") as stream:
-        text = stream.read(_HEAD)
-    lines = text.split("\n")
-    is_whole = len(text) < _HEAD
-    tail = lines if is_whole or encoding.startswith("utf-16") else _last_lines(path, encoding)
-    # What is cut off in mid-line tells nothing.
-    lines = lines if is_whole else lines[:-1]
-    sampled = [line for line in tail[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
-    separator, comma = _spelling(sampled[-_SAMPLED:])
-    told = [k for k, line in enumerate(lines) if line.strip() and not _is_aside(line)]
-    rows = [split(lines[k], separator, comma=comma) for k in told]
-    first = first_numbers(rows, [split(line, separator, comma=comma) for line in sampled[-_SAMPLED:]])
+    lines, last = _lines(path, encoding)
+    separator, comma = _spelling(last)
+    filled = [k for k, line in enumerate(lines) if line.strip() and not _is_aside(line)]
+    rows = [split(lines[k], separator, comma=comma) for k in filled]
+    first = first_numbers(rows, [split(line, separator, comma=comma) for line in last])
     if first is None:
         raise Unreadable("a text without a table of numbers")
-    width = max(map(len, rows[first : first + 1000]))
-    above = [line for line in lines[: told[first]] if line.strip() and not _is_hint(line)]
+    above = [line for line in lines[: filled[first]] if line.strip() and not _is_hint(line)]
     head = [split(line.lstrip("#%/"), separator, comma=False) for line in above]
-    notes = ["bytes that are no UTF-8 were replaced"] if is_damaged else []
-    return Layout(encoding, separator, comma, told[first], names_of(head, width)), notes
+    width = max(map(len, rows[first : first + 1000]))
+    return Layout(encoding, is_damaged, separator, comma, filled[first], names_of(head, width))
+
+
+def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
+    """Lines at the beginning, as many as may be a header, and the last ones that may hold numbers."""
+    with path.open(encoding=encoding, errors="replace") as stream:
+        text = stream.read(_HEAD)
+    lines = tail = text.split("\n")
+    if len(text) == _HEAD:
+        # What is cut off in mid-line tells nothing.
+        lines = lines[:-1]
+        if not encoding.startswith("utf-16"):
+            tail = _last_lines(path, encoding)
+    last = [line for line in tail[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
+    return lines, last[-_SAMPLED:]
 
 
 def encoding_of(path: Path) -> tuple[str, bool]:
@@ -162,49 +192,36 @@ def split(line: str, separator: str | None, *, comma: bool) -> list[str]:
     return [with_point(cell) for cell in cells] if comma else cells
 
 
-def _columns(path: Path, layout: Layout) -> Columns:
-    frame, notes = _read(path, layout)
-    columns = Columns()
-    columns.notes += notes
-    words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
-    used = _read(path, layout, words, str)[0].map(_content) if words else frame
-    aside = _without_numbers(frame, used, words)
-    if aside is not None and aside.any():
-        example = next((cell for cell in used[aside].to_numpy().ravel() if cell), "")[:40]
-        is_remark = all(str(cell).startswith(COMMENTS) for cell in used.loc[aside, words[0]])
-        what = "remarks" if is_remark else "rows without a number"
-        if not is_remark or example:
-            columns.notes.append(f"{int(aside.sum())} {what} left out, the first {example!r}")
-        frame, used = frame[~aside], used[~aside]
-    for k, name in enumerate(layout.names):
-        add_column(columns, name, used[k] if k in words else frame[k])
-    return columns
-
-
 def _content(cell: object) -> str | None:
     return cell.strip().strip('"').strip() if isinstance(cell, str) else None
 
 
-def _without_numbers(frame: pd.DataFrame, texts: pd.DataFrame, words: Sequence[int]) -> pd.Series | None:
-    """Rows in which no cell is a number, of a table some of whose columns hold words; else None."""
-    if not words:
-        return None
-    numeric = frame.columns.difference(list(words))
-    has_numbers = frame[numeric].notna().any(axis=1)
-    rest = texts[~has_numbers]
-    aside = pd.Series(False, index=frame.index)
-    aside[rest.index] = ~rest.map(_starts_as_number).any(axis=1)
-    return aside
+def _rows_without_numbers(frame: pd.DataFrame, texts: pd.DataFrame) -> pd.Series:
+    """Rows in which no cell is a number; `texts` are the columns that hold words."""
+    no_number = frame[frame.columns.difference(texts.columns)].isna().all(axis=1)
+    rest = texts[no_number]
+    no_number[rest.index] = ~rest.map(_starts_as_number).any(axis=1)
+    return no_number
 
 
 def _starts_as_number(cell: object) -> bool:
     return isinstance(cell, str) and re.match(r"[-+−]?[.,]?\d", cell) is not None
 
 
-def _read(
-    path: Path, layout: Layout, columns: list[int] | None = None, dtype: type[str] | None = None
-) -> tuple[pd.DataFrame, list[str]]:
-    """Cells below the header, and notes on lines that have too many."""
+def _note_on(rows: pd.DataFrame) -> list[str]:
+    """What is left out with rows of words; nothing of blank remarks."""
+    if rows.empty:
+        return []
+    example = next((cell for cell in rows.to_numpy().ravel() if cell), "")[:40]
+    is_remark = all(str(cell).startswith(COMMENTS) for cell in rows.iloc[:, 0])
+    if is_remark and not example:
+        return []
+    what = "remarks" if is_remark else "rows without a number"
+    return [f"{len(rows)} {what} left out, the first {example!r}"]
+
+
+def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, list[int]]:
+    """Cells below the header, and the numbers of lines that have too many."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         frame = pd.read_csv(
@@ -214,20 +231,17 @@ def _read(
             header=None,
             names=range(len(layout.names)),
             index_col=False,
-            usecols=columns,
-            dtype=dtype,
             skiprows=layout.skipped,
             encoding=layout.encoding,
             encoding_errors="replace",
             skipinitialspace=True,
             on_bad_lines="warn",
+            **chosen,
         )
-    lines = [
+    too_long = [
         int(number)
         for warning in caught
         if issubclass(warning.category, pd.errors.ParserWarning)
         for number in re.findall(r"line (\d+)", str(warning.message))
     ]
-    if not lines or columns is not None:
-        return frame, []
-    return frame, [f"{len(lines)} lines with more cells than columns left out, the first is {min(lines)}"]
+    return frame, too_long
