@@ -183,3 +183,28 @@ def test_the_house_is_small_enough_to_know() -> None:
     """Folder names say where things are; a reader keeps this many in mind."""
     assert len([path for path in PACKAGE.iterdir() if (path / "__init__.py").exists()]) <= 16
     assert len([*PACKAGE.glob("*.py")]) <= 8
+
+
+NAMED_TUPLES = {"_replace", "_fields", "_asdict"}
+"""Public names of named tuples that begin with an underscore."""
+
+
+def test_tests_enter_by_public_names() -> None:
+    """What is worth a test of its own is worth a public name; a test of the inside holds it fast."""
+    private = []
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tendonrepro"):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                names = [] if node.value.id in {"self", "cls", "os"} else [node.attr]
+            elif isinstance(node, ast.Constant) and str(node.value).startswith("tendonrepro."):
+                names = str(node.value).split(".")
+            else:
+                continue
+            private += [
+                f"{path.name}:{node.lineno} {name}"
+                for name in names
+                if name.startswith("_") and not name.startswith(("__", "_repr_")) and name not in NAMED_TUPLES
+            ]
+    assert private == []

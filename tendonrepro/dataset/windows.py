@@ -128,7 +128,7 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
     tried = tried or [Tried("whole", False, {}, ())]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
     most = max(len(way_tried.agree) for way_tried in tried)
-    chance = min(1.0, len(tried) * _tail(paper, tried[0].sizes, most))
+    chance = min(1.0, len(tried) * chance_of_at_least(paper, tried[0].sizes, most))
     return PrintedTables(tuple(tried), left_out, chance)
 
 
@@ -186,7 +186,7 @@ def _tried(
     return Tried(window, removed, sizes, tuple(agree))
 
 
-def _tail(paper: Published, identifiers: Mapping[str, float], least: int) -> float:
+def chance_of_at_least(paper: Published, identifiers: Mapping[str, float], least: int) -> float:
     """Chance of at least so many agreements among independent errors."""
     counts = np.ones(1)
     for identifier in identifiers:

@@ -169,9 +169,9 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
-        half=_half(left_out),
-        position_gain=float(_position_gain(parameters, hypothesis)),
-        position_gain_half=float(_half(_position_gain(left_out, hypothesis))),
+        half=jackknife_half_width(left_out),
+        position_gain=float(position_gain_of(parameters, hypothesis)),
+        position_gain_half=float(jackknife_half_width(position_gain_of(left_out, hypothesis))),
         residual=_held_out_error(log, joint, hypothesis, _by_parameters),
         step=float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2))),
         information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
@@ -182,12 +182,12 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     )
 
 
-def _half(left_out: Array) -> Array:
+def jackknife_half_width(left_out: Array) -> Array:
     """Half the 90 % interval by the jackknife, from values with one group left out each."""
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
-def _position_gain(parameters: Array, hypothesis: Hypothesis) -> Array:
+def position_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
     """Gain of the error over the published one; parameters are the last axis."""
     return _error_gain(parameters, hypothesis) / published_position_gain(hypothesis)
 

@@ -66,7 +66,7 @@ def predictions(
             errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
             stable = []
             for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
-                loops = [*_loops(loaded, plants, rows, reading)]
+                loops = [*loops_of_plants(loaded, plants, rows, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads, device=device)
                 count = len(base) + len(experiments)
@@ -75,10 +75,10 @@ def predictions(
                 stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
                 progress(len(rows))
             sizes = {name: np.concatenate(parts) for name, parts in errors.items()}
-            yield from _ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
+            yield from error_ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
 
 
-def _loops(
+def loops_of_plants(
     loaded: LoadedEnsemble, plants: Box | AroundArm, values: Array, reading: Reading
 ) -> Iterator[Loop]:
     """Loops of plants (N, P) under a reading, plant by plant: those of `RUNS`, then of experiments."""
@@ -102,7 +102,7 @@ def _loops(
         yield from (experiment.change(loops, readings) for experiment in experiments)
 
 
-def _ratios(
+def error_ratios(
     experiments: Sequence[BenchExperiment],
     base: Sequence[str],
     errors: Mapping[str, Array],

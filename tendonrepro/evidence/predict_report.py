@@ -83,7 +83,7 @@ def predict_outcome(
     where = around.told if around else ""
     on = f"{draws} plants {where}".strip()
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
-    return Outcome(data, _tables(predicted, gaps, never, on, experiments_run), figures)
+    return Outcome(data, prediction_tables(predicted, gaps, never, on, experiments_run), figures)
 
 
 def _chosen(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
@@ -98,13 +98,14 @@ def default_readings_on(loaded: LoadedEnsemble) -> str:
     return ",".join(name for name in READINGS.split(",") if not draws_rows(parse_reading(name)))
 
 
-def _tables(
+def prediction_tables(
     predicted: Sequence[Prediction],
     gaps: Mapping[str, Gaps],
     never: Sequence[Sequence[str]],
     on: str,
     experiments: Sequence[BenchExperiment],
 ) -> list[Table | str]:
+    """Tables of experiments, of pairs that none tells apart, and of ratios; before them what is too few."""
     told = told_apart(gaps)
     telling = sorted(experiments, key=lambda experiment: -max(told[experiment.name].values(), default=0.0))
     rows = []

@@ -30,7 +30,7 @@ def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> Popu
     readings = [reading_summary(data, name) for name in data.readings]
     for reading in readings:
         name = reading["name"]
-        ratio = arm.slow_ratio(name) if arm else _slow_ratio(data, name)
+        ratio = arm.slow_ratio(name) if arm else slow_ratio(data, name)
         joints = (f"joint_{joint}" for joint in data.joints)
         reading["theory"] = dict(zip(joints, ratio.tolist(), strict=True))
     laws = {
@@ -46,7 +46,7 @@ def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> Popu
     return {**population, "pairs": [*pair_rows(data)]} if data.around else population
 
 
-def _slow_ratio(data: EnsembleData, name: str) -> Array:
+def slow_ratio(data: EnsembleData, name: str) -> Array:
     """Ratio C1/C2 of slowly changing errors (n,), docs/theory.md; NaN where a drawn number enters."""
     settings = dict(parse_reading(name).settings)
     applied, drawn = settings.get("stored_torque") == "applied", settings.get("hardware") == "drawn"

@@ -226,7 +226,7 @@ class TuningTask:
         for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
             best_seen.setdefault((*key[:3], name), []).append(best(seen, cap))
         kept = [*self._best(best_seen, plants.alpha.size), *_published_rows(plants)]
-        return {"draw": number, "rows": _measured(plants, kept), "lost": [*_lost(best_seen)]}
+        return {"draw": number, "rows": _measured(plants, kept), "lost": [*lost_to_special_case(best_seen)]}
 
     def _best(self, best_seen: BestSeen, n: int) -> Iterator[TunedRow]:
         for (name, knows, filtered, cap), own in best_seen.items():
@@ -267,7 +267,7 @@ def _measured(plants: TrialPlants, rows: Sequence[TunedRow]) -> list[TunedRow]:
     return [*rows]
 
 
-def _lost(best_seen: BestSeen) -> Iterator[TunedRow]:
+def lost_to_special_case(best_seen: BestSeen) -> Iterator[TunedRow]:
     """Yield where a law does worse than its own special case: a failure of the search."""
     errors = {key: min(place.error if place else np.inf for place in own) for key, own in best_seen.items()}
     for equal, (key, special) in product(EQUIVALENCES, errors.items()):

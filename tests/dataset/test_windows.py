@@ -8,7 +8,15 @@ from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace, prin
 from support.synthetic import PERIOD, make_compare_file
 
 from tendonrepro.configuration.published import published
-from tendonrepro.dataset.windows import NUMBERS, PrintedTables, Timing, Tried, _tail, spans, try_windows
+from tendonrepro.dataset.windows import (
+    NUMBERS,
+    PrintedTables,
+    Timing,
+    Tried,
+    chance_of_at_least,
+    spans,
+    try_windows,
+)
 
 TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
@@ -79,7 +87,9 @@ class TestWindows:
         found = try_windows(
             replace(whole, runs={"controller_2": whole.runs["controller_2"]}), published(), TIMING
         )
-        assert found.chance == pytest.approx(len(found.tried) * _tail(published(), found.tried[0].sizes, 4))
+        assert found.chance == pytest.approx(
+            len(found.tried) * chance_of_at_least(published(), found.tried[0].sizes, 4)
+        )
         nothing = try_windows(replace(whole, runs={}), published(), {})
         assert (nothing.winner, nothing.window) == (None, None)
 
@@ -100,6 +110,6 @@ def test_the_chance_of_agreement_is_that_of_independent_numbers():
     # 0.375 and 0.292 printed to 0.001: shares of a fifth of each are 1/75 and 5/292.
     names = dict.fromkeys(("table2.controller_2.rmse.joint_2", "table2.controller_2.rmse.joint_3"), 0.0)
     one, other = 1.0 / 75.0, 5.0 / 292.0
-    assert _tail(published(), names, 0) == pytest.approx(1.0)
-    assert _tail(published(), names, 1) == pytest.approx(one + other - one * other)
-    assert _tail(published(), names, 2) == pytest.approx(one * other)
+    assert chance_of_at_least(published(), names, 0) == pytest.approx(1.0)
+    assert chance_of_at_least(published(), names, 1) == pytest.approx(one + other - one * other)
+    assert chance_of_at_least(published(), names, 2) == pytest.approx(one * other)

@@ -120,7 +120,7 @@ def test_loops_of_a_plant_are_those_of_its_configuration() -> None:
     slower = under(parse_reading("sampling_period=2ms"), config, {})
     expected = dict(build_loops(config, LOADED.base.folder))
     expected[DOUBLED_PERIOD] = dict(build_loops(slower, LOADED.base.folder))[FIRST]
-    given = [*predict._loops(LOADED, BOX, row, reading)]
+    given = [*predict.loops_of_plants(LOADED, BOX, row, reading)]
     assert len(given) == len(RUNS) + len(EXPERIMENTS)
     names = [one.name for one in EXPERIMENTS]
     shown = [
@@ -138,7 +138,7 @@ def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.Mon
     errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
     errors["mae_settled"][:, 4] = 3.0
     monkeypatch.setattr(bench_runs, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
-    found = predict._ratios(
+    found = predict.error_ratios(
         bench_runs.EXPERIMENTS, RUNS, errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3)
     )
     assert [row.median for row in found] == [1.5, 1.5]
@@ -177,7 +177,7 @@ def test_too_few_plants_are_dashes_and_no_findings() -> None:
         for reading in ("a", "b")
         for joint in (2, 3)
     ]
-    _, experiments, untold, _ = predict_report._tables(
+    _, experiments, untold, _ = predict_report.prediction_tables(
         found, gaps_between(found, ["a", "b"]), [], "20 plants", EXPERIMENTS
     )
     for table in (experiments, untold):

@@ -336,11 +336,11 @@ def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
 
 
 def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
-    found = fit._position_gain(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
+    found = fit.position_gain_of(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
     assert found == pytest.approx(2.0)
     values = np.random.default_rng(1).normal(size=16)
     left_out = np.array([np.delete(values, k).mean() for k in range(16)])
-    assert fit._half(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)
+    assert fit.jackknife_half_width(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)
 
 
 @pytest.mark.slow

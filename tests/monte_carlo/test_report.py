@@ -9,7 +9,7 @@ import pytest
 from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, ensemble, random_errors, whole
 
 from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures
-from tendonrepro.monte_carlo.report import _slow_ratio, ensemble_tables, population_summary
+from tendonrepro.monte_carlo.report import ensemble_tables, population_summary, slow_ratio
 from tendonrepro.monte_carlo.shares import printed_ratios
 
 
@@ -32,7 +32,7 @@ def test_theory_follows_the_weights(mixed):
 def test_theory_knows_what_makes_the_estimate_older(mixed, reading, joint_2):
     """Against the age that the law itself says, see tests/explain."""
     mixed = SimpleNamespace(joints=mixed.joints, alpha=mixed.alpha)
-    assert _slow_ratio(mixed, reading)[0] == pytest.approx(joint_2, nan_ok=True)
+    assert slow_ratio(mixed, reading)[0] == pytest.approx(joint_2, nan_ok=True)
 
 
 def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):

@@ -15,7 +15,7 @@ from tendonrepro.physics.control import Surface
 from tendonrepro.tuning import search
 from tendonrepro.tuning.bench import Candidate, Performance, TrialPlants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, _lost, best, costs
+from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, best, costs, lost_to_special_case
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -92,6 +92,6 @@ def test_a_law_behind_its_own_special_case_is_told() -> None:
 
     case = ("none", False, "none")
     found = {("tsm", *case): [seen(0.0), seen(1.0)], ("ntsm", *case): [None, seen(0.5)]}
-    (row,) = _lost(found)
+    (row,) = lost_to_special_case(found)
     assert (row["law"], row["to"]) == ("ntsm", "tsm")
-    assert not list(_lost(found | {("ntsm", *case): [seen(0.5), seen(-0.1)]}))
+    assert not list(lost_to_special_case(found | {("ntsm", *case): [seen(0.5), seen(-0.1)]}))
