@@ -232,10 +232,10 @@ def _of_row(cells: Mapping[str, str], loaded: LoadedEnsemble, where: str) -> Ite
         if cells["metric"] not in METRICS:
             message = f"metric: must be mae or rmse, found {cells['metric']!r}"
             raise UsageError(message, where=where, hint="delete rows of other metrics")
-        found = {cells["metric"]: cells.get("value_deg", "") or "nothing"}
+        texts = {cells["metric"]: cells.get("value_deg", "") or "nothing"}
     else:
-        found = {metric: text for metric in METRICS if (text := cells.get(f"{metric}_deg", ""))}
-    for metric, text in found.items():
+        texts = {metric: text for metric in METRICS if (text := cells.get(f"{metric}_deg", ""))}
+    for metric, text in texts.items():
         value = _positive(text, "value_deg" if "metric" in cells else f"{metric}_deg", where)
         half = cells.get("half_deg")
         error = float(_positive(half, "half_deg", where)) if half else _half_unit(value)

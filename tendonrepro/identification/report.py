@@ -60,7 +60,7 @@ def outcome(
     best = nearest_search(searches)
     answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
     data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
-    scalars = [{k: v for k, v in held.items() if not isinstance(v, list)} for held in searches]
+    scalars = [{k: v for k, v in answer.items() if not isinstance(v, list)} for answer in searches]
     ratio = f"log(ours/{goal.word})"
     caption = f"Best plant under each reading; misfit as root mean square of {ratio}."
     title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
@@ -69,10 +69,10 @@ def outcome(
         "\n".join(answers),
         Table("identify_readings", caption, scalars, terminal=_OF_READINGS),
         Table("identify_best", title, best["numbers"], terminal=numbers),
-        _gathered("numbers", {held["name"]: held["numbers"] for held in searches}, goal),
-        _gathered("best_shape", {held["name"]: held["best_shape"] for held in searches}, goal),
-        _gathered("parameters", {held["name"]: held["parameters"] for held in searches}, goal),
-        _gathered("known", {held["name"]: held["known"] for held in searches}, goal),
+        _gathered("numbers", {answer["name"]: answer["numbers"] for answer in searches}, goal),
+        _gathered("best_shape", {answer["name"]: answer["best_shape"] for answer in searches}, goal),
+        _gathered("parameters", {answer["name"]: answer["parameters"] for answer in searches}, goal),
+        _gathered("known", {answer["name"]: answer["known"] for answer in searches}, goal),
         "\n".join(open_ends),
         f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
@@ -210,13 +210,13 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
     ``of_range`` is how much of its range they take up. More rows than numbers determine none of them, and
     where the best does not fit there is nothing to be known.
     """
-    values, rows = box.values(units), np.flatnonzero(box.free).tolist()
-    alone, found = bool((units == units[0]).all()), list[KnownRow]()
-    for p in rows:
+    values, searched = box.values(units), np.flatnonzero(box.free).tolist()
+    alone, rows = bool((units == units[0]).all()), list[KnownRow]()
+    for p in searched:
         words, ends = box.words[p], (float(values[:, p].min()), float(values[:, p].max()))
         # Of a choice two words are all there is to say.
         share = float(ends[0] < ends[1] if box.choices[p].size else np.ptp(units[:, p]))
-        if len(rows) > numbers:
+        if len(searched) > numbers:
             why = "more parameters than numbers"
         elif not fits:
             why = "no plant fits"
@@ -225,7 +225,7 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
         else:
             why = f"spread over {share:.0%} of its range" if share > WIDE else ""
         best, low, high = (words[int(x)] if words else float(x) for x in (values[0, p], *ends))
-        found.append(
+        rows.append(
             {
                 "name": box.names[p],
                 "unit": box.units[p],
@@ -237,7 +237,7 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
                 "known": f"not determined: {why}" if why else "yes",
             }
         )
-    return found
+    return rows
 
 
 def parameter_rows(box: Box, units: Array) -> list[ParameterRow]:
@@ -251,7 +251,7 @@ def parameter_rows(box: Box, units: Array) -> list[ParameterRow]:
     rows: list[ParameterRow] = []
     for p, name in enumerate(box.names):
         is_choice, words = box.choices[p].size > 0, box.words[p]
-        found = [words[int(value)] if words else float(value) for value in values[:, p]]
+        plants = [words[int(value)] if words else float(value) for value in values[:, p]]
         can_lean = box.free[p] and not is_choice and name not in idle
         rows.append(
             {
@@ -261,9 +261,9 @@ def parameter_rows(box: Box, units: Array) -> list[ParameterRow]:
                 "high": float(box.high[p]),
                 "searched": bool(box.free[p]),
                 "choice": is_choice,
-                "best": found[0],
+                "best": plants[0],
                 "at_bound": _bound(best[p]) if can_lean else None,
-                "plants": found,
+                "plants": plants,
             }
         )
     return rows

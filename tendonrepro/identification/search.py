@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
@@ -116,8 +117,8 @@ class SearchPoints:
             raise _UsedUp
         asked = slice(self.count, self.count + len(points))
         if not np.array_equal(self._table[asked, : self._width], points):
-            found = np.column_stack([points, *self._misfit(points)])
-            self._table = np.concatenate([self._table[: self.count], found]) if self.count else found
+            looked_at = np.column_stack([points, *self._misfit(points)])
+            self._table = np.concatenate([self._table[: self.count], looked_at]) if self.count else looked_at
             with atomic_path(self._path) as temporary:
                 np.save(temporary, self._table)
         self.count += len(points)
@@ -168,18 +169,18 @@ def search(
                 _descend(_settled(start, rows, smooth, look, effort, generator), smooth, look)
         best.append(look.best())
         looks.append(look)
-    closest = min(best, key=lambda held: held[0])
+    closest = min(best, key=itemgetter(0))
     look = plants("best")
     if known is not None:
         look(known[np.newaxis])
-        closest = min(closest, look.best(), key=lambda held: held[0])
+        closest = min(closest, look.best(), key=itemgetter(0))
     with suppress(_UsedUp):
         _descend(closest[1], smooth, look)
     if look.count:
-        closest = min(closest, look.best(), key=lambda held: held[0])
+        closest = min(closest, look.best(), key=itemgetter(0))
         looks.append(look)
     misfits, points = (np.array(column) for column in zip(*best, strict=True))
-    seen, seen_misfits = (np.concatenate(parts) for parts in zip(*(one.seen for one in looks), strict=True))
+    seen, seen_misfits = (np.concatenate(parts) for parts in zip(*(look.seen for look in looks), strict=True))
     return SearchResult(closest[1], closest[0], points, misfits, seen, seen_misfits)
 
 
@@ -219,11 +220,11 @@ def _descend(start: Array, smooth: Rows, look: SearchPoints) -> None:
     from scipy.optimize import least_squares
 
     def at(values: Array) -> Array:
-        found = look(_moved(start, smooth, values))
+        evaluated = look(_moved(start, smooth, values))
         # The misfit of a plant that ends badly is more than its residuals say.
-        size = np.sqrt(np.mean(found.residuals**2, axis=1))
-        worse = np.maximum(found.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
-        return np.asarray(found.residuals * worse[:, np.newaxis])
+        size = np.sqrt(np.mean(evaluated.residuals**2, axis=1))
+        worse = np.maximum(evaluated.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
+        return np.asarray(evaluated.residuals * worse[:, np.newaxis])
 
     def residuals(values: Array) -> Array:
         return np.asarray(at(values[np.newaxis])[0])

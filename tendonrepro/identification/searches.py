@@ -238,8 +238,8 @@ def _from_draws(task: IdentificationTask, folder: Path) -> IdentificationTask:
     _check_same_ranges(ensemble, task.bench.box, folder)
     window = task.bench.window
     begins = {
-        case.name: nearest_draw(ensemble, task.goal.sought, held.name, window).values
-        for case, (held, *_) in task.cases().items()
+        case.name: nearest_draw(ensemble, task.goal.sought, reading.name, window).values
+        for case, (reading, *_) in task.cases().items()
     }
     return replace(task, begins=begins, draws_of=ensemble.identity)
 
@@ -337,7 +337,9 @@ def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
         return every
     # Of a list those that draw from the ranges of the paper's arm are left out; one by name is refused.
     listed = readings in ("default", "shown")
-    return readings_around(loaded, ",".join(one.name for one in every if not (listed and draws_rows(one))))
+    return readings_around(
+        loaded, ",".join(reading.name for reading in every if not (listed and draws_rows(reading)))
+    )
 
 
 def check_at_least_one(**options: int) -> None:
@@ -388,7 +390,7 @@ def _searched(
         rows, known = rows_that_explain(box, plants(start, sys.maxsize, "rows"), task.unknowns)
     bench = start.searching(rows)
     starts = [bench.space.points(task.seed, k, effort.population) for k in range(effort.seeds)]
-    found = search(
+    result = search(
         np.where(rows, np.stack(starts), held_unit(box)),
         rows,
         rows & [choices.size == 0 for choices in box.choices],
@@ -397,7 +399,7 @@ def _searched(
         task.seed,
         known,
     )
-    return {held.name: _reading_data(task, bench, case, held, found) for held in readings}
+    return {reading.name: _reading_data(task, bench, case, reading, result) for reading in readings}
 
 
 def _named_rows(text: str, box: Box) -> tuple[str, ...]:

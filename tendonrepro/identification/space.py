@@ -132,12 +132,12 @@ class ArmSpace:
         for key in dict.fromkeys(factor.key for factor in factors):
             moving = (key, *_FOLLOWS.get(key, ()))
             searched = [factor for factor in factors if factor.key in moving and factor.name in rows]
-            held = section(tree, "manipulator", *key.split("."))
-            held["source"] = own = section(self.base.tree, "manipulator", *key.split("."))["source"]
+            value = section(tree, "manipulator", *key.split("."))
+            value["source"] = own = section(self.base.tree, "manipulator", *key.split("."))["source"]
             if searched:
                 all_joints = key not in PER_JOINT or len({factor.joint for factor in searched}) == joints
                 others = "" if all_joints else f"; the others {own}"
-                held["source"] = f"{source}, {', '.join(factor.name for factor in searched)}{others}"
+                value["source"] = f"{source}, {', '.join(factor.name for factor in searched)}{others}"
         if tree["reference"]["kind"] == "sampled":
             # The file that names it now lies elsewhere.
             tree["reference"]["file"] = str((self.base.folder / tree["reference"]["file"]).resolve())
@@ -158,18 +158,18 @@ def space_of(loaded: LoadedEnsemble) -> Space:
 def _box_around(arm: AroundArm) -> Box:
     """The factors as a box; free are those that can vary, and have something to act on."""
     factors, count = arm.factors, len(arm.factors)
-    low, high = (np.array(ends) for ends in zip(*((one.low, one.high) for one in factors), strict=True))
+    low, high = np.array([(factor.low, factor.high) for factor in factors]).T
     return Box(
         names=arm.names,
         units=("1",) * count,
         low=low,
         nominal=np.clip(1.0, low, high),
         high=high,
-        scale=tuple("log" if one.log else "linear" for one in factors),
+        scale=tuple("log" if factor.log else "linear" for factor in factors),
         confidence=("",) * count,
         choices=(np.empty(0),) * count,
         words=((),) * count,
-        free=(low < high) & [_acts(arm, one) for one in factors],
+        free=(low < high) & [_acts(arm, factor) for factor in factors],
         shortest_run=0.0,
     )
 

@@ -7,6 +7,7 @@ asks which one explains most of what is still missing, together with those chose
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -144,10 +145,10 @@ def _step(box: Box, moves: _Moves, place: _Place, chosen: list[int], row: int) -
     if not box.choices[row].size:
         return _fitted(moves, ranges, place.residuals, place.point)
     # A choice: each other word by what the ranges chosen before can make of it.
-    found = [
+    fits = [
         _fitted(moves, ranges, moves.residuals[k], moves.points[k]) for k in np.flatnonzero(moves.rows == row)
     ]
-    return min(found, key=lambda held: held[0]) if found else (np.inf, place.point)
+    return min(fits, key=itemgetter(0)) if fits else (np.inf, place.point)
 
 
 def _fitted(moves: _Moves, rows: list[int], residuals: Array, point: Array) -> tuple[float, Array]:
