@@ -159,12 +159,20 @@ def test_public_functions_say_what_they_take_and_give() -> None:
             assert function.name.startswith("_") or "Any" not in names, f"{file}: {function.name}"
 
 
-def test_parameters_are_called_by_what_they_are() -> None:
+FEW_LINES = 8
+"""Of a function in which a reader sees at once what a word that fits anything stands for."""
+
+
+def test_parameters_and_variables_are_called_by_what_they_are() -> None:
     """Not by words that fit anything."""
     for file in INNER:
         functions = [node for node in ast.walk(tree_of(file)) if isinstance(node, ast.FunctionDef)]
         for function in functions if room_of(file) not in UNTYPED else ():
             names = {node.arg for node in ast.walk(function.args) if isinstance(node, ast.arg)}
+            assert function.end_lineno is not None
+            if function.end_lineno - function.lineno > FEW_LINES:
+                stored = (node for node in ast.walk(function) if isinstance(node, ast.Name))
+                names |= {node.id for node in stored if isinstance(node.ctx, ast.Store)}
             assert not names & {"found", "held", "one"}, f"{file}: {function.name}"
 
 
