@@ -1,249 +1,41 @@
-"""Take stored results over from a reports folder, and write from them what docs are made of.
+"""Write from the stored results what docs are made of: ``python docs/generate.py [REPORTS]``.
 
-``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``: it writes ``docs/results``, the made
-parts of findings.md and tables.md, and the pictures of findings.md. Without results it makes the pages again.
+``make findings`` runs it after ``tendonrepro ensemble`` and ``tendonrepro claims``. With a folder of reports it takes over
+their results first. It writes the made parts of README, findings.md and others, and the pictures of findings.md.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from given_tables import FOLDS, NOISE, SURE, given_tables
+from harvest import take
 from pages import fresh, table
+from stored_results import DOCS, nearest, stored
 
-from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.models.box import WORDS
-from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, CHANGED, GROUPS, KEPT, SHOWN, STEPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.nearest import nearest_draw
-from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
-from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.monte_carlo.summary import RankingShares, ErrorRatio, in_all_errors, median
-from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
-from tendonrepro.reporting.shown_keys import thinned
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts.ledger import read_ledger
 from tendonrepro.verdicts.verdict import Verdict
 
-DOCS = Path(__file__).parent
-RESULTS = DOCS / "results"
 README = DOCS.parent / "README.md"
 PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
-CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
 Column = Callable[[Any], str]
-
-
-# ---- from reports to docs/results --------------------------------------------------------------------------
-
-
-def take(reports: Path) -> None:
-    """Take results over from a reports folder."""
-    RESULTS.mkdir(exist_ok=True)
-    ledger = read(reports / "claims" / "claims.json")
-    if (ledger.get("ensemble") or {}).get("source") != "local":
-        sys.exit("these verdicts are the shipped ones; run tendonrepro claims again, beside the ensemble")
-    summary = read(reports / "ensemble" / "summary.json")
-    if read(reports / "claims" / "manifest.json").get("ensemble") != [summary["identity"], summary["draws"]]:
-        sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
-    store("ensemble.json", thinned(summary))
-    ensemble = read_ensemble(reports / "ensemble")
-    write("sample.json", sample_of(ensemble))
-    store("given.json", given_record(ensemble, summary["draws"]))
-    store("draws.json", nearest_draws(ensemble))
-    store("claims.json", ledger)
-    decides = read(reports / "claims" / "decides.json")
-    store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
-    if (reports / "compare").exists():
-        for name in ("fig14", "samples"):
-            shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
-    for folder in sorted(reports.glob("identify_all*")):
-        take_closest(folder)
-    if (reports / "closest").exists():
-        if read(reports / "closest" / "manifest.json")["config"]["sha256"] != load_config("closest", "compare").sha256:
-            sys.exit("reports/closest is of another plant; run tendonrepro compare --config closest --out reports/closest "
-                     "--force, and make findings again")
-        table2 = pd.read_csv(reports / "closest" / "tables" / "table2.csv")
-        store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
-    if (reports / "predict").exists():
-        store("predict_starts.json", read(reports / "predict" / "predict.json"))
-    if (reports / "tune").exists():
-        found = read(reports / "tune" / "tune.json")
-        kept = {key: value for key, value in found.items() if key != "by_plant"}
-        store("tune.json", kept | {"tuned_over_published": tuned_over_published(found["by_plant"])})
-
-
-def tuned_over_published(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """Controller 2 tuned, over itself as published on the same arm: median error and roughness, by cap."""
-    plain = [row for row in rows if row["stable"] and not row["filtered"] and row["knows"] == "none" and "alpha" not in row]
-    published = {row["draw"]: row for row in plain if row["law"] == "controller_2"}
-    found = {}
-    for cap in ("none", "1/3"):
-        pairs = [(row, published[row["draw"]]) for row in plain
-                 if (row["law"], row["cap"]) == ("ntsm", cap) and row["draw"] in published]
-        found[cap] = {key: float(np.median([ours[key] / theirs[key] for ours, theirs in pairs]))
-                      for key in ("error", "roughness")}
-    return found
-
-
-SAMPLED = "encoder=ideal"
-"""Interpretation of the sample: without encoder steps a run is not chaotic, so any machine gives its numbers."""
-SAMPLE = 32
-"""Plants of the sample, a second or two of work."""
-
-
-def sample_of(ensemble: EnsembleData) -> dict[str, Any]:
-    """First plants of an ensemble as drawn, to the last digit, and how each run ended: a test makes them again.
-
-    Random noise depends on every row of the ranges, also on later ones. So plants with noise are left out.
-    """
-    of_row = dict(zip(ensemble.names, ensemble.draws.T, strict=True))
-    noisy = (of_row["torque_noise_acts"] > 0.0) | (of_row["disturbance"] == WORDS["disturbance"].index("noise"))
-    chosen = np.flatnonzero(~noisy)[:SAMPLE]
-
-    def run_of(name: str) -> dict[str, Any]:
-        status = [STATUSES[code] for code in ensemble.status(name, SAMPLED)[chosen]]
-        sizes = {key: rounded(ensemble.statistic(name, SAMPLED, key)[chosen].tolist()) for key in ("mae", "rmse")}
-        return {"status": status, **sizes}
-
-    return {
-        "reading": SAMPLED,
-        "draws": {name: values[chosen].tolist() for name, values in of_row.items()},
-        "runs": {name: run_of(name) for name in RUNS},
-    }
-
-
-def given_record(ensemble: EnsembleData, draws: int) -> dict[str, Any]:
-    """How probable each interpretation shown is, given Tables 2 and 3, as plain values."""
-    found = given_tables(ensemble, [name for name in SHOWN if name in ensemble.readings])
-    plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(found).items()}
-    return {"draws": draws, "noise": NOISE, "folds": FOLDS, "sure_from": SURE} | plain
-
-
-def nearest_draws(ensemble: EnsembleData) -> dict[str, Any]:
-    """How near the nearest draw of each interpretation shown comes to Tables 2 and 3, without any search."""
-    goal = printed_numbers(published(), ensemble.joints)
-    names = [name for name in SHOWN if name in ensemble.readings]
-    return {"draws": len(ensemble), "misfit_log": {name: nearest_draw(ensemble, goal, name).misfit for name in names}}
-
-
-BUDGET = ("generations", "population", "seeds", "evaluations", "unknowns", "rows", "ensemble_sha256")
-"""What searches have to share to stand in one table: their effort, and the arm and ranges that they began with."""
-
-
-def take_closest(folder: Path) -> None:
-    """Add what `tendonrepro identify --fit all` found to what is stored, and ship the closest plant.
-
-    It is the one that keeps every equation as published. Stored searches of another budget are left out; a smaller
-    budget than the stored one is refused.
-    """
-    found = read(folder / "identify.json")
-    found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
-    budget = {key: found[key] for key in BUDGET}
-    place = "draw" if "from_draws_of" in found else "arm"
-    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
-    fresh = [
-        {"physics_sha256": code_digest("physics"), "begun_at": place}
-        | {key: reading[key] for key in kept}
-        | {
-            "unknowns": len(reading["rows_searched"]),
-            "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
-            "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
-        }
-        for reading in found["readings"]
-    ]
-    before = stored("identify")
-    if found["evaluations"] < before.get("budget", budget)["evaluations"]:
-        sys.exit(f"the searches in {folder} are shorter than those that are stored; delete identify.json to start again")
-    earlier = [*before["readings"], *before.get("farther", [])]
-    if before.get("budget") != budget:
-        print(f"leaving out {len(earlier)} stored searches of another budget or arm", file=sys.stderr)
-        earlier = []
-    searches = {(search["name"], search["begun_at"]): search for search in (*earlier, *fresh)}
-    of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
-    store("identify.json", of_all | by_nearness(list(searches.values())))
-    best = nearest(stored("identify")["readings"], KEPT)
-    if best and (best["name"], best["begun_at"]) in {(search["name"], place) for search in fresh}:
-        text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
-        CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
-
-
-def by_nearness(searches: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
-    """The nearest search of each interpretation, and the others: a search begins at the arm, or at a draw."""
-    best: dict[str, Mapping[str, Any]] = {}
-    farther = []
-    for search in sorted(searches, key=lambda search: search["misfit_log"]):
-        if search["name"] in best:
-            farther.append(search)
-        else:
-            best[search["name"]] = search
-    return {"readings": list(best.values()), "farther": farther}
-
-
-def begun_at(place: str) -> Column:
-    """The misfit of the search of an interpretation that began at a place, if one did."""
-
-    def column(held: Mapping[str, Any]) -> str:
-        searches = [*stored("identify")["readings"], *stored("identify")["farther"]]
-        found = [search for search in searches if (search["name"], search["begun_at"]) == (held["name"], place)]
-        return off(found[0]["misfit_log"]) if found else ""
-
-    return column
-
-
-def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Mapping[str, Any] | None:
-    """The closest plant under some interpretations."""
-    held = [reading for reading in readings if reading["name"] in names]
-    return min(held, key=lambda reading: reading["misfit_log"], default=None)
-
-
-def read(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def stored(name: str) -> Any:
-    """Stored results."""
-    return read(RESULTS / f"{name}.json")
-
-
-def store(name: str, content: Any) -> None:
-    write(name, rounded(content))
-
-
-def write(name: str, content: Any) -> None:
-    text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-    (RESULTS / name).write_text(text, encoding="utf-8")
-
-
-def rounded(content: Any) -> Any:
-    """Six digits are more than any of these numbers is worth, and keep the file small."""
-    if isinstance(content, dict):
-        return {key: rounded(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [rounded(value) for value in content]
-    return float(f"{content:.6g}") if isinstance(content, float) else content
-
-
-# ---- from docs/results to pages ----------------------------------------------------------------------------
 
 
 def write_pages() -> None:
@@ -330,8 +122,6 @@ UNLIKE = 0.05
 
 def given_the_tables() -> str:
     """The answer, the probability of each interpretation, and how well such a naming does where the truth is known."""
-    if not (RESULTS / "given.json").exists():
-        return "The stored ensemble has not been asked yet."
     given = stored("given")
     probability = dict(zip(given["names"], given["probability"], strict=True))
     found = sorted(zip(given["names"], given["plants"], np.diag(given["confused"]), strict=True),
@@ -389,6 +179,17 @@ def verdict_on(given: Mapping[str, Any]) -> str:
             f"likely as our ranges have it. Plants of that group are named as of it on {percent(right)}."
         )
     return f"{told} {typical}"
+
+
+def begun_at(place: str) -> Column:
+    """The misfit of the search of an interpretation that began at a place, if one did."""
+
+    def column(held: Mapping[str, Any]) -> str:
+        searches = [*stored("identify")["readings"], *stored("identify")["farther"]]
+        found = [search for search in searches if (search["name"], search["begun_at"]) == (held["name"], place)]
+        return off(found[0]["misfit_log"]) if found else ""
+
+    return column
 
 
 def off(misfit: float) -> str:

@@ -1,4 +1,4 @@
-"""What `make findings` takes over from searches and an ensemble, and what it refuses."""
+"""What `make findings` takes over of searches and an ensemble, what it refuses, and what it then says."""
 
 import importlib
 import json
@@ -13,14 +13,21 @@ SHAPE = [{"joint": joint, "ours_order_mae": "1 < 2 < 3", "ours_order_rmse": "1 <
 
 
 @pytest.fixture
-def generate(tmp_path, monkeypatch):
-    """docs/generate.py, with stored results and the shipped plant in a scratch folder."""
+def harvest(tmp_path, monkeypatch):
+    """docs/harvest.py, with stored results and the shipped plant in a scratch folder."""
     monkeypatch.syspath_prepend(DOCS)
-    module = importlib.import_module("generate")
-    monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
+    module = importlib.import_module("harvest")
+    monkeypatch.setattr(importlib.import_module("stored_results"), "RESULTS", tmp_path / "results")
     monkeypatch.setattr(module, "CLOSEST", tmp_path / "closest.yaml")
     (tmp_path / "results").mkdir()
     return module
+
+
+@pytest.fixture
+def generate(monkeypatch):
+    """docs/generate.py, which makes the pages."""
+    monkeypatch.syspath_prepend(DOCS)
+    return importlib.import_module("generate")
 
 
 def searched(folder, misfits, **budget):
@@ -47,55 +54,55 @@ def searched(folder, misfits, **budget):
     return folder
 
 
-def names(generate):
-    return {held["name"] for held in generate.stored("identify")["readings"]}
+def names(harvest):
+    return {held["name"] for held in harvest.stored("identify")["readings"]}
 
 
-def test_searches_of_one_budget_add_up_and_the_closest_keeps_every_equation(generate, tmp_path):
+def test_searches_of_one_budget_add_up_and_the_closest_keeps_every_equation(harvest, tmp_path):
     (tmp_path / "results" / "identify.json").write_text('{"readings": [{"name": "old"}]}', encoding="utf-8")
     changed = "weights=extrapolating"
-    generate.take_closest(searched(tmp_path / "one", {"printed": 0.2, changed: 0.1}))
-    assert names(generate) == {"printed", changed}
-    assert "printed" in generate.CLOSEST.read_text(encoding="utf-8")
-    generate.take_closest(searched(tmp_path / "two", {"motion=ramp": 0.05}))
-    assert names(generate) == {"printed", changed, "motion=ramp"}
-    assert "motion=ramp" in generate.CLOSEST.read_text(encoding="utf-8")
+    harvest.take_closest(searched(tmp_path / "one", {"printed": 0.2, changed: 0.1}))
+    assert names(harvest) == {"printed", changed}
+    assert "printed" in harvest.CLOSEST.read_text(encoding="utf-8")
+    harvest.take_closest(searched(tmp_path / "two", {"motion=ramp": 0.05}))
+    assert names(harvest) == {"printed", changed, "motion=ramp"}
+    assert "motion=ramp" in harvest.CLOSEST.read_text(encoding="utf-8")
     # Shorter ones are no reason to lose those; longer ones replace them.
     with pytest.raises(SystemExit):
-        generate.take_closest(searched(tmp_path / "short", {"printed": 0.01}, evaluations=100))
-    generate.take_closest(searched(tmp_path / "long", {"printed": 0.15}, evaluations=30000))
-    assert names(generate) == {"printed"}
+        harvest.take_closest(searched(tmp_path / "short", {"printed": 0.01}, evaluations=100))
+    harvest.take_closest(searched(tmp_path / "long", {"printed": 0.15}, evaluations=30000))
+    assert names(harvest) == {"printed"}
 
 
-def test_of_two_beginnings_the_nearer_stands_in_the_table_and_ships(generate, tmp_path):
+def test_of_two_beginnings_the_nearer_stands_in_the_table_and_ships(harvest, tmp_path):
     (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
     from_draws = {"from_draws_of": "an ensemble"}
-    generate.take_closest(searched(tmp_path / "arm", {"printed": 0.9, "motion=ramp": 0.2}))
-    generate.take_closest(searched(tmp_path / "draw", {"printed": 0.1, "motion=ramp": 0.3}, **from_draws))
-    stored = generate.stored("identify")
+    harvest.take_closest(searched(tmp_path / "arm", {"printed": 0.9, "motion=ramp": 0.2}))
+    harvest.take_closest(searched(tmp_path / "draw", {"printed": 0.1, "motion=ramp": 0.3}, **from_draws))
+    stored = harvest.stored("identify")
     assert [(held["name"], held["misfit_log"], held["begun_at"]) for held in stored["readings"]] == [
         ("printed", 0.1, "draw"),
         ("motion=ramp", 0.2, "arm"),
     ]
     assert [held["misfit_log"] for held in stored["farther"]] == [0.3, 0.9]
-    assert "printed" in generate.CLOSEST.read_text(encoding="utf-8")
+    assert "printed" in harvest.CLOSEST.read_text(encoding="utf-8")
     # Taken over once more, nothing changes, and a farther search ships no plant.
-    generate.CLOSEST.write_text("kept", encoding="utf-8")
-    generate.take_closest(tmp_path / "arm")
-    assert generate.stored("identify") == stored
-    assert generate.CLOSEST.read_text(encoding="utf-8") == "kept"
+    harvest.CLOSEST.write_text("kept", encoding="utf-8")
+    harvest.take_closest(tmp_path / "arm")
+    assert harvest.stored("identify") == stored
+    assert harvest.CLOSEST.read_text(encoding="utf-8") == "kept"
 
 
 @pytest.mark.parametrize(("misfit", "rows"), [(0.1, 1), (0.0975, 2)])
 def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatter(
-    generate, tmp_path, misfit, rows
+    harvest, generate, tmp_path, misfit, rows
 ):
     """The standard deviation of two searches that end 0.002 apart is 0.0014."""
     (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
-    generate.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
+    harvest.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
     drawn = {"misfit_log": dict.fromkeys(("printed", "weights=extrapolating"), 0.2)}
     (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
-    text = generate.the_closest(generate.stored("identify"))
+    text = generate.the_closest(harvest.stored("identify"))
     cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
     assert len(cells) == rows
     assert "16,080" in text

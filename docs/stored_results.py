@@ -1,0 +1,48 @@
+"""The stored results of these pages: one JSON file each, below ``docs/results``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+RESULTS = DOCS / "results"
+
+
+def read(path: Path) -> Any:
+    """Content of a JSON file."""
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def stored(name: str) -> Any:
+    """Content of a stored result."""
+    return read(RESULTS / f"{name}.json")
+
+
+def store(name: str, content: Any) -> None:
+    """Store with six digits."""
+    write(name, rounded(content))
+
+
+def write(name: str, content: Any) -> None:
+    """Store to the last digit."""
+    RESULTS.mkdir(exist_ok=True)
+    text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    (RESULTS / name).write_text(text, encoding="utf-8")
+
+
+def rounded(content: Any) -> Any:
+    """Six digits are more than any of these numbers is worth, and keep the file small."""
+    if isinstance(content, dict):
+        return {key: rounded(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [rounded(value) for value in content]
+    return float(f"{content:.6g}") if isinstance(content, float) else content
+
+
+def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Mapping[str, Any] | None:
+    """The closest plant under some interpretations."""
+    held = [reading for reading in readings if reading["name"] in names]
+    return min(held, key=lambda reading: reading["misfit_log"], default=None)
