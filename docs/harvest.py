@@ -51,6 +51,8 @@ def take(reports: Path) -> None:
             shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
     for folder in sorted(reports.glob("identify_all*")):
         take_closest(folder)
+    if trials := sorted(reports.glob("trial_*")):
+        store("trials.json", [reading for folder in trials for reading in searches_of(folder)])
     if (reports / "closest").exists():
         if read(reports / "closest" / "manifest.json")["config"]["sha256"] != load_config("closest", "compare").sha256:
             sys.exit("reports/closest is of another plant; run tendonrepro compare --config closest --out reports/closest "
@@ -134,18 +136,7 @@ def take_closest(folder: Path) -> None:
     found = read(folder / "identify.json")
     found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
     budget = {key: found[key] for key in BUDGET}
-    place = "draw" if "from_draws_of" in found else "arm"
-    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
-    fresh = [
-        {"physics_sha256": code_digest("physics"), "begun_at": place}
-        | {key: reading[key] for key in kept}
-        | {
-            "unknowns": len(reading["rows_searched"]),
-            "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
-            "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
-        }
-        for reading in found["readings"]
-    ]
+    fresh = searches_of(folder)
     before = stored("identify")
     if found["evaluations"] < before.get("budget", budget)["evaluations"]:
         sys.exit(f"the searches in {folder} are shorter than those that are stored; delete identify.json to start again")
@@ -157,9 +148,26 @@ def take_closest(folder: Path) -> None:
     of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
     store("identify.json", of_all | by_nearness(list(searches.values())))
     best = nearest(stored("identify")["readings"], KEPT)
-    if best and (best["name"], best["begun_at"]) in {(search["name"], place) for search in fresh}:
+    if best and (best["name"], best["begun_at"]) in {(search["name"], search["begun_at"]) for search in fresh}:
         text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
         CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
+
+
+def searches_of(folder: Path) -> list[dict[str, Any]]:
+    """What is kept of each search in a folder of `tendonrepro identify`."""
+    found = read(folder / "identify.json")
+    place = "draw" if "from_draws_of" in found else "arm"
+    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
+    return [
+        {"physics_sha256": code_digest("physics"), "begun_at": place}
+        | {key: reading[key] for key in kept}
+        | {
+            "unknowns": len(reading["rows_searched"]),
+            "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
+            "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
+        }
+        for reading in found["readings"]
+    ]
 
 
 def by_nearness(searches: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
