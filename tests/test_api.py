@@ -248,10 +248,16 @@ def test_reproduce_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
         ("compare", {"laws": "no_such_file.py:law"}, "no_such_file.py"),
         ("compare", {"controllers": 9}, "9"),
         ("sweep", {"over": "no_such_key=1,2"}, "no_such_key"),
+        ("predict", {"readings": ["printed", "no_such=reading"]}, "no_such"),
+        ("identify", {"readings": ["no_such=reading"]}, "no_such"),
+        ("ensemble", {"readings": ("printed", "no_such=reading"), "draws": 64}, "no_such"),
+        ("tune", {"only": ["ntsm", "no_such_law"]}, "no_such_law"),
     ],
 )
-def test_one_of_several_needs_no_list(command: str, arguments: dict[str, Any], named: str) -> None:
-    """A text is not taken for a sequence of letters."""
+def test_one_of_several_needs_no_list_and_a_list_no_commas(
+    command: str, arguments: dict[str, Any], named: str
+) -> None:
+    """A text is not taken for a sequence of letters, nor a list of names for one odd name."""
     with pytest.raises(TendonreproError) as raised:
         getattr(tr, command)(**arguments)
     assert named in str(raised.value)

@@ -26,8 +26,8 @@ STYLES = tuple(zip(COLOURS, "os^Dos^Dv", strict=True))
 _LOWEST, _HIGHEST = 0.25, 4.0
 _TALLEST_MM, _AROUND_MM, _ENTRY_MM = 240.0, 22.0, 3.3
 """Height of the picture, so that an A4 page has room for its caption; of the axis, and of a legend's line."""
-_ROW_MM = 1.7
-"""Distance of two bars where there is room."""
+_ROW_MM, _LINE_MM = 1.7, 3.2
+"""Distance of two bars where there is room; and of two lines that say what an experiment is."""
 _ABOUT = 30
 """Letters of a line that says what an experiment is."""
 _ROOMY = 3
@@ -90,9 +90,11 @@ def draw_predictions(
     """
     step = len(readings) + 1.5
     around = _AROUND_MM + _ENTRY_MM * ceil(len(readings) / 2)
-    row_mm = min(_ROW_MM, (_TALLEST_MM - around) / (step * len(experiments)))
+    labels = ["\n".join(fill(part, _ABOUT) for part in _parts(shown["about"])) for shown in experiments]
+    of_labels = _LINE_MM * max(label.count("\n") + 1 for label in labels) / step
+    row_mm = min(max(_ROW_MM, of_labels), (_TALLEST_MM - around) / (step * len(experiments)))
     figure = open_figure(PAGE_MM, around + row_mm * step * len(experiments))
-    size = row_mm / _ROW_MM
+    size = min(row_mm / _ROW_MM, 1.0)
     panels = figure.subplots(1, len(joints), squeeze=False, sharex=True, sharey=True)[0]
     for panel, joint in zip(panels, joints, strict=True):
         panel.axvline(1.0, color="#999999", linewidth=0.6)
@@ -115,10 +117,7 @@ def draw_predictions(
         panel.minorticks_off()
         panel.set_xlabel("ratio of MAE")
     middle = 0.5 * (len(readings) - 1)
-    panels[0].set_yticks(
-        [group * step + middle for group in range(len(experiments))],
-        ["\n".join(fill(part, _ABOUT) for part in _parts(shown["about"])) for shown in experiments],
-    )
+    panels[0].set_yticks([group * step + middle for group in range(len(experiments))], labels)
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
     handles = [

@@ -123,14 +123,23 @@ def prediction_tables(
     caption = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
     ratios = [vars(row) for experiment in telling for row in predicted if row.experiment == experiment.name]
     about = f"Ratio of mean errors, median and central 90 % of the stable ones of {on}."
-    pairs = never if any(gaps.values()) else [(None, None)]
+    is_one = len({row.reading for row in predicted}) == 1
+    # Where no pair could be judged, no row would be a finding.
+    pairs = never if any(gaps.values()) or is_one else [(None, None)]
     untold = [{"interpretation": a, "and": b} for a, b in pairs]
     few = sum(row.plants < LEAST for row in predicted)
     ranges = f"{few} of {len(predicted)} ranges"
     remark = f"{ranges} have fewer than {LEAST} stable plants, and tell nothing: more --draws"
+    ratio_columns = ("experiment", "joint", "plants", "median", "low", "high")
     return [
         *([remark] if few else []),
-        Table("experiments", caption, rows),
-        Table("never_told_apart", "Interpretations that no experiment tells apart.", untold),
-        Table("predictions", about, ratios, terminal=()),
+        *(["One interpretation alone: there is no other to tell it from."] if is_one else []),
+        Table("experiments", caption, rows, terminal=() if is_one else None),
+        Table(
+            "never_told_apart",
+            "Interpretations that no experiment tells apart.",
+            untold,
+            terminal=() if is_one else None,
+        ),
+        Table("predictions", about, ratios, terminal=ratio_columns if is_one else ()),
     ]

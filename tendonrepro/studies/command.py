@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, ParamSpec, TypeGuard, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
@@ -45,10 +45,10 @@ class Command:
         return signature_of(self.function)
 
     def bound(self, *args: object, **kwargs: object) -> inspect.BoundArguments:
-        """Arguments by parameter; one of what a function takes several of becomes a list of it."""
+        """Arguments by parameter: one of several becomes a list, a list of names a text with commas."""
         given = self.signature.bind(*args, **kwargs)
         for name, value in given.arguments.items():
-            given.arguments[name] = _as_several(self.signature.parameters[name].annotation, value)
+            given.arguments[name] = _as_taken(self.signature.parameters[name].annotation, value)
         return given
 
     @property
@@ -129,12 +129,23 @@ def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
     return call
 
 
-def _as_several(annotation: object, value: object) -> object:
-    """``[value]`` where that alone fits: Python would take a text for a sequence of letters."""
-    kinds = get_args(getattr(annotation, "__origin__", annotation))
+def _as_taken(annotation: object, value: object) -> object:
+    """``[value]`` where that alone fits, since Python would take a text for a sequence of letters.
+
+    And names with commas between, as on the command line, where several stand for a text.
+    """
+    plain = getattr(annotation, "__origin__", annotation)
+    kinds = get_args(plain)
+    if isinstance(value, list | tuple) and value and (plain is str or str in kinds) and _are_texts(value):
+        is_taken = any(get_origin(kind) in {Sequence, tuple, list} for kind in kinds)
+        return value if is_taken else ",".join(value)
     items = [get_args(kind)[0] for kind in kinds if get_origin(kind) is Sequence]
     is_one = type(value) in items and type(value) not in kinds
     return [value] if is_one else value
+
+
+def _are_texts(values: Sequence[object]) -> TypeGuard[Sequence[str]]:
+    return all(isinstance(value, str) for value in values)
 
 
 def signature_of(function: Callable[..., object]) -> inspect.Signature:

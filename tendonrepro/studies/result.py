@@ -104,7 +104,10 @@ class Result:
         stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
         if stem not in drawings:
             message = f"this result of {self.command} has no figure {name}"
-            raise UsageError(message, hint=f"figures: {', '.join(drawings) or 'none'}")
+            hint = f"figures: {', '.join(drawings) or 'none'}"
+            if self._folder is not None and not drawings:
+                hint = f"a stored result of {self.command} is not drawn again; its pictures are in {self._folder}"
+            raise UsageError(message, hint=hint)
         return drawings[stem]().figure
 
     def save(

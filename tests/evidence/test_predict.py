@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -266,3 +267,21 @@ def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[
         with pytest.raises(UsageError):
             predict_outcome(load_ensemble(None), draws, "nonsense", Talk())
         assert ("32" in capsys.readouterr().err) == (draws == 20)
+
+
+@pytest.mark.parametrize("names", [["printed"], ["printed", "phi_branch=power"]])
+def test_labels_of_experiments_stay_apart(names: list[str]) -> None:
+    numbers = {"low": 0.6, "median": 0.8, "high": 0.9}
+    ratios = [{"reading": name, "joint": 2, **numbers} for name in names]
+    drawn = draw_predictions([{"about": one.about, "ratios": ratios} for one in EXPERIMENTS], names, [2])
+    drawn.figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in drawn.axes[0].get_yticklabels()]
+    assert not [pair for pair in itertools.pairwise(boxes) if pair[0].overlaps(pair[1])]
+
+
+def test_one_interpretation_shows_its_ratios_and_no_dashes() -> None:
+    found = [Prediction(one.name, "a", joint, 64, 0.9, 0.8, 1.0) for one in EXPERIMENTS for joint in (2, 3)]
+    given = predict_report.prediction_tables(found, gaps_between(found, ["a"]), [], "64 plants", EXPERIMENTS)
+    tables = {table.name: table for table in given if isinstance(table, Table)}
+    assert not tables["never_told_apart"].rows
+    assert [name for name, table in tables.items() if table.terminal != ()] == ["predictions"]
