@@ -67,6 +67,8 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
+        if (out / MANIFEST).exists():
+            hint = "figures and tables of this result are made by its command alone: run that again"
         raise DataMissingError(message, where=str(out), hint=hint)
     return {path.parent: read_traces(path.parent) for path in paths}
 

@@ -106,7 +106,7 @@ class Result:
             message = f"this result of {self.command} has no figure {name}"
             hint = f"figures: {', '.join(drawings) or 'none'}"
             if self._folder is not None and not drawings:
-                hint = f"a stored result of {self.command} is not drawn again; its pictures are in {self._folder}"
+                hint = f"stored pictures of {self.command} are in {self._folder}, and are not drawn again"
             raise UsageError(message, hint=hint)
         return drawings[stem]().figure
 
