@@ -39,6 +39,12 @@ BEGINNINGS = {
     "torque in volts": "torque_unit=volt",
 }
 """Interpretations whose search was made again from the nearest draw, by their rows of findings."""
+TRIALS = {
+    "ideal encoders": "encoder=ideal",
+    "straight ramps, as a trial": "motion=ramp",
+    "all as published, as a trial": "printed",
+}
+"""Interpretations whose search from a draw counts in no table, by their rows of findings."""
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +217,15 @@ def test_searches_that_began_at_a_draw() -> None:
             from_arm = searches[name, "arm"]["misfit_log"]
             assert from_arm > drawn[name]
             assert of_arm == (f"{100 * from_arm:.1f} %" if from_arm < 1.0 else "none stable")
+
+
+def test_trials_of_searches_that_began_at_a_draw() -> None:
+    from_arm = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
+    from_draw = {held["name"]: held["misfit_log"] for held in stored("trials")}
+    assert from_draw.keys() == set(TRIALS.values())
+    for row, name in TRIALS.items():
+        misfits = (stored("draws")["misfit_log"][name], from_arm[name], from_draw[name])
+        assert cells_of("docs/findings.md", row) == [f"{100 * misfit:.1f} %" for misfit in misfits]
 
 
 def test_numbers_of_the_tuning() -> None:
