@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import replaced
-from tendonrepro.configuration.models.reference import Sampled
+from tendonrepro.configuration.models.reference import MinimumJerk, Ramp, ReferenceConfig, Sampled
 from tendonrepro.errors import UsageError
 from tendonrepro.reporting.live.controls import (
     MOTIONS,
@@ -16,6 +17,8 @@ from tendonrepro.reporting.live.controls import (
 )
 from tendonrepro.reporting.live.model import Code, law_code, motion_code, plant_code
 
+STROKES: Mapping[str, type[MinimumJerk] | type[Ramp]] = {"minimum_jerk": MinimumJerk, "ramp": Ramp}
+"""Models of `MOTIONS`."""
 DRY_FRICTION = "manipulator.friction.winch.coulomb"
 """Off in most arms; a plant without it takes two thirds of the time."""
 
@@ -68,11 +71,9 @@ def model_source(loaded: LoadedConfig, library: Library) -> tuple[int, list[list
         parts.append(f"{name}:{library.entry(code, memory=code.written)}")
     motions: list[str] = []
     turns: list[list[int]] = []
-    kinds = list(MOTIONS) if config.reference.kind in MOTIONS else [config.reference.kind]
-    for kind in kinds:
-        other = config.reference.model_copy(update={"kind": kind})
+    for other in _references(config):
         code, turns = motion_code(replaced(config, "reference", other), inputs, loaded.folder)
-        motions.append(f"{kind}:{library.entry(code)}")
+        motions.append(f"{other.kind}:{library.entry(code)}")
     plant = library.entry(plant_code(config, inputs))
     dry = [place for place, (key, _) in enumerate(inputs.numbers) if key == DRY_FRICTION]
     plants = f"plant:{plant},dry:{dry}"
@@ -80,6 +81,14 @@ def model_source(loaded: LoadedConfig, library: Library) -> tuple[int, list[list
         plants += f",smooth:{library.entry(plant_code(config, inputs, DRY_FRICTION))}"
     text = f"{{{plants},laws:{{{','.join(parts)}}},motions:{{{','.join(motions)}}}}}"
     return library.add(text), turns
+
+
+def _references(config: CompareConfig) -> list[ReferenceConfig]:
+    """The reference; if it is a stroke, every kind of stroke with its numbers."""
+    if config.reference.kind not in MOTIONS:
+        return [config.reference]
+    numbers = dict(config.reference)
+    return [shape.model_construct(**numbers | {"kind": kind}) for kind, shape in STROKES.items()]
 
 
 def comparison(loaded: LoadedConfig) -> CompareConfig:
