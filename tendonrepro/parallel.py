@@ -171,7 +171,7 @@ def _processes(jobs: int) -> Iterator[Executor]:
         with warnings.catch_warnings():
             # A worker that has grown by 300 MB ends after its task, and another one takes its place. As an
             # error the warning would end the thread that collects results, and all would wait for ever.
-            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            warnings.filterwarnings("ignore", "A worker (stopped|was restarted) while some jobs", UserWarning)
             yield executor
     except TerminatedWorkerError as error:
         message = "a worker process died, perhaps for want of memory; what is finished is kept"
