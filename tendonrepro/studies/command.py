@@ -10,8 +10,18 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, wraps
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, ParamSpec, TypeGuard, TypeVar, cast, get_args, get_origin, get_type_hints
+from types import SimpleNamespace, UnionType
+from typing import (
+    TYPE_CHECKING,
+    ParamSpec,
+    TypeGuard,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
@@ -48,7 +58,9 @@ class Command:
         """Arguments by parameter: one of several becomes a list, a list of names a text with commas."""
         given = self.signature.bind(*args, **kwargs)
         for name, value in given.arguments.items():
-            given.arguments[name] = _as_taken(self.signature.parameters[name].annotation, value)
+            parameter = self.signature.parameters[name]
+            if parameter.kind is not parameter.VAR_POSITIONAL:
+                given.arguments[name] = _as_taken(parameter.annotation, value)
         return given
 
     @property
@@ -135,12 +147,11 @@ def _as_taken(annotation: object, value: object) -> object:
     And names with commas between, as on the command line, where several stand for a text.
     """
     plain = getattr(annotation, "__origin__", annotation)
-    kinds = get_args(plain)
-    if isinstance(value, list | tuple) and value and (plain is str or str in kinds) and _are_texts(value):
-        is_taken = any(get_origin(kind) in {Sequence, tuple, list} for kind in kinds)
-        return value if is_taken else ",".join(value)
-    items = [get_args(kind)[0] for kind in kinds if get_origin(kind) is Sequence]
-    is_one = type(value) in items and type(value) not in kinds
+    choices = get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
+    items = [get_args(choice)[0] for choice in choices if get_origin(choice) is Sequence]
+    if isinstance(value, list | tuple) and value and str in choices and not items and _are_texts(value):
+        return ",".join(value)
+    is_one = type(value) in items and type(value) not in choices
     return [value] if is_one else value
 
 
