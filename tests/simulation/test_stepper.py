@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
+import sys
+import threading
 from dataclasses import replace
 from functools import cache
-from itertools import count
 
 import numpy as np
 import pytest
@@ -17,7 +19,6 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import state_derivative
-from tendonrepro.simulation import stepper
 from tendonrepro.simulation.codegen import callback
 from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import MachinePlant, simulate
@@ -55,23 +56,26 @@ LATE = "control.readings.reference_acceleration=late"
 
 
 @pytest.mark.parametrize("method", ["dop853", "dopri5", "lsoda"])
-def test_an_interrupt_inside_the_slope_is_an_interrupt(method, monkeypatch):
-    """Where SciPy goes on after it, ctypes refuses the next call with an error of its own."""
-    made, calls = stepper.callable_on_array, count()
+def test_an_interrupt_ends_a_run(method):
+    """Machine code asks for no signals; Python looks between two samples."""
+    loop = make_loop(f"solver.method={method}", reference=raised_cosine(10.0, 60.0, 60001))
+    simulate(make_loop(f"solver.method={method}"))  # so that the code is there
+    timer = threading.Timer(0.05, _thread.interrupt_main)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulate(loop)
+    finally:
+        timer.join()
 
-    def interrupted(*arguments):
-        slope = made(*arguments)
 
-        def function(t, x):
-            if next(calls) == 40:
-                raise KeyboardInterrupt
-            return slope(t, x)
-
-        return function
-
-    monkeypatch.setattr(stepper, "callable_on_array", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        simulate(make_loop(f"solver.method={method}"))
+def test_machine_code_counts_references_as_python_does():
+    plant = MachinePlant(make_loop())
+    first = plant.slope(0.0, plant.state.copy())
+    before = sys.getrefcount(first), sys.getrefcount(plant.rows)
+    for _ in range(1000):
+        assert plant.slope(0.0, plant.state.copy()) is first
+    assert (sys.getrefcount(first), sys.getrefcount(plant.rows)) == before
 
 
 class TestAStartBesideTheReference:

@@ -1,13 +1,16 @@
-"""Machine code that SciPy calls with an array of its own.
+"""Machine code that SciPy calls as one of Python's built-in functions, with arrays of its own.
 
-SciPy asks for a slope some thirty times a period. Each copy in Python takes longer than the slope itself, so
-the machine code reads SciPy's array where it lies.
+SciPy asks for a slope some thirty times a period. A call through ``ctypes`` takes longer than the slope
+itself, and so does each copy in Python. So the machine code is what a function of an extension in C is:
+Python calls it directly, and it reads arrays where they lie.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
+from itertools import chain
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
@@ -21,21 +24,61 @@ is compiled into every extension of NumPy. Machine code has no headers of C, so 
 looked at before use.
 """
 
+_METH_FASTCALL = 0x0080
+"""How Python calls the function: ``PyObject *(PyObject *self, PyObject *const *args, Py_ssize_t nargs)``."""
+
+
+class _Definition(ctypes.Structure):
+    """``PyMethodDef`` of Python's C interface."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("function", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("doc", ctypes.c_char_p),
+    )
+
 
 def on_array_code(name: str, inner: str, take: int, give: int, size: int) -> str:
-    """Source of ``<name>(t, array, rows, out)``: call a function ``<inner>(rows, k, t)`` in the first lane.
+    """Source of ``<name>(t, array)`` for Python, which calls ``<inner>(rows, k, t)`` in the first lane.
 
-    `size` numbers of the array go into rows from `take` on; those from `give` on come out.
+    `size` numbers of the array go into rows from `take` on; those from `give` on go into an array that is
+    the result. It and the rows are the tuple that the function is bound to.
     """
+    item = _of_python("PyTuple_GetItem")
+    into = (_moved(f"in{k}", ("x", k), ("rows", LANES * (take + k))) for k in range(size))
+    out_of = (_moved(f"out{k}", ("rows", LANES * (give + k)), ("y", k)) for k in range(size))
     body = [
-        f"%field = getelementptr i8, ptr %array, i64 {_HEAD}",
-        "%x = load ptr, ptr %field",
-        *(line for k in range(size) for line in _moved(f"in{k}", ("x", k), ("rows", LANES * (take + k)))),
+        "%time = load ptr, ptr %args",
+        f"%t = call double {_of_python('PyFloat_AsDouble')}(ptr %time)",
+        "%array.place = getelementptr ptr, ptr %args, i64 1",
+        "%array = load ptr, ptr %array.place",
+        f"%bundle = call ptr {item}(ptr %self, i64 0)",
+        f"%result = call ptr {item}(ptr %self, i64 1)",
+        *_numbers("x", "array"),
+        *_numbers("rows", "bundle"),
+        *_numbers("y", "result"),
+        *chain.from_iterable(into),
         f"call void @{inner}(ptr %rows, double 0.0, double %t)",
-        *(line for k in range(size) for line in _moved(f"out{k}", ("rows", LANES * (give + k)), ("out", k))),
+        *chain.from_iterable(out_of),
+        # Whoever calls a function owns what it gives.
+        f"call void {_of_python('Py_IncRef')}(ptr %result)",
     ]
-    head = f"define void @{name}(double %t, ptr %array, ptr %rows, ptr %out) {{"
-    return "\n".join([head, *(f"  {line}" for line in body), "  ret void", "}", ""])
+    head = f"define ptr @{name}(ptr %self, ptr %args, i64 %count) {{"
+    return "\n".join([head, *(f"  {line}" for line in body), "  ret ptr %result", "}", ""])
+
+
+def _of_python(name: str) -> str:
+    """A function of Python's C interface, by its address."""
+    return f"inttoptr (i64 {ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value} to ptr)"
+
+
+def _numbers(name: str, array: str) -> list[str]:
+    """Instructions that load the address of a NumPy array's numbers."""
+    return [
+        f"%{name}.at = getelementptr i8, ptr %{array}, i64 {_HEAD}",
+        f"%{name} = load ptr, ptr %{name}.at",
+    ]
 
 
 def _moved(name: str, source: tuple[str, int], target: tuple[str, int]) -> list[str]:
@@ -54,10 +97,9 @@ def address_in(array: Array) -> int | None:
 
 
 def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float, Array], Array]:
-    """Function of a time and an array that gives `out`, filled by code of `on_array_code`.
+    """Code of `on_array_code` as a function of a time and an array that gives `out`.
 
-    The array has as many float64 as `out`, one behind the other, which SciPy's arrays are. Whoever calls it
-    keeps the rows.
+    The array has as many float64 as `out`, one behind the other, which SciPy's arrays are.
 
     Raises
     ------
@@ -67,12 +109,14 @@ def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float,
     if address_in(out) != out.ctypes.data:
         message = "this Python or NumPy keeps the numbers of an array where machine code does not look"
         raise TendonreproError(message, hint="say compare --solver compiled, and report it")
-    kinds = ctypes.c_double, ctypes.py_object, ctypes.c_void_p, ctypes.c_void_p
-    run = ctypes.PYFUNCTYPE(None, *kinds)(address)
-    source, target = rows.ctypes.data, out.ctypes.data
-
-    def function(t: float, x: Array) -> Array:
-        run(t, x, source, target)
-        return out
-
+    bind = ctypes.pythonapi.PyCFunction_NewEx
+    bind.argtypes = [ctypes.POINTER(_Definition), ctypes.py_object, ctypes.c_void_p]
+    bind.restype = ctypes.py_object
+    function: Callable[[float, Array], Array] = bind(_definition(address), (rows, out), None)
     return function
+
+
+@cache
+def _definition(address: int) -> _Definition:
+    """Definition of a function, which Python reads as long as there is one of it."""
+    return _Definition(b"slope", address, _METH_FASTCALL, None)
