@@ -44,7 +44,7 @@ from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.around import draws_rows, readings_around
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
-from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
@@ -149,7 +149,7 @@ class IdentificationTask:
     def _content(self) -> Json:
         return self.outline() | {
             "version": __version__,
-            "code": code_digest("physics", "simulation", "identification"),
+            "code": code_digest(*ROOMS, "identification"),
             "config": self.loaded.sha256,
             "goal": [self.goal.name, self.goal.runs, self.goal.values.tolist(), self.goal.half.tolist()],
         }

@@ -49,9 +49,13 @@ SECONDS_ALONE = 3.0
 _COMPRESSION = 0.9
 
 
+ROOMS = ("configuration", "experiments", "monte_carlo", "physics", "simulation")
+"""Packages whose code decides what a draw is and what its runs give."""
+
+
 @cache
 def code_digest(*rooms: str) -> str:
-    """SHA-256 of some rooms' code without comments and docstrings."""
+    """SHA-256 of the code of some packages, without comments and docstrings."""
     package = Path(__file__).parents[1]
     files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
     return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
@@ -133,7 +137,7 @@ class EnsembleStudy:
         content = {
             "schema": SCHEMA_VERSION,
             "version": __version__,
-            "code": code_digest("physics", "simulation"),
+            "code": code_digest(*ROOMS),
             "config": self.loaded.sha256,
             "base": self.loaded.base.sha256,
             "seed": self.seed,
@@ -144,8 +148,7 @@ class EnsembleStudy:
         }
         # Numbers of another device differ by rounding, and encoder steps make more of it.
         of_device = {} if self.device == "cpu" else {"device": self.device}
-        of_arm = {"around": code_digest("monte_carlo")} if self.arm else {}
-        return digest_of(content | of_device | of_arm)
+        return digest_of(content | of_device)
 
     def blocks(self, draws: int) -> list[Block]:
         """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""

@@ -25,7 +25,7 @@ from tendonrepro.experiments.user_law import (
     with_user_laws,
 )
 from tendonrepro.files import digest_of, to_json, write_atomically
-from tendonrepro.monte_carlo.plan import code_digest
+from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -105,7 +105,7 @@ def tuning(
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
     base = with_user_laws(loaded.base, users)
-    made_by = SCHEMA_VERSION, __version__, code_digest("physics", "simulation", "monte_carlo", "tuning")
+    made_by = SCHEMA_VERSION, __version__, code_digest(*ROOMS, "tuning")
     others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
     inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
