@@ -113,7 +113,8 @@ class Canvas:
         colour = self._insides.setdefault(name, style.paler(stroke.colour, white))
         band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
         band.set(facecolor=colour, linewidth=0.0)
-        self.axes[letter].add_patch(band)
+        # As a patch each of its vertices would be looked at in Python, for limits that the edges give, too.
+        self.axes[letter].add_artist(band)
         look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
         for edge in edges:
             self.axes[letter].plot(time, edge, **look, zorder=0.8)
