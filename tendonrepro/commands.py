@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,5 +59,5 @@ def open(folder: str | Path) -> Result:
 
     file = read_traces(path)
     # A measured file has a mapping in place of a configuration.
-    manifest = {"config": {"sha256": file.config_sha256}, **json.loads(file.manifest_json)}
+    manifest = {"config": {"sha256": file.config_sha256}, **file.manifest}
     return Result(file.experiment, outcome_of(file), manifest)

@@ -51,12 +51,12 @@ def _answer(command: Command, words: Mapping[str, object], talk: Talk) -> Answer
         elif words[name] is not None:
             # The flag of what holds by default says that it shall not.
             keywords[name] = not words[name] if parameter.default is True else words[name]
-    prepared = command.function(*positional, **keywords)
+    prepared = command.prepare(*positional, **keywords)
     if isinstance(prepared, Answer):
         return prepared
     from tendonrepro.studies.lifecycle import carry_out
 
-    return carry_out(command.name, prepared, talk, dry_run=bool(words.get("dry_run")))
+    return carry_out(prepared, talk, dry_run=bool(words.get("dry_run")))
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:

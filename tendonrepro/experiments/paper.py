@@ -56,6 +56,7 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
         folder,
         numbers=None,
         plan=plan,
+        command=loaded.config.experiment,
     )
 
 
@@ -77,12 +78,10 @@ def paper_experiments(
     return experiments
 
 
-def studies_below(
-    experiments: Mapping[str, Prepared], above: Path, folder: Folder
-) -> list[tuple[str, Study]]:
-    """Experiments as studies, each with its command, whose folders lie in one."""
+def studies_below(experiments: Mapping[str, Prepared], above: Path, folder: Folder) -> list[Study]:
+    """Experiments as studies whose folders lie in one."""
     return [
-        (experiment.loaded.config.experiment, experiment_study(experiment, {**folder, "out": above / name}))
+        experiment_study(experiment, {**folder, "out": above / name})
         for name, experiment in experiments.items()
     ]
 

@@ -52,7 +52,7 @@ def reproduce(
     experiments = paper_experiments(None if config is None else Path(config), set, seed)
     if dry_run:
         studies = zip(experiments, studies_below(experiments, above, folder), strict=True)
-        plans = {name: planned(command, study, talk) for name, (command, study) in studies}
+        plans = {name: planned(study, talk) for name, study in studies}
         text = "\n\n".join(str(plan["text"]) for plan in plans.values())
         return Answer({"schema_version": 1, **plans}, text, {})
     path = above / PAGE
