@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -42,16 +44,19 @@ class Prepared(NamedTuple):
 
 
 def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: SolverName = "scipy") -> Prepared:
-    """Build the loops of an experiment, which takes a user's laws into its digest.
+    """Build the loops of an experiment, whose digest then covers the stepper and a user's laws.
 
     Raises
     ------
     UsageError
         If the solver cannot run a user's law.
     """
-    if solver == "compiled" and laws:
-        message = "only the paper's own control laws run on lanes"
-        raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
+    if solver == "compiled":
+        if laws:
+            message = "only the paper's own control laws run on lanes"
+            raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
+        digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
+        loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     loaded = with_user_laws(loaded, laws)
     return Prepared(loaded, laws, all_loops(loaded, laws), solver)
 

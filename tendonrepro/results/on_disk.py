@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,14 +16,12 @@ from tendonrepro.results.traces import TRACES
 class StoredResult:
     """What lies in the results folder of a command.
 
-    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead. `tables`
-    are the text of each by name, captions included.
+    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead.
     """
 
     command: str
     manifest: Json
     data: Json
-    tables: Mapping[str, str]
 
 
 def read_result(folder: Path) -> StoredResult:
@@ -50,8 +47,7 @@ def read_result(folder: Path) -> StoredResult:
         raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
     if command == "ensemble":
         data = _upgraded(data)
-    tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
-    return StoredResult(command, manifest, data, tables)
+    return StoredResult(command, manifest, data)
 
 
 def _upgraded(summary: Json) -> Json:
