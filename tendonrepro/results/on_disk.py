@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import Json
+from tendonrepro.files import Json, read_json
 from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.results.traces import TRACES
 
@@ -41,10 +40,7 @@ def read_result(folder: Path) -> StoredResult:
     command = str(manifest.get("command", ""))
     # An ensemble calls its numbers a summary.
     numbers = [path for path in (folder / f"{command}.json", folder / "summary.json") if path.is_file()]
-    try:
-        data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
-    except ValueError as error:
-        raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
+    data = read_json(numbers[0], "run its command again") if numbers else {}
     if command == "ensemble":
         data = _upgraded(data)
     return StoredResult(command, manifest, data)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -20,7 +19,7 @@ from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import Json, refuse_file, sha256_of, to_json
+from tendonrepro.files import Json, read_json, refuse_file, sha256_of, to_json
 from tendonrepro.results.place import files_in, only_writer
 
 MANIFEST = "manifest.json"
@@ -277,15 +276,7 @@ def make_manifest(loaded: LoadedConfig | None, seconds: float, command: str = ""
 
 def read_manifest(folder: Path) -> Json:
     """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
-    path = folder / MANIFEST
-    try:
-        manifest: Json = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(manifest, dict):
-            raise ValueError("it is no mapping")
-    except (OSError, ValueError) as error:
-        message = f"cannot read the manifest: {error}"
-        raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error
-    return manifest
+    return read_json(folder / MANIFEST, "run its command again with --force")
 
 
 class GitState(TypedDict):
