@@ -162,7 +162,9 @@ def run_ingest(
     runs = assembly.runs()
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    notes = assembly.notes + contents.lines_left_out()
+    notes = assembly.notes + [
+        f"{file}: {line}" for file, lines in contents.left_out.items() for line in lines
+    ]
     notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
     ingest_notes: IngestNotes = {
         "guesses": loaded.guesses,
