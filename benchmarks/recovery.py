@@ -148,7 +148,7 @@ def file_of(log: Log, record: dict[str, float]) -> TraceFile:
     kept = {name: values[::every] for name, values in variables.items()}
     trace = Trace("run", time[::every], joints, kept, {})
     plant = PlantRecord({"S": PlantValue(log.S, "1", "", "")}, {})
-    return TraceFile("compare", "measured", "", {"run": trace}, plant, "", "", "", "", "")
+    return TraceFile("compare", "measured", "", {"run": trace}, plant, "", "", {})
 
 
 def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, bool | None]]:

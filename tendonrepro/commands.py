@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +45,7 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
-    from tendonrepro.results.on_disk import read_result
+    from tendonrepro.results.on_disk import read_result, table_files
     from tendonrepro.results.traces import TRACES, read_traces
     from tendonrepro.studies.outcome import Outcome
     from tendonrepro.studies.result import Result
@@ -54,11 +53,11 @@ def open(folder: str | Path) -> Result:
     path = Path(folder)
     if path.is_dir() and not (path / TRACES).exists():
         stored = read_result(path)
-        outcome = Outcome(stored.data, list(stored.tables.values()))
-        return Result(stored.command, outcome, dict(stored.manifest), _folder=path)
+        tables = [table.read_text("utf-8") for table in table_files(path, stored.manifest, ".md")]
+        return Result(stored.command, Outcome(stored.data, tables), stored.manifest, _folder=path)
     from tendonrepro.experiments.run import outcome_of
 
     file = read_traces(path)
     # A measured file has a mapping in place of a configuration.
-    manifest = {"config": {"sha256": file.config_sha256}, **json.loads(file.manifest_json)}
+    manifest = {"config": {"sha256": file.config_sha256}, **file.manifest}
     return Result(file.experiment, outcome_of(file), manifest)

@@ -140,6 +140,24 @@ def _digest(path: Path, new: Callable[[], hashlib._Hash]) -> str:
         raise DataMissingError(message) from error
 
 
+def read_json(path: Path, hint: str | None = None) -> Json:
+    """Mapping that a file of JSON holds.
+
+    Raises
+    ------
+    DataMissingError
+        Where it is missing, damaged, or no mapping.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is damaged"
+        raise DataMissingError(f"cannot be read: {reason}", where=str(path), hint=hint) from error
+    if not isinstance(content, dict):
+        raise DataMissingError("cannot be read: it is damaged", where=str(path), hint=hint)
+    return content
+
+
 def to_json(content: object) -> str:
     """JSON text with a final newline; numbers that are not finite become null."""
     finite = json.loads(json.dumps(content), parse_constant=lambda _: None)

@@ -1,4 +1,4 @@
-"""From the signature and docstring of a command to arguments and options of Typer."""
+"""From the signature and docstring of a command to arguments and options of Typer, and its answer printed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,20 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import typer
 
-from tendonrepro.cli.terminal import TERMINAL, Terminal
 from tendonrepro.console import Talk
+from tendonrepro.files import to_json
 from tendonrepro.studies.command import Command, word_of
 from tendonrepro.studies.parameters import Telling
 from tendonrepro.studies.study import Answer
 
 _DRY_RUN = Annotated[bool, typer.Option("--dry-run", help="Check everything, run nothing.")]
+
+TERMINAL: dict[str, object] = {
+    "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object.")],
+    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")],
+    "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")],
+}
+"""Options of every command."""
 
 
 def add_command(app: typer.Typer, command: Command) -> None:
@@ -27,9 +34,9 @@ def add_command(app: typer.Typer, command: Command) -> None:
     options += [_keyword(name, False, annotation) for name, annotation in TERMINAL.items()]
 
     def run(**words: object) -> int:
-        terminal = Terminal(**{name: bool(words.pop(name)) for name in TERMINAL})
-        answer = _answer(command, words, terminal.talk)
-        terminal.show(answer)
+        as_json, quiet, verbose = (bool(words.pop(name)) for name in TERMINAL)
+        answer = _answer(command, words, Talk(quiet=quiet, verbose=verbose))
+        show(answer, as_json=as_json, quiet=quiet)
         return answer.exit_code
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
@@ -51,12 +58,20 @@ def _answer(command: Command, words: Mapping[str, object], talk: Talk) -> Answer
         elif words[name] is not None:
             # The flag of what holds by default says that it shall not.
             keywords[name] = not words[name] if parameter.default is True else words[name]
-    prepared = command.function(*positional, **keywords)
+    prepared = command.prepare(*positional, **keywords)
     if isinstance(prepared, Answer):
         return prepared
     from tendonrepro.studies.lifecycle import carry_out
 
-    return carry_out(command.name, prepared, talk, dry_run=bool(words.get("dry_run")))
+    return carry_out(prepared, talk, dry_run=bool(words.get("dry_run")))
+
+
+def show(answer: Answer[object], *, as_json: bool, quiet: bool) -> None:
+    """Print an answer as JSON, or in words; these are on standard output, notes on standard error."""
+    if as_json:
+        typer.echo(to_json(dict(answer.data)), nl=False)
+    elif not quiet:
+        typer.echo(answer.text)
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:

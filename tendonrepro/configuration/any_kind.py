@@ -50,8 +50,8 @@ def checked(source: str, overrides: Overrides) -> Held:
 def shown(source: str, overrides: Overrides) -> tuple[Tree, str]:
     """Values and YAML text of a configuration as it is used."""
     held = checked(source, overrides)
-    text = dump(held.model_dump(mode="json")) if isinstance(held, Manipulator) else held.yaml_text
-    return load(text, source).tree, text
+    tree: Tree = held.model_dump(mode="json") if isinstance(held, Manipulator) else held.tree
+    return tree, dump(tree)
 
 
 def init_config(name: str, folder: Path) -> list[Path]:

@@ -24,7 +24,7 @@ from tendonrepro.configuration.overrides import Override, Overrides, overrides_o
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Scalar, positive, whole
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.strict_yaml import Key, dump
+from tendonrepro.configuration.strict_yaml import Key, Tree
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -94,13 +94,14 @@ class EnsembleConfig(Model):
 class LoadedEnsemble:
     """A validated ensemble and where it came from.
 
-    `base` is the comparison that draws start from, with the overrides and files of both; `sha256` covers it.
+    `tree` is what was read, as plain values. `base` is the comparison that draws start from, with the
+    overrides and files of both; `sha256` covers it.
     Where draws are `around` its arm, the box says their ranges alone.
     """
 
     config: EnsembleConfig
     base: LoadedConfig
-    yaml_text: str
+    tree: Tree
     sha256: str
     origin: str
     around: Around | None = None
@@ -137,7 +138,7 @@ def load_ensemble(
             inputs=(*draft.files, *base.inputs),
             unread=(),
         ),
-        yaml_text=dump(draft.tree),
+        tree=draft.tree,
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,
     )

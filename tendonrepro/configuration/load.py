@@ -259,7 +259,7 @@ class Draft:
 class LoadedConfig:
     """A validated configuration and where it came from.
 
-    `tree` and `yaml_text` are `config` as plain values and as YAML. `sha256` covers trajectory files too.
+    `tree` is `config` as plain values. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
     reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
     a sentence about each override that changes nothing, and `stand_ins` are as of `Draft`.
@@ -267,7 +267,6 @@ class LoadedConfig:
 
     config: Config
     tree: Tree
-    yaml_text: str
     sha256: str
     origin: str
     changes: tuple[Override, ...]
@@ -277,6 +276,11 @@ class LoadedConfig:
     places: Mapping[str, str]
     unread: tuple[str, ...]
     stand_ins: tuple[Path, ...] = ()
+
+    @property
+    def yaml_text(self) -> str:
+        """As YAML."""
+        return dump(self.tree)
 
 
 def load_config(
@@ -329,7 +333,6 @@ def load_config(
     return LoadedConfig(
         config=config,
         tree=draft.tree,
-        yaml_text=dump(draft.tree),
         sha256=config_digest(content),
         origin=draft.origin,
         changes=tuple(changes),

@@ -44,7 +44,7 @@ def load_around(
     return replace(
         shipped,
         base=base,
-        yaml_text=base.yaml_text,
+        tree=base.tree,
         sha256=config_digest(content | ({"own": own} if own else {})),
         origin=base.origin,
         around=Around(base.config.manipulator.name, spread, own),

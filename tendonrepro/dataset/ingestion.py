@@ -22,7 +22,7 @@ from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import refuse_existing, to_json, write_atomically
+from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
@@ -162,7 +162,9 @@ def run_ingest(
     runs = assembly.runs()
     for doubt in assembly.doubts:
         talk.note(f"check {doubt}")
-    notes = assembly.notes + contents.lines_left_out()
+    notes = assembly.notes + [
+        f"{file}: {line}" for file, lines in contents.left_out.items() for line in lines
+    ]
     notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
     ingest_notes: IngestNotes = {
         "guesses": loaded.guesses,
@@ -193,11 +195,10 @@ def _trace_file(
 ) -> TraceFile:
     """Runs with what is known of them: the coupling, and the text of their mapping, read from `origin`."""
     digest = hashlib.sha256(mapping.encode()).hexdigest()
-    created = datetime.now(UTC).isoformat(timespec="seconds")
     manifest = {
         "schema_version": 1,
         "tendonrepro_version": __version__,
-        "created": created,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "mapping": {"origin": origin, "sha256": digest},
         "environment": environment(),
         **ingest_notes,
@@ -210,9 +211,7 @@ def _trace_file(
         plant=_coupling_record(),
         config_yaml=mapping,
         config_sha256=digest,
-        manifest_json=to_json(manifest),
-        created=created,
-        tendonrepro_version=__version__,
+        manifest=manifest,
     )
 
 

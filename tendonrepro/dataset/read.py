@@ -8,7 +8,8 @@ from __future__ import annotations
 import tarfile
 import tempfile
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,10 +43,6 @@ class Contents(NamedTuple):
     unread: dict[str, str]
     left_out: dict[str, list[str]]
 
-    def lines_left_out(self) -> list[str]:
-        """What is in no table, with its file."""
-        return [f"{file}: {line}" for file, lines in self.left_out.items() for line in lines]
-
 
 def read_files(paths: Sequence[Path]) -> Contents:
     """Read every table of files, folders and archives.
@@ -59,7 +56,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
         if not path.exists():
             raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
     contents = Contents([], {}, {})
-    with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
+    with tempfile.TemporaryDirectory() as scratch, _reader() as read:
         names = {path: "" if path.is_dir() else path.name for path in paths}
         folder, unread = Path(scratch), contents.unread
         files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
@@ -70,7 +67,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
                 # Its package reads it, and knows its units.
                 continue
             try:
-                tables, left_out = reader.read(path, name)
+                tables, left_out = read(path, name)
             except Unreadable as error:
                 contents.unread[name] = str(error)
                 continue
@@ -83,30 +80,28 @@ def read_files(paths: Sequence[Path]) -> Contents:
     return contents
 
 
-class _Reader:
-    """Reads files, those that might crash a library in a process of their own."""
+@contextmanager
+def _reader() -> Iterator[Callable[[Path, str], tuple[list[SourceTable], list[str]]]]:
+    """Give what reads a file as `read_file` does, one that might crash a library in a process of its own."""
+    pools: list[ProcessPoolExecutor] = []
 
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> _Reader:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
-
-    def read(self, path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
+    def read(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
         if not _may_crash(path):
             return read_file(path, name)
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(max_workers=1)
+        if not pools:
+            pools.append(ProcessPoolExecutor(max_workers=1))
         try:
-            tables: tuple[list[SourceTable], list[str]] = self._pool.submit(read_file, path, name).result()
+            tables: tuple[list[SourceTable], list[str]] = pools[0].submit(read_file, path, name).result()
         except BrokenProcessPool:
-            self._pool = None
+            pools.clear()
             raise Unreadable("reading it crashed: the file is damaged") from None
         return tables
+
+    try:
+        yield read
+    finally:
+        for pool in pools:
+            pool.shutdown()
 
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:

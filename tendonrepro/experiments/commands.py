@@ -49,13 +49,13 @@ def compare(
     solver
         SciPy, or the one of ensembles.
     """
-    from tendonrepro.experiments.paper import experiment_study, read_experiment
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.experiments.paper import experiment_study
+    from tendonrepro.experiments.run import prepared
     from tendonrepro.experiments.user_law import laws_of
 
-    experiment = read_experiment(
-        "compare", config, set, seed, controllers=controllers, laws=laws_of(laws), solver=solver
-    )
-    return experiment_study(experiment, folder)
+    loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)
+    return experiment_study(prepared(loaded, laws_of(laws), solver), folder)
 
 
 @study(REPRODUCE, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
@@ -63,9 +63,11 @@ def decouple(
     config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
-    from tendonrepro.experiments.paper import experiment_study, read_experiment
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.experiments.paper import experiment_study
+    from tendonrepro.experiments.run import prepared
 
-    return experiment_study(read_experiment("decouple", config, set, seed), folder)
+    return experiment_study(prepared(load_config(config, "decouple", overrides=set, seed=seed)), folder)
 
 
 @command(REPRODUCE, "tendonrepro figures 14 15")

@@ -1,48 +1,26 @@
-"""The paper's two experiments, read and checked, as studies; and the fit that runs beside them."""
+"""The paper's two experiments as studies, and the fit that runs beside them."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
 from tendonrepro.configuration.any_kind import checked
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import ConfigLike, ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import Talk
 from tendonrepro.experiments.loops import all_loops
-from tendonrepro.experiments.run import Prepared, SolverName, outcomes, prepared
-from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.experiments.run import Prepared, outcomes, prepared
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.lifecycle import carry_out_together, remarks
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.lifecycle import remarks
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Answer, Site, Study
+from tendonrepro.studies.study import Answer, Study
 
 CLOSEST = "closest"
 """Name of the shipped configuration that was fitted to Tables 2 and 3."""
-
-
-def read_experiment(
-    experiment: ExperimentName,
-    config: ConfigLike,
-    changes: Overrides | None,
-    seed: int | None,
-    *,
-    controllers: str | Sequence[int] | None = None,
-    laws: Sequence[UserLaw] = (),
-    solver: SolverName = "scipy",
-) -> Prepared:
-    """Read one of the paper's experiments and build its loops; the digest covers stepper and laws."""
-    loaded = load_config(config, experiment, overrides=changes, seed=seed, controllers=controllers)
-    if solver == "compiled":
-        digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
-        loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
-    return prepared(loaded, laws, solver)
 
 
 def experiment_study(experiment: Prepared, folder: Folder) -> Study:
@@ -56,6 +34,7 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
         folder,
         numbers=None,
         plan=plan,
+        command=loaded.config.experiment,
     )
 
 
@@ -70,33 +49,11 @@ def paper_experiments(
     names: tuple[ExperimentName, ...] = ("decouple", "compare")
     files = {name: None if configs is None else str(configs / f"{name}.yaml") for name in names}
     experiments: dict[str, Prepared] = {
-        name: read_experiment(name, files[name], changes, seed) for name in names
+        name: prepared(load_config(files[name], name, overrides=changes, seed=seed)) for name in names
     }
     if configs is None and not changes and seed is None:
-        experiments[CLOSEST] = read_experiment("compare", CLOSEST, None, None)
+        experiments[CLOSEST] = prepared(load_config(CLOSEST, "compare"))
     return experiments
-
-
-def studies_below(
-    experiments: Mapping[str, Prepared], above: Path, folder: Folder
-) -> list[tuple[str, Study]]:
-    """Experiments as studies, each with its command, whose folders lie in one."""
-    return [
-        (experiment.loaded.config.experiment, experiment_study(experiment, {**folder, "out": above / name}))
-        for name, experiment in experiments.items()
-    ]
-
-
-def run_together(
-    experiments: Mapping[str, Prepared], above: Path, folder: Folder, talk: Talk
-) -> dict[str, Answer[Result]]:
-    """Run experiments with the same processes, each into the folder of its name."""
-
-    def run(sites: Sequence[Site]) -> Iterator[Outcome]:
-        return outcomes(list(experiments.values()), talk, sites[0].start)
-
-    answers = carry_out_together(studies_below(experiments, above, folder), run, talk)
-    return dict(zip(experiments, answers, strict=True))
 
 
 def summary_of(answers: Mapping[str, Answer[Result]]) -> str:

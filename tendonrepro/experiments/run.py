@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.experiment import errors_from
@@ -19,11 +18,12 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
-from tendonrepro.files import to_json
+from tendonrepro.files import Json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import USER_LAW, fitted_under, tension_sizes
+from tendonrepro.results.tables import Table
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.outcome import Outcome
@@ -44,16 +44,19 @@ class Prepared(NamedTuple):
 
 
 def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: SolverName = "scipy") -> Prepared:
-    """Build the loops of an experiment, which takes a user's laws into its digest.
+    """Build the loops of an experiment, whose digest then covers the stepper and a user's laws.
 
     Raises
     ------
     UsageError
         If the solver cannot run a user's law.
     """
-    if solver == "compiled" and laws:
-        message = "only the paper's own control laws run on lanes"
-        raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
+    if solver == "compiled":
+        if laws:
+            message = "only the paper's own control laws run on lanes"
+            raise UsageError(message, where="--law", hint="use the SciPy stepper, --solver scipy")
+        digest = hashlib.sha256(f"{loaded.sha256} compiled".encode()).hexdigest()
+        loaded = replace(loaded, sha256=digest, overrides=(*loaded.overrides, "solver=compiled"))
     loaded = with_user_laws(loaded, laws)
     return Prepared(loaded, laws, all_loops(loaded, laws), solver)
 
@@ -63,10 +66,10 @@ def outcomes(experiments: Sequence[Prepared], talk: Talk, start: Start = map) ->
     for experiment, traces in zip(experiments, begin_all(experiments, talk, start), strict=True):
         for trace in traces:
             talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
-        manifest: dict[str, object] = {"growing_hz": growing(experiment.loops)}
+        manifest: Json = {"growing_hz": growing(experiment.loops)}
         if experiment.solver == "compiled":
             manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-        yield replace(outcome_of(trace_file(experiment.loaded, traces, manifest)), manifest=manifest)
+        yield outcome_of(trace_file(experiment.loaded, traces, manifest))
 
 
 def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
@@ -168,7 +171,7 @@ def _vectors(section: Model) -> dict[str, list[float]]:
     return {name: vector.si.tolist() for name, vector in section if vector is not None}
 
 
-def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str, object]) -> TraceFile:
+def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: Json) -> TraceFile:
     """Runs with what they were made with; the manifest is without outputs, and may be incomplete."""
     return TraceFile(
         experiment=loaded.config.experiment,
@@ -178,9 +181,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: dict[str
         plant=plant_record(loaded.config),
         config_yaml=loaded.yaml_text,
         config_sha256=loaded.sha256,
-        manifest_json=to_json(manifest),
-        created=str(manifest.get("created", "")),
-        tendonrepro_version=__version__,
+        manifest=manifest,
     )
 
 
@@ -190,10 +191,11 @@ def outcome_of(file: TraceFile) -> Outcome:
     data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
     growing_hz: dict[str, float] = {}
     if file.experiment == "compare":
-        growing_hz = json.loads(file.manifest_json).get("growing_hz", {})
+        growing_hz = file.manifest.get("growing_hz", {})
         data["growing_hz"] = growing_hz
     diverged = any(trace.status == "diverged" for trace in file.runs.values())
-    return Outcome(data, [*made_tables(file), *_notes(file, growing_hz)], traces=file, diverged=diverged)
+    parts: list[Table | str] = [*made_tables(file), *_notes(file, growing_hz)]
+    return Outcome(data, parts, manifest=file.manifest, traces=file, diverged=diverged)
 
 
 def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:

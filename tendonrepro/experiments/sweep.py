@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -22,7 +22,7 @@ from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, slow_error_ratio
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
 
 Statuses: TypeAlias = NDArray[np.str_]
@@ -266,7 +266,10 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
     """Simulate every run of every point."""
     total = sum(len(point.loops) for point in grid.points)
     with talk.bar(f"simulating {count_of(total, 'run')}", total) as progress:
-        batches = [_simulate_point(point, progress) for point in grid.points]
+        batches = [
+            simulate_batch([*point.loops.values()], point.loaded.config.status, progress=progress)
+            for point in grid.points
+        ]
     status = np.array(STATUSES)[np.array([batch.status for batch in batches])]
 
     def stacked(name: str) -> Array:
@@ -288,10 +291,6 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
             if set(both) <= set(grid.runs)
         },
     )
-
-
-def _simulate_point(point: Point, progress: Callable[[int], None]) -> Batch:
-    return simulate_batch([*point.loops.values()], point.loaded.config.status, progress=progress)
 
 
 def ratio_of(mae: Array, status: Statuses, pair: Sequence[int]) -> Array:

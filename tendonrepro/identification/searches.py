@@ -53,10 +53,9 @@ from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import Site, Study, folder_of
 
 Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
 """Numbers and best plant by reading."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import read_json
 
 SHARDS = "shards"
 """Name of the folder of shards in a folder of results."""
@@ -153,7 +153,7 @@ def read_ensemble(folder: Path, population: str | None = None) -> EnsembleData:
     if not path.exists():
         hint = "run tendonrepro ensemble first"
         raise DataMissingError("holds no finished ensemble", where=str(folder), hint=hint)
-    plan = json.loads(path.read_text(encoding="utf-8"))
+    plan = read_json(path, "run the same tendonrepro ensemble again with --force")
     population = population or next(iter(plan["populations"]))
     if population not in plan["populations"]:
         hint = f"It holds {', '.join(plan['populations'])}."

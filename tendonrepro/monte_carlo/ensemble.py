@@ -40,10 +40,9 @@ from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import take_over
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.studies.lifecycle import folder_of
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import Site, Study, folder_of
 
 
 def load_study(

@@ -43,21 +43,30 @@ def reproduce(
     dry_run
         Check everything, run nothing.
     """
-    from tendonrepro.experiments.paper import paper_experiments, run_together, studies_below, summary_of
+    from tendonrepro.experiments.paper import experiment_study, paper_experiments, summary_of
+    from tendonrepro.experiments.run import outcomes
     from tendonrepro.files import refuse_foreign
     from tendonrepro.reporting.live.write import MARK, PAGE, live_text, page_beside
-    from tendonrepro.studies.lifecycle import planned
+    from tendonrepro.studies.lifecycle import carry_out_together, planned
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
     experiments = paper_experiments(None if config is None else Path(config), set, seed)
+    studies = {
+        name: experiment_study(experiment, {**folder, "out": above / name})
+        for name, experiment in experiments.items()
+    }
     if dry_run:
-        studies = zip(experiments, studies_below(experiments, above, folder), strict=True)
-        plans = {name: planned(command, study, talk) for name, (command, study) in studies}
+        plans = {name: planned(study, talk) for name, study in studies.items()}
         text = "\n\n".join(str(plan["text"]) for plan in plans.values())
         return Answer({"schema_version": 1, **plans}, text, {})
     path = above / PAGE
     refuse_foreign(path, MARK, force=force)
-    answers = run_together(experiments, above, folder, talk)
+    together = carry_out_together(
+        [*studies.values()],
+        lambda sites: outcomes([*experiments.values()], talk, sites[0].start),
+        talk,
+    )
+    answers = dict(zip(studies, together, strict=True))
     is_own = config is not None or bool(set)
     page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)
     data = {name: answer.data for name, answer in answers.items()}

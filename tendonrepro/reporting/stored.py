@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import Json, shipped
+from tendonrepro.files import Json, read_json, shipped
 from tendonrepro.monte_carlo.summary import Summary
 from tendonrepro.reporting.contents import OF_ANSWER, by_name
 from tendonrepro.reporting.shown_keys import thinned
@@ -81,7 +80,7 @@ def stored_under(folder: Path) -> ReportSources:
     damaged = dict(_damaged(places))
     sound = {name: path for name, path in places.items() if name not in damaged}
     if damaged and (alone or not any((path / MANIFEST).exists() for path in sound.values())):
-        raise _is_damaged(next(iter(damaged.values())))
+        raise next(iter(damaged.values()))
     parts = {name: sound[name] for name in PARTS if name in sound}
     parts |= {} if alone in ("", "claims") else {alone: folder}
     manifests = {name: _read(path / MANIFEST) for name, path in parts.items() if (path / MANIFEST).exists()}
@@ -89,10 +88,10 @@ def stored_under(folder: Path) -> ReportSources:
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
     ledger = read_ledger(_read(claims if claims is not None and judged else ours / "claims.json"))
-    summary: Summary = _read(ours / "ensemble.json")
+    summary = cast("Summary", _read(ours / "ensemble.json"))
     own = None
     if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
-        own = _as_whole_as(summary, _read(ensemble))
+        own = _as_whole_as(summary, cast("Summary", _read(ensemble)))
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
     if alone == "ensemble" and not own:
@@ -114,24 +113,26 @@ def _as_whole_as(shipped: Summary, own: Summary) -> Summary | None:
     return shown if whole else None
 
 
-def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
-    """Results with a file that cannot be read, and that file."""
+def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, DataMissingError]]:
+    """Results with a file that cannot be read, and why."""
     for name, folder in places.items():
         for path in (folder / MANIFEST, folder / _FILES.get(name, MANIFEST)):
             try:
                 if path.exists():
                     _read(path)
-            except DataMissingError:
-                yield name, path
+            except DataMissingError as error:
+                yield name, error
 
 
-def _left_out(folder: Path, shown: set[str], damaged: Mapping[str, Path]) -> Iterator[tuple[str, str]]:
+def _left_out(
+    folder: Path, shown: set[str], damaged: Mapping[str, DataMissingError]
+) -> Iterator[tuple[str, str]]:
     """Folders that are not shown, and why."""
     for path in sorted(folder.iterdir()):
         if not path.is_dir() or path.name.startswith(".") or path.name in shown:
             continue
         if path.name in damaged:
-            yield path.name, f"{damaged[path.name].name} is damaged; run its command again"
+            yield path.name, _told(damaged[path.name])
         elif not (path / MANIFEST).exists():
             yield path.name, f"has no {MANIFEST}, so it is no complete result"
         elif path.name == "ensemble":
@@ -145,18 +146,12 @@ def _elsewhere(path: Path) -> str:
     try:
         return f"a result of {read_result(path).command}; tendonrepro report {path} shows it"
     except DataMissingError as error:
-        return f"{error.message} ({error.where}); {error.hint}"
+        return _told(error)
 
 
-def _is_damaged(path: Path) -> DataMissingError:
-    return DataMissingError("is damaged", where=str(path), hint="run its command again")
+def _told(error: DataMissingError) -> str:
+    return f"{error.message} ({error.where}); {error.hint}"
 
 
-def _read(path: Path) -> Any:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise _is_damaged(path) from error
-    if not isinstance(content, dict):
-        raise _is_damaged(path)
-    return content
+def _read(path: Path) -> Json:
+    return read_json(path, "run its command again")

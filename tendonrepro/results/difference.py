@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.files import Json
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import tracking_errors
@@ -67,14 +67,18 @@ def _side(path: Path) -> _Side:
         # It covers more than the tree: of an ensemble its box, of a validation the measured file.
         config = {"sha256": config_of_run["sha256"], **dict(_values(config_of_run.get("tree", {})))}
         numbers = {key: value for key, value in result.data.items() if key != "config"}
-        version = {"tendonrepro": result.manifest.get("tendonrepro_version")}
-        versions = version | result.manifest.get("environment", {}).get("versions", {})
+        version = result.manifest.get("tendonrepro_version")
+        versions = {"tendonrepro": version, **_libraries(result.manifest)}
         return _Side(result.command, config, versions, dict(_values(numbers)), {})
     file = read_traces(path)
-    environment = json.loads(file.manifest_json or "{}").get("environment", {})
-    versions = {"tendonrepro": file.tendonrepro_version, **environment.get("versions", {})}
+    versions = {"tendonrepro": file.tendonrepro_version, **_libraries(file.manifest)}
     tree = load(file.config_yaml, "config_yaml").tree
     return _Side(file.experiment, dict(_values(tree)), versions, {}, file.runs)
+
+
+def _libraries(manifest: Json) -> dict[str, object]:
+    versions: dict[str, object] = manifest.get("environment", {}).get("versions", {})
+    return versions
 
 
 def _values(node: object, path: str = "") -> Iterator[tuple[str, object]]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import Json
+from tendonrepro.files import Json, read_json
 from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.results.traces import TRACES
 
@@ -17,14 +15,12 @@ from tendonrepro.results.traces import TRACES
 class StoredResult:
     """What lies in the results folder of a command.
 
-    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead. `tables`
-    are the text of each by name, captions included.
+    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead.
     """
 
     command: str
     manifest: Json
     data: Json
-    tables: Mapping[str, str]
 
 
 def read_result(folder: Path) -> StoredResult:
@@ -44,14 +40,10 @@ def read_result(folder: Path) -> StoredResult:
     command = str(manifest.get("command", ""))
     # An ensemble calls its numbers a summary.
     numbers = [path for path in (folder / f"{command}.json", folder / "summary.json") if path.is_file()]
-    try:
-        data = json.loads(numbers[0].read_text(encoding="utf-8")) if numbers else {}
-    except ValueError as error:
-        raise DataMissingError("is damaged", where=str(numbers[0]), hint="run its command again") from error
+    data = read_json(numbers[0], "run its command again") if numbers else {}
     if command == "ensemble":
         data = _upgraded(data)
-    tables = {path.stem: path.read_text(encoding="utf-8") for path in table_files(folder, manifest, ".md")}
-    return StoredResult(command, manifest, data, tables)
+    return StoredResult(command, manifest, data)
 
 
 def _upgraded(summary: Json) -> Json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from functools import cache
@@ -26,7 +25,7 @@ from tendonrepro.configuration.published import (
     table_1,
 )
 from tendonrepro.configuration.strict_yaml import load
-from tendonrepro.files import shipped
+from tendonrepro.files import read_json, shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -172,7 +171,6 @@ def _differs(trace: Trace) -> bool:
 @cache
 def _ranges() -> dict[str, tuple[float, float]]:
     """Ends by the identifiers of the stored verdicts."""
-    stored = shipped("docs") / "results" / "claims.json"
-    claims = json.loads(stored.read_text(encoding="utf-8"))["claims"]
+    claims = read_json(shipped("docs") / "results" / "claims.json")["claims"]
     boxes = {claim["id"]: claim["evidence"].get("box", {}) for claim in claims}
     return {name: (box["low"], box["high"]) for name, box in boxes.items() if "low" in box}

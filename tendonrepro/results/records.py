@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import to_json
+from tendonrepro.files import Json
 
 SCHEMA_VERSION = 1
 
@@ -153,12 +153,8 @@ class TraceFile:
         By name, in order.
     config_yaml, config_sha256 : str
         The resolved configuration and its digest.
-    manifest_json : str
-        The manifest without its outputs.
-    created : str
-        ISO 8601, UTC.
-    schema_version : int
-        Of the layout.
+    manifest : Mapping
+        What made the file, without its outputs; of one in memory as far as it is known.
     """
 
     experiment: Literal["compare", "decouple", "both"]
@@ -168,14 +164,17 @@ class TraceFile:
     plant: PlantRecord
     config_yaml: str
     config_sha256: str
-    manifest_json: str
-    created: str
-    tendonrepro_version: str
-    schema_version: int = SCHEMA_VERSION
+    manifest: Json
 
-    def made_by(self, manifest: Mapping[str, object]) -> TraceFile:
-        """The file with a manifest, which says when it was made."""
-        return replace(self, manifest_json=to_json(dict(manifest)), created=str(manifest["created"]))
+    @property
+    def created(self) -> str:
+        """When it was made, ISO 8601, UTC."""
+        return str(self.manifest.get("created", ""))
+
+    @property
+    def tendonrepro_version(self) -> str:
+        """What made it."""
+        return str(self.manifest.get("tendonrepro_version", ""))
 
     def part(self, experiment: str) -> TraceFile:
         """The file with the runs of ``compare`` or ``decouple`` alone; there may be none."""

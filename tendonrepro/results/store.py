@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -20,7 +19,7 @@ from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import Json, refuse_file, sha256_of, to_json
+from tendonrepro.files import Json, read_json, refuse_file, sha256_of, to_json
 from tendonrepro.results.place import files_in, only_writer
 
 MANIFEST = "manifest.json"
@@ -31,7 +30,7 @@ _LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pyd
 class NewResult:
     """A result while it is made; all files below its `path` belong to it.
 
-    `manifest` is to be set; digests of the files are added.
+    `manifest` is to be set; when the result is whole it has digests of the files, too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -100,7 +99,8 @@ def replaced(
                 result = NewResult(place.partial)
                 yield result
                 made = {name: sha256_of(place.partial / name) for name in files_in(place.partial)}
-                result.write(MANIFEST, to_json(result.manifest | {"outputs": made}))
+                result.manifest |= {"outputs": made}
+                result.write(MANIFEST, to_json(result.manifest))
             for before, now in _set_aside(place.target, made):
                 talk.note(f"your own {before} is now {now.name}: the result has a file of that name")
             _tell_outdated(folder, digest, command, talk)
@@ -231,9 +231,21 @@ def _tell_outdated(folder: Path, digest: str, command: str, talk: Talk) -> None:
                 talk.note(f"{folder / name} was made from the result that is replaced: make it again")
 
 
-def made_here(command: str, digest: str) -> Json:
-    """What every manifest says: by which command, when and where; `digest` is of what decides the result."""
-    return {
+def make_manifest(loaded: LoadedConfig | None, seconds: float, command: str = "", digest: str = "") -> Json:
+    """How a result came about, for JSON; what is unknown is None.
+
+    Parameters
+    ----------
+    loaded : LoadedConfig or None
+        None where no configuration decides the result.
+    seconds : float
+        Wall time.
+    command : str
+        Its name; else that of the experiment.
+    digest : str
+        Of all that decides the result; else that of the configuration.
+    """
+    everywhere: Json = {
         "schema_version": 1,
         "tendonrepro_version": __version__,
         "command": command,
@@ -241,14 +253,13 @@ def made_here(command: str, digest: str) -> Json:
         "environment": environment(),
         "config": {"sha256": digest},
     }
-
-
-def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = None) -> Json:
-    """How a result came about, for JSON; what is unknown is None. `seconds` is the wall time."""
+    if loaded is None:
+        return everywhere
     config = loaded.config
-    return made_here(command or config.experiment, loaded.sha256) | {
+    return everywhere | {
+        "command": command or config.experiment,
         "experiment": config.experiment,
-        "config": {"origin": loaded.origin, "sha256": loaded.sha256, "tree": loaded.tree},
+        "config": {"origin": loaded.origin, "sha256": digest or loaded.sha256, "tree": loaded.tree},
         "overrides": list(loaded.overrides),
         "seed": int(config.seed.si),
         "solver": {
@@ -265,15 +276,7 @@ def make_manifest(loaded: LoadedConfig, seconds: float, command: str | None = No
 
 def read_manifest(folder: Path) -> Json:
     """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
-    path = folder / MANIFEST
-    try:
-        manifest: Json = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(manifest, dict):
-            raise ValueError("it is no mapping")
-    except (OSError, ValueError) as error:
-        message = f"cannot read the manifest: {error}"
-        raise DataMissingError(message, where=str(path), hint="run the experiment with --force") from error
-    return manifest
+    return read_json(folder / MANIFEST, "run its command again with --force")
 
 
 class GitState(TypedDict):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import atomic_path, refuse_existing, require_space, write_atomically
+from tendonrepro.files import atomic_path, refuse_existing, require_space, to_json, write_atomically
 from tendonrepro.results.records import (
     RESERVED,
     SCHEMA_VERSION,
@@ -40,7 +40,7 @@ _NESTED = {"gains": "gain_", "readings": "reading_"}
 _COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _CHUNK = 2**17
 """Samples of a chunk: one MiB, as much as HDF5 keeps in memory while it reads."""
-_ROOT = [field.name for field in fields(TraceFile) if field.name not in ("runs", "plant")]
+_ROOT = ("experiment", "source", "title", "config_yaml", "config_sha256")
 
 
 def write_traces(path: Path, file: TraceFile) -> None:
@@ -52,7 +52,9 @@ def write_traces(path: Path, file: TraceFile) -> None:
 
     image = BytesIO()
     with h5netcdf.File(image, "w") as root:
-        root.attrs.update({"Conventions": "CF-1.11", **{name: getattr(file, name) for name in _ROOT}})
+        root.attrs.update({"Conventions": "CF-1.11", "schema_version": SCHEMA_VERSION})
+        root.attrs.update({name: getattr(file, name) for name in (*_ROOT, "created", "tendonrepro_version")})
+        root.attrs["manifest_json"] = to_json(file.manifest)
         for name, trace in file.runs.items():
             _write_run(root.create_group(name), trace)
         _write_plant(root.create_group(RESERVED), file.plant)
@@ -159,9 +161,9 @@ def _file_of(root: h5netcdf.File) -> TraceFile:
     if version != SCHEMA_VERSION:
         message = f"its layout has version {version}, this tendonrepro reads version {SCHEMA_VERSION}"
         raise ValueError(message)
-    attributes = {name: root.attrs[name] for name in _ROOT} | {"schema_version": version}
+    attributes, manifest = {name: root.attrs[name] for name in _ROOT}, json.loads(root.attrs["manifest_json"])
     runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != RESERVED}
-    return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]))
+    return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]), manifest=manifest)
 
 
 def _trace_of(name: str, group: h5netcdf.Group) -> Trace:

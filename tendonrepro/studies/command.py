@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from types import SimpleNamespace, UnionType
 from typing import (
@@ -48,6 +48,11 @@ class Command:
     example: str
     function: Callable[..., Answer[object] | Study]
     has_dry_run: bool = False
+
+    def prepare(self, *args: object, **kwargs: object) -> Answer[object] | Study:
+        """Call the function; a study then knows of which command it is."""
+        prepared = self.function(*args, **kwargs)
+        return replace(prepared, command=self.name) if isinstance(prepared, Study) else prepared
 
     @cached_property
     def signature(self) -> inspect.Signature:
@@ -96,7 +101,7 @@ def study(
 
             entry = COMMANDS[name]
             given = entry.bound(*args, **kwargs)
-            return result_of(name, cast("Study", entry.function(*given.args, **given.kwargs)))
+            return result_of(cast("Study", entry.prepare(*given.args, **given.kwargs)))
 
         return _public(call, COMMANDS[name])
 
@@ -114,7 +119,7 @@ def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, A
         def call(*args: P.args, **kwargs: P.kwargs) -> V:
             entry = COMMANDS[called]
             given = entry.bound(*args, **kwargs)
-            return cast("Answer[V]", entry.function(*given.args, **given.kwargs)).value
+            return cast("Answer[V]", entry.prepare(*given.args, **given.kwargs)).value
 
         return _public(call, COMMANDS[called])
 

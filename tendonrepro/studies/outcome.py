@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tendonrepro.files import to_json
+from tendonrepro.files import Json, to_json
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import NewResult
@@ -73,9 +73,9 @@ class Outcome:
 
         return {name: partial(draw, name, self.traces) for name in available(self.traces)}
 
-    def stamped(self, manifest: Mapping[str, object]) -> Outcome:
+    def stamped(self, manifest: Json) -> Outcome:
         """Return it with what made it also in its traces."""
-        return self if self.traces is None else replace(self, traces=self.traces.made_by(manifest))
+        return self if self.traces is None else replace(self, traces=replace(self.traces, manifest=manifest))
 
     def write(self, result: NewResult, name: str | None) -> None:
         """Write all but the figures into a result: numbers as ``<name>.json``, if there is a name."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.files import digest_of
+from tendonrepro.results.formats import formats_of
 from tendonrepro.studies.parameters import FOLDER, Destination, Folder
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class Study:
         Whether results are only shown, and nothing is written.
     lists_files : bool
         Whether ``--json`` names every file.
+    command : str
+        Its name, which the registry gives.
     """
 
     loaded: LoadedConfig | None
@@ -74,19 +77,37 @@ class Study:
     place: Path | None = None
     numbers: str | None = ""
     plan: Mapping[str, object] = field(default_factory=dict)
+    command: str = ""
 
     @property
-    def basis(self) -> LoadedConfig | None:
-        """The configuration, its digest that of all that decides the results."""
-        if self.loaded is None or not self.decided_by:
-            return self.loaded
-        digest = digest_of({"config": self.loaded.sha256, **self.decided_by})
-        return replace(self.loaded, sha256=digest)
+    def digest(self) -> str:
+        """SHA-256 of all that decides the results, the command's name where no configuration does."""
+        if self.loaded is None:
+            return self.command
+        of_config = self.loaded.sha256
+        return digest_of({"config": of_config, **self.decided_by}) if self.decided_by else of_config
+
+    @property
+    def target(self) -> Path:
+        """Results folder."""
+        named = self.options["out"]
+        return self.place if named is None and self.place else folder_of(self.command, self.options)
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Formats of its figures; a UsageError for one that there is not."""
+        return formats_of(self.options["formats"], figures=self.options["figures"])
 
     @property
     def options(self) -> Folder:
         """All of a `Folder`, with what holds where nothing was said."""
         return cast("Folder", FOLDER | self.folder)
+
+
+def folder_of(command: str, folder: Destination) -> Path:
+    """Results folder of a command, by default its own below reports."""
+    out = folder.get("out")
+    return Path("reports") / command if out is None else Path(out)
 
 
 @dataclass(frozen=True)

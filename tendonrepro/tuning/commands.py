@@ -64,19 +64,17 @@ def tune(
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.tuning.search import TuningEffort
-    from tendonrepro.tuning.tuning import tuning
+    from tendonrepro.tuning.tuning import tuning_study
 
-    loaded = load_plants(config, spread, ranges, overrides=set)
-    users, seed = laws_of(laws), seed or 0
-    tuned = tuning(
-        loaded,
-        users,
+    return tuning_study(
+        load_plants(config, spread, ranges, overrides=set),
+        laws_of(laws),
         plants,
         TuningEffort(searches, generations, population),
         any_plant=any_plant,
-        seed=seed,
+        seed=seed or 0,
         jobs=jobs,
         device=device,
         only=only,
+        folder=folder,
     )
-    return Study(tuned.base, tuned.outcome, folder, keep=tuned.states, stored=True)

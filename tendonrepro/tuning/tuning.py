@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import islice
 from pathlib import Path
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
@@ -24,13 +22,14 @@ from tendonrepro.experiments.user_law import (
     refused_on_lanes,
     with_user_laws,
 )
-from tendonrepro.files import digest_of, to_json, write_atomically
+from tendonrepro.files import digest_of, read_json, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
-from tendonrepro.studies.study import Site
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.study import Site, Study
 from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
@@ -43,34 +42,7 @@ MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about o
 LEAST = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
 
 
-@dataclass(frozen=True)
-class Tuned:
-    """A tuning that is ready to run; `base` tells of it in the manifest."""
-
-    task: TuningTask
-    base: LoadedConfig
-    plants: int
-    any_plant: bool
-    jobs: int
-
-    @property
-    def states(self) -> str:
-        """Folder of finished plants; those of another tuning are not taken up."""
-        return f"plants-{self.base.sha256[:16]}"
-
-    def outcome(self, site: Site) -> Outcome:
-        """Find usable plants, tune on them, and compare the laws."""
-        task = self.task
-        if seconds := errors_from(task.loaded.compare):
-            site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
-        numbers = _usable(task, self.plants, every=self.any_plant)
-        drawn = _tuned(task, numbers, site.files / self.states, self.jobs, site.talk)
-        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        head = {"experiment": "tune", "seed": task.seed, "solver": solver}
-        return replace(outcome(task, drawn), manifest=head | {"ensemble_sha256": task.loaded.sha256})
-
-
-def tuning(
+def tuning_study(
     loaded: LoadedEnsemble,
     users: Sequence[UserLaw],
     plants: int,
@@ -79,10 +51,13 @@ def tuning(
     any_plant: bool,
     seed: int,
     jobs: int,
-    device: DeviceName = "cpu",
-    only: str = "",
-) -> Tuned:
-    """Check a tuning of every law, or `only` of some, and of a user's; a GPU takes one plant after the other.
+    device: DeviceName,
+    only: str,
+    folder: Folder,
+) -> Study:
+    """Check and prepare a tuning of every law, or `only` of some, and of a user's.
+
+    A GPU takes one plant after the other.
 
     Raises
     ------
@@ -109,8 +84,19 @@ def tuning(
     others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
     inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
+    states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
+
+    def run(site: Site) -> Outcome:
+        if seconds := errors_from(loaded.compare):
+            site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
+        numbers = _usable(task, plants, every=any_plant)
+        drawn = _tuned(task, numbers, site.files / states, jobs if device == "cpu" else 1, site.talk)
+        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+        head = {"experiment": "tune", "seed": seed, "solver": solver, "ensemble_sha256": loaded.sha256}
+        return replace(outcome(task, drawn), manifest=head)
+
     base = replace(base, sha256=identity, origin=loaded.origin)
-    return Tuned(task, base, plants, any_plant, jobs if device == "cpu" else 1)
+    return Study(base, run, folder, keep=states, stored=True)
 
 
 def _chosen(only: str) -> dict[str, TunedLaw]:
@@ -161,4 +147,4 @@ def _tuned(task: TuningTask, numbers: Sequence[int], states: Path, jobs: int, ta
         for tuned in stream:
             write_atomically(paths[tuned["draw"]], to_json(tuned))
             progress(1)
-    return [json.loads(path.read_text("utf-8")) for path in paths.values()]
+    return [read_json(path, "delete it, and run the same command again") for path in paths.values()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -42,7 +41,7 @@ def validation_outcome(validation: Validation, path: Path, paper: Published) -> 
     from tendonrepro.validation.figures import draw_overlay, overlays
 
     measurement, rulings = validation.measurement, validation.rulings
-    file, known = measurement.file, json.loads(measurement.file.manifest_json)
+    file, known = measurement.file, measurement.file.manifest
     closest = closest_window(measurement.tables)
     windows = measurement.tables.as_dict()
     motion = measurement.reference.as_dict() if measurement.reference else None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from operator import attrgetter
 from typing import TypedDict, cast
 
-from tendonrepro.files import Json, shipped
+from tendonrepro.files import Json, read_json, shipped
 from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.verdict import ByChoice, Verdict
 
@@ -74,8 +74,7 @@ def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tupl
 
 def shipped_ledger() -> Ledger:
     """Read the ``claims.json`` of the package."""
-    path = shipped("docs/results") / "claims.json"
-    stored = read_ledger(json.loads(path.read_text(encoding="utf-8")))
+    stored = read_ledger(read_json(shipped("docs/results") / "claims.json"))
     return replace(stored, ensemble=origin_of("shipped", stored.ensemble))
 
 
@@ -91,15 +90,12 @@ def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:
     def or_taken(verdict: Verdict) -> Verdict:
         stored = ledger.verdicts.get(verdict.id)
         waits = verdict.kind == "ensemble" and verdict.verdict == "not_testable"
-        if stored is None or not waits or not _same_question(verdict, stored):
+        keys = attrgetter("kind", "rule", "printed")
+        if stored is None or not waits or keys(verdict) != keys(stored):
             return verdict
         return _taken(verdict, stored, ledger.ensemble)
 
     return [or_taken(verdict) for verdict in verdicts]
-
-
-def _same_question(first: Verdict, second: Verdict) -> bool:
-    return (first.kind, first.rule, first.printed) == (second.kind, second.rule, second.printed)
 
 
 def _taken(waiting: Verdict, stored: Verdict, origin: Origin) -> Verdict:

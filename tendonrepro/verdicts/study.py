@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import refuse_file, to_json
+from tendonrepro.files import read_json, refuse_file, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.store import read_manifest
@@ -150,9 +149,9 @@ def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     if ids:
         raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
+    hint = "write one with tendonrepro claims"
+    ledger = read_json(path, hint)
     try:
-        ledger = json.loads(path.read_bytes())
         return {str(entry["id"]): str(entry["verdict"]) for entry in ledger["claims"]}
-    except (OSError, ValueError, TypeError, LookupError) as error:
-        message = "is missing, damaged or not the JSON of tendonrepro claims"
-        raise DataMissingError(message, where=str(path), hint="write one with tendonrepro claims") from error
+    except (TypeError, LookupError) as error:
+        raise DataMissingError("is not the JSON of tendonrepro claims", where=str(path), hint=hint) from error

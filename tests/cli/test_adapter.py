@@ -11,8 +11,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tendonrepro.cli.adapter import add_command
-from tendonrepro.cli.terminal import Terminal
+from tendonrepro.cli.adapter import add_command, show
 from tendonrepro.studies.command import Command
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Destination, Laws, Telling
 from tendonrepro.studies.study import Answer
@@ -104,5 +103,5 @@ def test_help_is_the_docstring() -> None:
 
 @pytest.mark.parametrize("quiet", [True, False])
 def test_json_is_printed_whatever_is_quiet(capsys: pytest.CaptureFixture[str], quiet: bool) -> None:
-    Terminal(as_json=True, quiet=quiet, verbose=False).show(Answer({"a": float("nan")}, "words", None))
+    show(Answer({"a": float("nan")}, "words", None), as_json=True, quiet=quiet)
     assert json.loads(capsys.readouterr().out) == {"a": None}

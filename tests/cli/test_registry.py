@@ -109,8 +109,8 @@ def digest_of(name: str, words: list[str], place: Path) -> str:
         patch.chdir(place)
         study = COMMANDS[name].function(**{key: given[key] for key in given.keys() & own if given[key]})
     assert isinstance(study, Study)
-    assert study.basis
-    return study.basis.sha256
+    assert study.loaded
+    return study.digest
 
 
 CHANGED = [line for name in STUDIES for line in with_another_value(name) if line not in UNDECIDING]

@@ -1,6 +1,5 @@
 """From files to measured traces: layouts of labs, round trips of simulated runs, and what is refused."""
 
-import json
 import tarfile
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
@@ -214,9 +213,8 @@ def test_a_made_up_record_gives_its_own_tables(from_record):
     # The paper's figures but those of one motor alone and of what a controller computes.
     paper = {name for name in FIGURES if name.startswith("fig")}
     assert paper - set(available(file)) == {"fig06", "fig15"}
-    manifest = json.loads(file.manifest_json)
-    assert {len(entry["md5"]) for entry in manifest["inputs"]} == {32}
-    assert manifest["guesses"]
+    assert {len(entry["md5"]) for entry in file.manifest["inputs"]} == {32}
+    assert file.manifest["guesses"]
 
 
 def test_a_confirmed_mapping_has_no_guesses(from_record, made_record, tmp_path):

@@ -28,7 +28,7 @@ def trace(time, q, name="controller_1"):
 
 def file_of(*runs):
     named = {run.name: run for run in runs}
-    return TraceFile("compare", "measured", "SYNTHETIC", named, PlantRecord({}, {}), "", "", "{}", "", "0")
+    return TraceFile("compare", "measured", "SYNTHETIC", named, PlantRecord({}, {}), "", "", {})
 
 
 def course(kind, time):

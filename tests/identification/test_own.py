@@ -77,10 +77,10 @@ def table(loaded: LoadedEnsemble, path: Path, runs: Sequence[str] = ("controller
 def fitted(compare: Path, errors: Path, out: Path, measure: Callable[..., Any] = cheap, **asked: Any) -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Bench, "measure", measure)
-        study = COMMANDS["identify"].function(
+        study = COMMANDS["identify"].prepare(
             config=compare, errors=errors, out=out, figures=False, **(ASKED | asked)
         )
-        return carry_out("identify", study, QUIET).data
+        return carry_out(study, QUIET).data
 
 
 def test_known_factors_come_back_and_the_arm_keeps_the_rest(
@@ -233,7 +233,7 @@ def test_what_cannot_be_asked(
 ) -> None:
     words = {"errors": table(loaded, tmp_path / "mine.csv"), "config": compare, "spread": 0.5} | asked
     with pytest.raises(TendonreproError) as caught:
-        COMMANDS["identify"].function(**words)
+        COMMANDS["identify"].prepare(**words)
     assert caught.value.exit_code == 2
 
 

@@ -50,8 +50,8 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
         patch.setattr(searches, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
         patch.setattr(searches, "published", lambda: paper or made_up_paper())
-        study = COMMANDS["identify"].function(**asked, out=out, force=force)
-        return carry_out("identify", study, QUIET, dry_run=dry_run).data
+        study = COMMANDS["identify"].prepare(**asked, out=out, force=force)
+        return carry_out(study, QUIET, dry_run=dry_run).data
 
 
 READINGS = "printed,weights=extrapolating,phi_branch=power"

@@ -153,7 +153,7 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     runnable = ensemble_study(
         study, 64, simulate=fake_batch, folder={"out": tmp_path / "out", "figures": False}
     )
-    found = carry_out("ensemble", runnable, QUIET).value.data
+    found = carry_out(replace(runnable, command="ensemble"), QUIET).value.data
     stored = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
     assert not stored["of_paper"]
     assert (stored["around"]["arm"], stored["around"]["spread"]) == ("my arm", 0.2)

@@ -14,6 +14,7 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
 FILE = make_compare_file(**FEW, runs=("controller_1", "controller_2"))
+OTHER_VERSION = replace(FILE, manifest=FILE.manifest | {"tendonrepro_version": "9.9"})
 NAME, RUN = next(iter(FILE.runs.items()))
 
 
@@ -53,7 +54,7 @@ def test_one_changed_sample_is_found_in_trace_and_metric(tmp_path):
 def test_changed_key_version_and_status_are_named(tmp_path):
     ringing = replace(RUN, attributes={**RUN.attributes, "status": "ringing"})
     text = FILE.config_yaml + "extra: {value: 3}\n"
-    other = replace(FILE, config_yaml=text, tendonrepro_version="9.9", runs={**FILE.runs, NAME: ringing})
+    other = replace(OTHER_VERSION, config_yaml=text, runs={**FILE.runs, NAME: ringing})
     found = between(tmp_path, FILE, other)
     assert found["config"] == [{"key": "extra.value", "first": None, "second": 3}]
     assert [row["key"] for row in found["versions"]] == ["tendonrepro"]
@@ -91,7 +92,7 @@ def test_equal_values_at_other_times_or_of_other_joints_differ(tmp_path, change,
 def test_exit_code_says_whether_anything_differs(tmp_path):
     write_traces(tmp_path / "traces.h5", FILE)
     assert answer("diff", ".", ".", cwd=tmp_path)["same"] is True
-    write_traces(tmp_path / "other" / "traces.h5", replace(FILE, tendonrepro_version="9.9"))
+    write_traces(tmp_path / "other" / "traces.h5", OTHER_VERSION)
     assert answer("diff", ".", "other", cwd=tmp_path, code=1)["same"] is False
 
 

@@ -139,9 +139,9 @@ def fitted(file: TraceFile) -> TraceFile:
 
 def with_a_long_origin(file: TraceFile) -> TraceFile:
     """The same by a configuration with a long name and changes, as long as a picture names each."""
-    config = '{"config": {"origin": "/home/me/an_arm_of_my_own_with_many_joints_and_a_very_long_name.yaml"}'
-    changes = f'"overrides": ["control.gains.alpha={"0" * 37}"]'
-    return replace(fitted(file), manifest_json=f"{config}, {changes}}}")
+    config = {"origin": "/home/me/an_arm_of_my_own_with_many_joints_and_a_very_long_name.yaml"}
+    changes = [f"control.gains.alpha={'0' * 37}"]
+    return replace(fitted(file), manifest={"config": config, "overrides": changes})
 
 
 @pytest.mark.parametrize("long", [False, True])
@@ -260,11 +260,11 @@ def test_bands_are_told_apart_in_grey_print_too() -> None:
 
 @pytest.mark.parametrize("number", [9, 14])
 def test_every_picture_says_that_it_is_simulated_and_by_which_configuration(number: int) -> None:
-    manifest = '{"config": {"origin": "/home/me/mine.yaml"}, "overrides": ["a.b=1"]}'
-    file = replace(source(f"fig{number:02d}"), manifest_json=manifest)
+    manifest = {"config": {"origin": "/home/me/mine.yaml"}, "overrides": ["a.b=1"]}
+    file = replace(source(f"fig{number:02d}"), manifest=manifest)
     said = draw(number, file).figure.get_supxlabel()
     assert said == "Simulated, configuration mine.yaml, a.b=1 (00000000)"
-    many = replace(file, manifest_json=manifest.replace('"a.b=1"', ", ".join(['"a.long.key=1"'] * 9)))
+    many = replace(file, manifest=manifest | {"overrides": ["a.long.key=1"] * 9})
     assert draw(number, many).origin.endswith("mine.yaml, 9 settings changed (00000000)")
     assert draw(number, replace(file, source="measured")).figure.get_supxlabel() == "Measured"
 

@@ -338,8 +338,8 @@ class TestData:
 
 
 def test_the_terminal_shows_what_the_files_hold() -> None:
-    growing = json.dumps({"growing_hz": {"controller_1": 4.5}})
-    outcome = outcome_of(dataclasses.replace(make_compare_file(), manifest_json=growing))
+    growing = {"growing_hz": {"controller_1": 4.5}}
+    outcome = outcome_of(dataclasses.replace(make_compare_file(), manifest=growing))
     text = outcome.text()
     for name in ("table2_paper", "table3_paper", "ranking"):
         for row in outcome.tables[name].rows:

@@ -92,7 +92,7 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, force=False, **options):
     """Run a study, the small one if none is given, in this process and with the stand-in."""
     study, arguments = study or small_study(), {"simulate": fake_batch} | options
     prepared = ensemble_study(study, draws, **arguments, folder={"out": folder, "force": force})
-    return carry_out("ensemble", prepared, QUIET).data
+    return carry_out(replace(prepared, command="ensemble"), QUIET).data
 
 
 def shards_in(folder):

@@ -63,9 +63,7 @@ def _file(experiment: str, source: str, runs: dict[str, Trace]) -> TraceFile:
         plant=_plant(),
         config_yaml=SHIPPED,
         config_sha256="0" * 64,
-        manifest_json='{"seed": 1}',
-        created="2026-01-01T00:00:00Z",
-        tendonrepro_version="0.1.0",
+        manifest={"seed": 1, "created": "2026-01-01T00:00:00Z", "tendonrepro_version": "0.1.0"},
     )
 
 

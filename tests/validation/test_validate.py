@@ -98,11 +98,11 @@ def _shipped(tmp_path_factory):
         attributes = dict(bare.attributes) | {"reference_period": 0.0}
         runs[trace.name] = replace(bare, time=trace.time + 2.0, variables=variables, attributes=attributes)
     plant = PlantRecord({name: file.plant.values[name] for name in ("S", "S_inv")}, {})
-    manifest = json.dumps({"inputs": [INPUT], "guesses": ["unit of e", "joint order"]})
+    manifest = {"inputs": [INPUT], "guesses": ["unit of e", "joint order"]}
     path = tmp_path_factory.mktemp("measured") / "SYNTHETIC.h5"
     write_traces(
         path,
-        replace(file, source="measured", title="SYNTHETIC", runs=runs, plant=plant, manifest_json=manifest),
+        replace(file, source="measured", title="SYNTHETIC", runs=runs, plant=plant, manifest=manifest),
     )
     return path
 

@@ -23,7 +23,7 @@ from tendonrepro.verdicts.study import claims_study
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
     """What the command answers."""
     study = claims_study(out, ids, folder={"force": force}, **asked)
-    return carry_out("claims", study, talk or QUIET)
+    return carry_out(replace(study, command="claims"), talk or QUIET)
 
 
 def test_a_baseline_tells_what_changed(tmp_path):

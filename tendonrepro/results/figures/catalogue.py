@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -108,9 +107,8 @@ def origin_of(file: TraceFile) -> str:
     """Simulated or measured, and by which configuration with which changes."""
     if file.source == "measured":
         return "Measured"
-    manifest = json.loads(file.manifest_json or "{}")
-    name = Path(manifest.get("config", {}).get("origin", file.experiment)).name
-    changes = list(manifest.get("overrides", ()))
+    name = Path(file.manifest.get("config", {}).get("origin", file.experiment)).name
+    changes = list(file.manifest.get("overrides", ()))
     if sum(map(len, changes)) > _LONGEST_CHANGES:
         changes = [f"{count_of(len(changes), 'setting')} changed"]
     if under := fitted_under(file):
