@@ -359,7 +359,8 @@ QUESTIONS: Mapping[str, Column] = {
 }
 MAKERS: Mapping[str, Callable[[], str]] = {
     "what it depends on": what_it_depends_on,
-    "the answer": lambda: words("answer"),
+    "the headline": lambda: words("headline"),
+    "the answer": lambda: f"{words('headline')}\n\n{words('answer')}",
     "why": lambda: words("why"),
     "robustness": lambda: table(contents.ROBUSTNESS_HEADS, contents.robustness(stored("ensemble"))),
     "readings": lambda: records(stored("ensemble")["populations"]["box"]["readings"], READINGS),

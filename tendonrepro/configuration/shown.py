@@ -58,8 +58,14 @@ SHOWN = KEPT | CHANGED
 CHOICES = ("motion", "starts", "reference_acceleration", "run_friction")
 """Axes of readings that change no equation: motion, starts and friction of a run, which are not published.
 
-As published every run starts on its reference and gets its acceleration, and friction is equal in all.
+A motion is drawn with its plant; `AS_CHOSEN` says what a run does by the others.
 """
+AS_CHOSEN = {
+    ("starts", "together"): "starts on its reference",
+    ("reference_acceleration", "fed_forward"): "gets the reference's acceleration",
+    ("run_friction", "alike"): "has the same friction",
+}
+"""What every run does by a value of one of `CHOICES`: the conditions of what is said of runs as published."""
 
 
 def is_choice(reading: str) -> bool:

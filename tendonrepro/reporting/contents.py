@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS
+from tendonrepro.configuration.models.readings import AXES
+from tendonrepro.configuration.shown import AS_CHOSEN, BOTH, CHOICES, FINE_STEPS, SHOWN, STEPS
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.evidence.figure_predictions import interpretation_in_words
 from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
@@ -76,10 +77,23 @@ OF_ANSWER = {
 """Ends of the slots of the answer's table, and the readings of its rows."""
 
 
+def conditions() -> list[str]:
+    """What every run does as published, by each choice that the paper leaves open and no plant draws.
+
+    Examples
+    --------
+    >>> conditions()
+    ['starts on its reference', "gets the reference's acceleration", 'has the same friction']
+    """
+    return [AS_CHOSEN[name, AXES[name].printed] for name in CHOICES if AXES[name].printed != "drawn"]
+
+
 def numbers(summary: Summary) -> dict[str, str]:
-    """Numbers of the answer as text, by slot."""
+    """Numbers of the answer as text, and its conditions, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
+    *first, last = conditions()
     slots = {
+        "conditions": f"Every run {', '.join(first)}, and {last}.",
         "first_fine": percent(in_all_errors(readings[FINE_STEPS]["share_c1_best"])["share"]),
         "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
         "plants": f"{summary['populations']['box']['plants']:,}",
@@ -110,7 +124,7 @@ def stable_plants(reading: ReadingSummary) -> int:
 
 
 def filled(name: str, values: Mapping[str, str]) -> str:
-    """Text of a template, ``answer`` or ``why``, with numbers in its slots."""
+    """Text of a template, ``headline``, ``answer`` or ``why``, with its slots filled."""
     return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
 
 
@@ -200,7 +214,7 @@ def ours(judged: Verdict) -> str:
 def unless(judged: Verdict) -> str:
     """Motions and starts under which the verdict is another one, and which, for a reader."""
     return "; ".join(
-        f"{VERDICTS[choice.verdict]} ({interpretation_in_words(choice.reading)})" for choice in judged.unless
+        f"{interpretation_in_words(choice.reading)}: {VERDICTS[choice.verdict]}" for choice in judged.unless
     )
 
 

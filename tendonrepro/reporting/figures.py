@@ -33,7 +33,7 @@ _BLUE, _PALE, _RED, _GREY = "#004488", "#8FA3B8", "#B5405A", "#999999"
 # Told apart in grey print by lightness: dark, light, lightest, middle.
 _LOOKS = {
     "published order: 1, 2, 3": (_BLUE, "white"),
-    "Controller 1 first": ("#9CC3EA", "black"),
+    "Controller 1 first, another order": ("#9CC3EA", "black"),
     "neither first nor last": ("#EDEDED", "black"),
     "Controller 1 last": ("#8A8A8A", "black"),
 }
@@ -49,7 +49,7 @@ def draw_orders(summary: Summary) -> Drawing:
         if labelled_readings := labelled(summary, names):
             rows += [(title, None), *labelled_readings]
     labels, readings = zip(*rows, strict=True)
-    figure = open_figure(PAGE_MM, 22.0 + 5.6 * len(rows))
+    figure = open_figure(PAGE_MM, 26.0 + 5.6 * len(rows))
     panel = figure.subplots()
     counts = [f"{stable_plants(reading):,}" if reading else "" for reading in readings]
     counts[0] = f"stable plants\nof {summary['populations']['box']['plants']:,}"
@@ -70,7 +70,13 @@ def draw_orders(summary: Summary) -> Drawing:
         panel.bar_label(bars, texts, label_type="center", color=ink, fontsize=7)
         left += share
     _mark_without_start(panel, readings)
-    figure.legend(loc="outside upper center", ncols=5, handlelength=1.4, columnspacing=1.2)
+    # Bars first, in their order; matplotlib would begin with the marks.
+    entries = sorted(
+        zip(*panel.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] not in _LOOKS
+    )
+    figure.legend(
+        *zip(*entries, strict=True), loc="outside upper center", ncols=3, handlelength=1.4, columnspacing=1.2
+    )
     caption = (
         "How the three controllers rank by their tracking errors on the plants on which all three are "
         "stable, the smallest error first. Each row is one way to understand the paper, or one change to it. "
@@ -90,7 +96,7 @@ def _mark_without_start(panel: Axes, readings: Sequence[ReadingSummary | None]) 
     ]
     if edges:
         look: Look = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
-        panel.plot(*zip(*edges, strict=True), "D", label="without the first 2 s", **look)
+        panel.plot(*zip(*edges, strict=True), "D", label="where “last” begins without the first 2 s", **look)
 
 
 def order_shares(reading: ReadingSummary) -> list[float]:
@@ -192,7 +198,7 @@ def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
         panel.set_xlabel("error of Controller 1 over 2")
     letter_panels(panels, [f"Joint {joint}" for joint in COMPARED])
     panels[0].set_ylabel("error of Controller 2 over 3")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     imprint(figure, origin := _of_plants(summary))
     settle(figure)
     for panel, joint in zip(panels, COMPARED, strict=True):
@@ -245,9 +251,9 @@ def _draw_readings(panel: Axes, summary: Summary, joint: int) -> list[tuple[str,
         if stable_plants(reading)
     }
     named = {name: medians[name] for name in _NAMED if name in medians}
-    look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0}
+    look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0, "label": "interpretation, median"}
     panel.plot(*zip(*medians.values(), strict=True), color=_PALE, markersize=2.2, **look)
-    look |= {"label": "interpretation, median", "zorder": 4.0}
+    look |= {"label": "the same, named", "zorder": 4.0}
     panel.plot(*zip(*named.values(), strict=True), color=_BLUE, markersize=3.8, **look)
     return [(_NAMED[name], place, "black") for name, place in named.items()]
 

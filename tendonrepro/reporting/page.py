@@ -114,6 +114,7 @@ def page(sources: ReportSources) -> str:
         sources=sources,
         version=__version__,
         date=max(days)[:10],
+        headline=contents.filled("headline", slots),
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
         picture=orders_picture(sources),

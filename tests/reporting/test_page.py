@@ -81,6 +81,12 @@ def test_every_verdict_has_words(ledger):
     assert "controller_" not in " ".join(contents.named(entry) for entry in ledger.values())
 
 
+def test_the_answer_names_its_conditions_before_its_share(made, found):
+    told, share, _ = made.one(id="answer").text.partition(contents.numbers(found.summary)["last_printed"])
+    assert share
+    assert [words for words in contents.conditions() if words not in " ".join(told.split())] == []
+
+
 def test_the_table_of_what_it_depends_on(made, found):
     changes, depends = made.one(id="why").all("table")
     assert len(changes.cells()) == 1 + len(contents.OF_ANSWER)
