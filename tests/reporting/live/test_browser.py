@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -229,11 +230,30 @@ def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
     assert browser.console() == []
 
 
+# Steps of the preset diverge by themselves at once, as do those of a drag.
+STIFF = "#published&manipulator.tendons.damping_factor=20&manipulator.winches.reflected_inertia.3=0.01"
+
+
+def test_a_step_that_is_too_long_is_no_diverged_run(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, STIFF)
+    assert {status for _, _, status in found.values()} == {"ok"}
+    same(found, by_python(noiseless(browser), taken_steps(browser)))
+    same(found, by_python(noiseless(browser)), USUAL_DEG)
+    browser.run("changed(false)")
+    end = time.monotonic() + 60.0
+    while browser.run("return busy"):
+        assert time.monotonic() < end, browser.console()
+        time.sleep(0.05)
+    assert {status for _, _, status in errors(browser).values()} == {"ok"}
+
+
 def test_an_arm_that_no_step_resolves_is_not_shown(browser: Browser, page: Path) -> None:
     found = opened(browser, page, "#published&manipulator.tendons.axial_stiffness.2=3e12")
     assert {status for _, _, status in found.values()} == {"unresolved"}
     cells = browser.run("return [...document.querySelectorAll('td b')].map((one) => one.textContent)")
     assert not any(cell[0].isdigit() for cell in cells)
+    assert not re.search(r"Controller \d, then", words(browser, "order"))
+    assert "%" not in words(browser, "change")
 
 
 @pytest.mark.parametrize(

@@ -441,6 +441,7 @@ function changeWords() {
   const labels = [...new Set(changes.map(({ label }) => label))], what = labels.slice(0, 2).map(movedWords);
   if (labels.length > 2) what.push(`${labels.length - 2} more changed`);
   const most = sizes.sort((a, b) => b.weight - a.weight)[0];
+  if (preset.runs.some(({ name }) => results.get(name).status === "unresolved")) return `${what.join("; ")}.`;
   const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
   if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
   if (!most || most.size < 5e-4) return `${what.join("; ")}. No mean error changes by more than 0.05 %.`;
@@ -507,7 +508,7 @@ function tableRow(run, label) {
   const { printed } = preset.runs.find((which) => which.name === run);
   for (const metric of ["mae", "rmse"]) {
     preset.joints.forEach((_, i) => {
-      const ours = found.status === "unresolved" ? NaN : found[metric][i];
+      const ours = found[metric][i];
       const cell = make("td", { "data-value": degrees(ours) }, make("b", {}, shown(ours)));
       if (printed) cell.append(make("span", { class: "paper" }, printed[metric][i].toFixed(3)));
       const before = baseline && moved().length ? baseline.get(run)[metric][i] : NaN;
