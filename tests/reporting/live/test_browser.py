@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,7 +31,7 @@ ERRORS = (
     "return [...results].map(([name, { mae, rmse, status }]) => "
     "[name, mae.map(degrees), rmse.map(degrees), status])"
 )
-RIGHT, HOME = "\ue014", "\ue011"
+RIGHT, HOME, UP = "\ue014", "\ue011", "\ue013"
 
 
 def shown(browser: Browser) -> None:
@@ -229,11 +230,30 @@ def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
     assert browser.console() == []
 
 
+# Steps of the preset diverge by themselves at once, as do those of a drag.
+STIFF = "#published&manipulator.tendons.damping_factor=20&manipulator.winches.reflected_inertia.3=0.01"
+
+
+def test_a_step_that_is_too_long_is_no_diverged_run(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, STIFF)
+    assert {status for _, _, status in found.values()} == {"ok"}
+    same(found, by_python(noiseless(browser), taken_steps(browser)))
+    same(found, by_python(noiseless(browser)), USUAL_DEG)
+    browser.run("changed(false)")
+    end = time.monotonic() + 60.0
+    while browser.run("return busy"):
+        assert time.monotonic() < end, browser.console()
+        time.sleep(0.05)
+    assert {status for _, _, status in errors(browser).values()} == {"ok"}
+
+
 def test_an_arm_that_no_step_resolves_is_not_shown(browser: Browser, page: Path) -> None:
     found = opened(browser, page, "#published&manipulator.tendons.axial_stiffness.2=3e12")
     assert {status for _, _, status in found.values()} == {"unresolved"}
     cells = browser.run("return [...document.querySelectorAll('td b')].map((one) => one.textContent)")
     assert not any(cell[0].isdigit() for cell in cells)
+    assert not re.search(r"Controller \d, then", words(browser, "order"))
+    assert "%" not in words(browser, "change")
 
 
 @pytest.mark.parametrize(
@@ -254,7 +274,7 @@ def test_a_bad_address_is_a_sentence(browser: Browser, page: Path, fragment: str
     assert browser.console() == []
 
 
-@pytest.mark.parametrize("pixels", [390, 1280])
+@pytest.mark.parametrize("pixels", [390, 820, 1024, 1280])
 def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: int) -> None:
     browser.width(pixels)
     opened(browser, page, "#published")
@@ -266,7 +286,44 @@ def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: i
     )
     assert browser.run(outside) == []
     assert browser.run("return document.documentElement.scrollWidth") <= pixels
+    # What a control does is seen where the control is.
+    browser.run("document.querySelector('#controls .row:last-of-type').scrollIntoView()")
+    time.sleep(0.2)
+    answer = "const { top } = document.getElementById('answer').getBoundingClientRect(); return top < innerHeight"
+    assert browser.run(answer)
     browser.width(1280)
+
+
+def test_the_way_back_leads_to_what_was_there(browser: Browser, page: Path) -> None:
+    moved = opened(browser, page, "#published&control.gains.lam.2=5")
+    browser.run("document.getElementById('reset-all').click()")
+    shown(browser)
+    reset = errors(browser)
+    assert reset != moved
+    browser.run("document.querySelector('input[name=preset][value=fitted]').click()")
+    shown(browser)
+    for before in (reset, moved):
+        browser.run("document.documentElement.dataset.exact = ''; history.back()")
+        shown(browser)
+        assert errors(browser) == before
+    assert browser.run("return moved().map(({ id }) => id)") == ["control.gains.lam.2"]
+
+
+def test_an_arrow_key_moves_a_number_by_a_step(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    for key, after in {"control.gains.alpha.2": 0.11, "control.gains.M_bar.3": 0.011}.items():
+        browser.keys(f"#c-{key.replace('.', chr(92) + '.')}", UP)
+        shown(browser)
+        assert browser.run("return state.get(arguments[0])", key) == pytest.approx(after)
+    assert words(browser, "problem") == ""
+
+
+def test_delta_is_shown_in_the_unit_it_is_understood_in(browser: Browser, page: Path) -> None:
+    named = "return document.getElementById('c-control.gains.Delta.2').ariaLabel"
+    opened(browser, page, "#published")
+    radians = browser.run(named)
+    opened(browser, page, "#delta_in_degrees")
+    assert browser.run(named) != radians
 
 
 def test_every_control_has_a_name_and_can_be_reached(browser: Browser, page: Path) -> None:

@@ -3,6 +3,7 @@
 
 const STEPS = [1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64];
 const RESOLVED = 2e-6; // rad: how far half the step may move a joint within one sample
+const GROWN = 1e-3; // rad: the same in the last sample of a run that diverges, which moves far
 const LOOKED_AT = 61; // the step is checked at every so many samples
 const EXTREMES = ["q_d", "q", "e"], MEANS = ["s", "H_hat", "tau"];
 const POINTS = 400; // stretches of samples that a curve is drawn by
@@ -12,8 +13,8 @@ function run(job) {
   const first = STEPS.findIndex((m) => m >= job.steps);
   for (const m of STEPS.slice(first)) {
     const found = runWith(job, m);
-    if (!job.exact || found.resolution <= RESOLVED) return found;
-    if (m >= 24) return { ...found, status: "unresolved" };
+    if (job.exact ? found.resolution <= RESOLVED : found.resolution < Infinity) return found;
+    if (m >= 24) return { ...found, status: "unresolved", mae: found.mae.fill(NaN), rmse: found.rmse.fill(NaN) };
   }
 }
 
@@ -41,6 +42,7 @@ function runWith(job, steps) {
   const tt = new Float64Array(n), nn = new Float64Array(4 * n);
   const errors = Array.from({ length: n }, () => new Float64Array(samples));
   const curves = new Curves(n, samples, L);
+  const before = new Float64Array(4 * n);
   let resolution = 0, done = samples, status = "ok";
   for (let k = 0; k < samples; k++) {
     desired(motion.run, km, cycles, turns, k * L, tt, dd);
@@ -53,16 +55,19 @@ function runWith(job, steps) {
     if (!(oo[at + 6 * n] > 0)) {
       done = k + 1;
       status = "diverged";
+      // A step that is too long diverges by itself, and then half of it ends elsewhere.
+      if (k > 0) {
+        advance(plant.run, kp, before, nn, uu, (k - 1) * L, L, 2 * steps);
+        if (!(furthest(before, ss, n) <= GROWN)) resolution = Infinity;
+      }
       break;
     }
     if (k === samples - 1) break;
     for (let i = 0; i < n; i++) uu[i] = oo[at + i];
     const finer = job.exact && k % LOOKED_AT === 0 ? advance(plant.run, kp, ss.slice(), nn, uu, k * L, L, 2 * steps) : null;
+    before.set(ss);
     advance(plant.run, kp, ss, nn, uu, k * L, L, steps);
-    if (finer) for (let i = 0; i < n; i++) {
-      const apart = Math.abs(ss[i] - finer[i]);
-      resolution = apart >= 0 ? Math.max(resolution, apart) : Infinity;
-    }
+    if (finer) resolution = Math.max(resolution, furthest(finer, ss, n));
   }
   const first = Math.max(0, Math.ceil(job.from / L - 0.5));
   const mae = errors.map((e) => mean(e, first, done, Math.abs));
@@ -83,6 +88,16 @@ function desired(shape, km, cycles, turns, t, tt, dd) {
     if (!moves) dd[i] = 0;
     if (!moves || t > cycles[i] * turns[i].length) dd[n + i] = dd[2 * n + i] = 0;
   }
+}
+
+// How far two states are apart on a joint; infinite where one has no number.
+function furthest(a, b, n) {
+  let most = 0;
+  for (let i = 0; i < n; i++) {
+    const apart = Math.abs(a[i] - b[i]);
+    most = apart >= 0 ? Math.max(most, apart) : Infinity;
+  }
+  return most;
 }
 
 // Plant from one sample to the next, in so many Runge-Kutta steps; the torque is held.
