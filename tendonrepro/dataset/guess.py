@@ -15,7 +15,7 @@ from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
 from tendonrepro.dataset.columns import Column, SourceTable
 from tendonrepro.dataset.digitised import is_digitised
-from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.mapping import CHECK, JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
@@ -216,7 +216,7 @@ def _guessed(column: _Column, shift: int, most: float) -> tuple[Use, str, str]:
     use = Use(variable, 0 if variable == "time" else joint, unit)
     checks = [*filter(None, [column.check]), *_checks(column, use, sized)]
     if use.joint and (shift or said.joint is None):
-        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} N {unit}")
+        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} {JOINT} {unit}")
     return use, "; ".join(checks), ""
 
 

@@ -269,6 +269,11 @@ def test_three_dimensions_in_the_name_of_a_file_are_no_desired_angles(tmp_path):
     assert mae(found) == MAE
 
 
+def test_a_column_of_the_mapping_that_no_table_has_is_told(tmp_path):
+    found, _, _ = ingested(tmp_path, ".csv", HEADS + lines(), lambda text: text.replace("q3_d", "q3_desired"))
+    assert any("q3_desired" in doubt for doubt in found["doubts"])
+
+
 def test_what_no_variable_holds_is_left_out(tmp_path):
     names = ["time", "q2_d", "q2", "m2", "motor 2 speed", "vel 2", "position 3", "joint 3 voltage", "dq2"]
     head = ";".join(names) + "\ns;deg;deg;V;rad/s;m/s;m;;deg/s\n"
