@@ -15,9 +15,9 @@ from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
 from tendonrepro.dataset.columns import Column, SourceTable
 from tendonrepro.dataset.digitised import is_digitised
-from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.mapping import CHECK, JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
-from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, meaning_of, variable_of
+from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
 _USUAL = {"rate": "deg/s", "torque": "N m"}
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
@@ -27,19 +27,27 @@ _MOST_RADIANS = 3.2
 _READING_ERROR = 0.005
 """Share of a curve's range by which it is taken to be misread."""
 _PLACE = re.compile(r"\[\d+(,\d+)*\]| #\d+$")
+_OF_ARRAY = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")
+_QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
+"""What a name around a column may say of its quantity."""
 _DERIVATIVE = re.compile(r"(?:q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
 @dataclass
 class _Column:
-    """A column while it is guessed: what its name says, what it is taken for, and what to check."""
+    """A column while it is guessed: what its name says, what it is taken for, and what to check.
+
+    `says` are the groups of its name and of the names around it; `doubt` is why it is not guessed after all.
+    """
 
     name: str
     values: Column
     said: Meaning
     variable: str | None
     joint: int
+    says: frozenset[str]
     check: str = ""
+    doubt: str = ""
 
     @property
     def is_numbers(self) -> bool:
@@ -165,10 +173,12 @@ def _ask_reading_error(
 
 def _of_table(table: SourceTable) -> Iterator[ColumnGuess]:
     """Guess every column, in each of the runs that it belongs to."""
-    around = [meaning_of(part) for part in around_of(table.name)]
-    columns = [_column(name, values, around) for name, values in table.columns.items()]
+    around = [meaning_of(part, around=True) for part in around_of(table.name)]
+    inside = len(around) - len(table.name.partition(":")[0].split("/"))
+    columns = [_column(name, values, around, inside) for name, values in table.columns.items()]
     _take_times(columns)
     _take_rates(columns)
+    _doubt_arrays(columns)
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
     angles = [column for column in columns if column.variable in _OF_JOINTS and not column.said.unit]
     most = max((_largest(column.values) for column in angles if column.is_numbers), default=0.0)
@@ -185,14 +195,15 @@ def _of_table(table: SourceTable) -> Iterator[ColumnGuess]:
             yield ColumnGuess(table, column.name, use, run, payload, check, asked)
 
 
-def _column(name: str, values: Column, around: Sequence[Meaning]) -> _Column:
+def _column(name: str, values: Column, around: Sequence[Meaning], inside: int) -> _Column:
     """What the name of a column says, and where it says nothing those around it."""
     said = meaning_of(_PLACE.sub("", name))
     place = re.search(r"\[(\d+)\]", name)
     joint = next((words.joint for words in (said, *around) if words.joint is not None), None)
     if joint is None:
         joint = int(place[1]) if place else 0
-    return _Column(name, values, said, variable_of(_with_context(said, around)), joint)
+    says = _with_context(said, around, inside)
+    return _Column(name, values, said, variable_of(says), joint, says)
 
 
 def _guessed(column: _Column, shift: int, most: float) -> tuple[Use, str, str]:
@@ -200,24 +211,35 @@ def _guessed(column: _Column, shift: int, most: float) -> tuple[Use, str, str]:
     said, variable, joint = column.said, column.variable, column.joint + shift
     problem = "" if column.check else _problem(column, joint)
     if problem or variable is None:
-        # A place in an array tells a joint only where the array is known.
-        is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
-        unit = said.unit
-        if unit is None and variable is not None and not said.unknown and column.is_numbers:
-            unit = _unit(variable, None, column.values, most)[0]
-        return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT), "", problem
+        return _to_fill(column, joint, most), "", problem
     unit, sized = _unit(variable, said.unit, column.values, most)
     use = Use(variable, 0 if variable == "time" else joint, unit)
-    checks = [*filter(None, [column.check]), *_checks(said, use, sized)]
+    checks = [*filter(None, [column.check]), *_checks(column, use, sized)]
     if use.joint and (shift or said.joint is None):
-        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} N {unit}")
+        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} {JOINT} {unit}")
     return use, "; ".join(checks), ""
+
+
+def _to_fill(column: _Column, joint: int, most: float) -> Use:
+    """Line of a column that is asked: what is sure, and capitals for the rest."""
+    said, variable = column.said, column.variable
+    # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
+    is_bare = bool(said.unknown) and not said.says & (KINDS | ROLES | {"angle"})
+    if column.doubt or is_bare or not _fits(said.unit, variable):
+        variable = None
+    # A place in an array tells a joint only where the array is known.
+    is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
+    unit = None if is_other_unit(said.unit or "") else said.unit
+    if unit is None and variable is not None and not said.unknown and column.is_numbers:
+        unit = _unit(variable, None, column.values, most)[0]
+    return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT)
 
 
 def _take_times(columns: Sequence[_Column]) -> None:
     """Take a first column without a name for the times if it increases evenly; ask of times side by side."""
     first = columns[0]
-    if first.is_numbers and first.variable is None and all(other.variable != "time" for other in columns):
+    is_free = first.is_numbers and first.variable is None and _fits(first.said.unit, "time")
+    if is_free and all(other.variable != "time" for other in columns):
         steps = np.diff(first.values)
         if len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean():
             first.variable = "time"
@@ -245,13 +267,44 @@ def _take_rates(columns: Sequence[_Column]) -> None:
             column.check = f"stands beside {quoted(beside[0])}, taken as a velocity; else q_d {match[1]} deg"
 
 
-def _with_context(said: Meaning, around: Sequence[Meaning]) -> frozenset[str]:
-    """What a name says, with role and quantity of the names around if it has none."""
-    if said.says & (KINDS | ROLES):
-        return said.says
-    wanted = ROLES | {"torque", "motor"}
-    near = next((m.says for m in around if not m.unknown and m.says & wanted), frozenset())
-    return said.says | (near & (wanted | {"angle"}))
+def _doubt_arrays(columns: Sequence[_Column]) -> None:
+    """Guess no column of an array where its columns outnumber the joints, or would be the same."""
+    arrays: dict[str, list[_Column]] = {}
+    for column in columns:
+        if match := _OF_ARRAY.fullmatch(column.name):
+            arrays.setdefault(match[1], []).append(column)
+    for array in arrays.values():
+        taken = [column for column in array if column.variable not in (None, "time")]
+        if len(taken) > 3 or len({(column.variable, column.joint) for column in taken}) < len(taken):
+            for column in taken:
+                column.doubt = f"one of {len(array)} columns of an array; nothing says which is which"
+
+
+def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> frozenset[str]:
+    """What a name says, with role and quantity of the names around if it has none.
+
+    The first `inside` of these are of sheets and structs, which tell the quantity of a column with a role,
+    and whether it is of motors. A file's name tells of joints' or motors' quantities alone.
+    """
+    own = said.says
+    wanted = ROLES | _QUANTITIES
+    if own & (KINDS - {"rate", "torque"}):
+        return own
+    if own & (KINDS | ROLES):
+        around = around[:inside]
+        wanted = frozenset({"motor"} if own & KINDS else _QUANTITIES)
+    telling = (m.says for place, m in enumerate(around) if not m.unknown and _tells(m.says, place < inside))
+    near = next((says for says in telling if says & wanted), frozenset())
+    if "joint" in own | near and own & (KINDS | ROLES):
+        wanted -= {"motor"}
+    if said.unit in FACTORS["angle"]:
+        wanted -= {"rate", "other"}
+    return own | (near & (wanted if own & KINDS else wanted | {"angle"}))
+
+
+def _tells(says: frozenset[str], is_inside: bool) -> bool:
+    """Whether a name around columns tells what they are: a speed or force may be that of an experiment."""
+    return bool(says & (ROLES | {"torque", "motor"})) or is_inside or "joint" in says
 
 
 def _problem(column: _Column, joint: int) -> str:
@@ -259,14 +312,31 @@ def _problem(column: _Column, joint: int) -> str:
     said, variable = column.said, column.variable
     if not column.is_numbers:
         return "words, by which `where` of a run can choose rows"
+    if said.unit and is_other_unit(said.unit):
+        return f"no variable is in {said.unit}"
     if said.unknown:
         return f"not known: {', '.join(said.unknown)}"
     if variable is None:
-        return "its words do not go together" if said.says & (KINDS | ROLES) else "no word says what it is"
-    if said.unit and said.unit not in FACTORS.get(kind_of(variable) or "", {said.unit}):
-        return f"a {variable} in {said.unit}"
+        return _unsaid(column)
+    if not _fits(said.unit, variable):
+        return f"its name says {variable}, its unit {said.unit}"
     is_joint = variable == "time" or joint in (1, 2, 3)
-    return "" if is_joint else "its name has no joint from 1 to 3"
+    return column.doubt or ("" if is_joint else "its name has no joint from 1 to 3")
+
+
+def _unsaid(column: _Column) -> str:
+    """Why known words are no variable."""
+    if "other" in column.says:
+        return "a quantity that is not guessed, as a voltage or an acceleration"
+    if column.says >= {"motor", "rate"}:
+        return "a motor's velocity, which no variable holds"
+    return "its words do not go together" if column.says & (KINDS | ROLES) else "no word says what it is"
+
+
+def _fits(unit: str | None, variable: str | None) -> bool:
+    """Whether a variable may have a unit, or a column of no known one any variable."""
+    kind = None if variable is None else kind_of(variable)
+    return unit is None or kind is None or unit in FACTORS[kind]
 
 
 def _largest(values: Array) -> float:
@@ -294,7 +364,7 @@ def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[
     return _USUAL[kind], "no unit"
 
 
-def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
+def _checks(column: _Column, use: Use, sized: str) -> Iterator[str]:
     """What was assumed, and the line to write if that is wrong."""
     if sized:
         yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
@@ -302,9 +372,9 @@ def _checks(said: Meaning, use: Use, sized: str) -> Iterator[str]:
         yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
     if use.variable == "e":
         yield f"error, taken as desired less measured; else {use} * -1"
-    if use.variable == "tau_m" and "motor" in said.says:
+    if use.variable == "tau_m" and "motor" in column.says:
         yield "torque of a motor, taken as at the joint; else delete this line"
-    if use.variable == "q_encoder" and not said.says & {"angle", "measured"}:
+    if use.variable == "q_encoder" and not column.said.says & {"angle", "measured"}:
         yield f"neither desired nor measured, taken as measured; else {replace(use, variable='q_d')}"
 
 

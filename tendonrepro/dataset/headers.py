@@ -9,7 +9,7 @@ from itertools import zip_longest
 import pandas as pd
 
 from tendonrepro.dataset.cells import is_number
-from tendonrepro.dataset.words import is_known, plain_unit
+from tendonrepro.dataset.words import is_known, is_other_unit, plain_unit
 
 _MOST_UNIT = 6
 """Letters of a unit that is not known."""
@@ -77,8 +77,8 @@ def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
 
 
 def _is_unknown_unit(cell: str) -> bool:
-    """Whether a word may be a unit that is not known, as inc or A."""
-    return cell.isalpha() and len(cell) <= _MOST_UNIT and not is_known(cell)
+    """Whether a word may be a unit of no variable, as A, or one that is not known, as inc."""
+    return is_other_unit(cell) or (cell.isalpha() and len(cell) <= _MOST_UNIT and not is_known(cell))
 
 
 def _groups(row: Sequence[str], names: Sequence[str]) -> list[str]:

@@ -80,10 +80,9 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: object) -> Use:
-    if isinstance(text, str) and (
-        blank := next((word for word in (VARIABLE, JOINT, UNIT) if word in text.split()), "")
-    ):
-        refuse(f"{text!r}: write the {blank.lower()} in place of {blank}, or delete the line")
+    words = text.split() if isinstance(text, str) else []
+    if blanks := [word for word in (VARIABLE, JOINT, UNIT) if word in words]:
+        refuse(f"{text!r}: fill in {' and '.join(blanks)}, as in 'q_d 2 deg', or delete the line")
     match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
         refuse(f"{text!r} is not of the form 'variable joint unit', as in 'q_d 2 deg'")

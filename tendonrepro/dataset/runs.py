@@ -56,7 +56,15 @@ class Assembly:
                 traces[name] = self._run(name, run)
             except ConfigError as error:
                 raise ConfigError(error.message, where=self.mapping.places[name], hint=error.hint) from None
+        self.doubts += self._absent()
         return traces
+
+    def _absent(self) -> list[str]:
+        """Columns of the mapping that no table has, as after a slip of the pen."""
+        runs = self.mapping.runs.values()
+        found = {column for table in self.contents.tables for run in runs for column in _named(table, run)}
+        asked = dict.fromkeys(column for run in runs for column in run.columns or {})
+        return [f"the mapping: no table has a column {column!r}" for column in asked if column not in found]
 
     def _run(self, name: str, run: RunMapping) -> Trace:
         time, signals = self._signals(name, run)
@@ -197,13 +205,18 @@ def _refuse_twins(table: SourceTable, uses: dict[str, Use]) -> None:
 
 
 def _uses(table: SourceTable, run: RunMapping) -> dict[str, Use]:
-    """What columns of a table are to a run, by their names with or without the table's."""
-    uses = {}
-    for name, use in (run.columns or {}).items():
+    """What columns of a table are to a run."""
+    return {column: run.columns[name] for name, column in _named(table, run).items()} if run.columns else {}
+
+
+def _named(table: SourceTable, run: RunMapping) -> dict[str, str]:
+    """Columns of a table by the names of a run's mapping, with or without the table's."""
+    named = {}
+    for name in run.columns or {}:
         place, _, column = name.rpartition(":") if name not in table.columns else ("", "", name)
         if column in table.columns and place in ("", table.name, table.last):
-            uses[column] = use
-    return uses
+            named[name] = column
+    return named
 
 
 def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:

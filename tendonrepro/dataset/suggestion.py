@@ -162,7 +162,7 @@ def _check_of_run(run: RunGuess) -> str:
     if not re.fullmatch(r"controller_[123](_payload)?|decouple", run.name):
         checks.append("no controller named; if it is one, write controller_1, _2 or _3 before the colon")
     else:
-        telling = [meaning_of(part) for part in around_of(run.tables[0].name)]
+        telling = [meaning_of(part, around=True) for part in around_of(run.tables[0].name)]
         unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
         if unknown:
             checks.append(f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it")

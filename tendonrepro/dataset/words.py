@@ -24,14 +24,19 @@ _OF_KIND = {"time": "time", "rate": "dq", "torque": "tau_m", "surface": "s", "es
 KINDS, ROLES = frozenset(_OF_KIND), frozenset(_OF_ROLE)
 _COUNTED = KINDS | ROLES | {"angle", "joint", "motor"}
 """Groups behind which a number is that of a joint."""
-_NO_GROUPS = {"units", "phrases"}
+_NO_GROUPS = {"units", "other_units", "phrases"}
+_OTHER = "other"
+"""Group of the words, and of the units, of quantities that are not guessed."""
+_SYMBOLS = {"d", "e", "m"}
+"""Letters that mean something only as an index of a symbol, or with a unit."""
 _MASS = re.compile(r"(\d+(?:[.,p]\d+)?)\s*_?(kg|g)(?![a-zA-Z])")
 _UNITS = (
     re.compile(r"[(\[（【]\s*([^()\[\]（）【】]+?)\s*[)\]）】]\s*$"),
-    re.compile(r"\s*/\s*([^\s/]+)\s*$"),
+    re.compile(r"[\s_/]\s*([^\s_/()]+/[^\s/()]+)$"),
+    re.compile(r"\s*/\s*([^\s/()]+)\s*$"),
     re.compile(r"[\s_]([^\s_\d]+)$"),
 )
-"""Units behind a name: in brackets, behind a stroke, or as the last word."""
+"""Units behind a name: in brackets, one of two units, behind a stroke, or as the last word."""
 _WORD = re.compile(r"[^\W\d_]+|\d+|[^\w\s]")
 _MARKS = frozenset("-–—_/()[]（）【】.,:;#&'\"|")
 
@@ -40,8 +45,8 @@ _MARKS = frozenset("-–—_/()[]（）【】.,:;#&'\"|")
 class Meaning:
     """What a name says.
 
-    `says` are groups of ``words.yaml``; `unit` is a key of `FACTORS`. `payload` is in kg, NaN if of unknown
-    mass. `unknown` are words that are not there or do not go together.
+    `says` are groups of ``words.yaml``; `unit` is a key of `FACTORS`, or as written one that no variable has.
+    `payload` is in kg, NaN if of unknown mass. `unknown` are words that are not there or do not go together.
     """
 
     says: frozenset[str]
@@ -74,25 +79,50 @@ def plain_unit(text: str) -> str | None:
     return next((unit for unit, words in units.items() if wanted in words), None)
 
 
+def is_other_unit(text: str) -> bool:
+    """Whether a text is a unit of quantities that no variable holds, or made of two units.
+
+    >>> is_other_unit("m/s"), is_other_unit("rad/s"), is_other_unit("V")
+    (True, False, True)
+    """
+    wanted = _plain(text).casefold().strip(" ()[]")
+    if plain_unit(wanted):
+        return False
+    others: list[str] = _table()["other_units"]
+    above, stroke, below = wanted.partition("/")
+    if not stroke:
+        return wanted in others
+    simple = above.strip(), re.sub(r"-?[1-9]$", "", below.strip())
+    return all(plain_unit(part) or part in ("1", *others) for part in simple)
+
+
 def is_known(word: str) -> bool:
     """Whether ``words.yaml`` has a word."""
     return word.casefold() in _groups()
 
 
 @cache
-def meaning_of(name: str) -> Meaning:
-    """Read a name.
+def meaning_of(name: str, *, around: bool = False) -> Meaning:
+    """Read a name of a column, or of a table, file or folder `around` it.
+
+    There a letter means an index only beside the symbol of an angle, or with a unit: ``mat_3d`` is no desired
+    angle.
 
     >>> meaning_of("q2_d (deg)").joint
     2
     """
-    text, unit = _without_unit(_plain(name))
+    text, unit = _without_unit(_plain(name), around=around)
     text, payload = _without_mass(text)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text).casefold()
     for pattern, words in _table()["phrases"].items():
         text = re.sub(pattern, words, text)
     words = list(_words(text))
     says = {_groups()[word] for word in words if word in _groups()}
+    if around and unit is None and "angle" not in says:
+        words = [word for word in words if word not in _SYMBOLS]
+        says = {_groups()[word] for word in words if word in _groups()}
+    if unit and plain_unit(unit) is None:
+        says.add(_OTHER)
     unknown = [word for word in words if word not in _groups() and not word.isdigit()]
     joints, controllers, others = _numbers(words)
     named = _controller_of(says)
@@ -122,18 +152,21 @@ def _plain(text: str) -> str:
     return unicodedata.normalize("NFKC", re.sub(r"[\\{}$^]", "", text).replace("º", "°"))
 
 
-def _without_unit(name: str) -> tuple[str, str | None]:
+def _without_unit(name: str, *, around: bool) -> tuple[str, str | None]:
     for pattern in _UNITS:
         match = pattern.search(name)
-        if not match:
+        if not match or not name[: match.start()].strip():
             continue
         unit, rest = plain_unit(match[1]), name[: match.start()]
-        # A trailing s may be the sliding variable.
         is_last_word = pattern is _UNITS[-1]
+        # A trailing s may be the sliding variable, and another letter a run, or an index.
         is_sliding = is_last_word and unit == "s"
         is_sliding = is_sliding and "time" not in map(_groups().get, _words(rest.casefold()))
-        if unit and rest.strip() and not is_sliding:
+        is_letter = is_last_word and len(match[1]) == 1 and (around or match[1].islower())
+        if unit and not is_sliding:
             return rest, unit
+        if unit is None and is_other_unit(match[1]) and not is_letter:
+            return rest, match[1]
     return name, None
 
 
@@ -193,11 +226,11 @@ def variable_of(says: frozenset[str]) -> str | None:
     'q_d'
     """
     roles, kinds = says & ROLES, says & KINDS
-    if len(kinds) > 1 or len(roles) > 1:
+    if len(kinds) > 1 or len(roles) > 1 or _OTHER in says:
         return None
     if kinds:
         (kind,) = kinds
-        if kind == "rate" and roles <= {"desired", "measured"}:
+        if kind == "rate" and roles <= {"desired", "measured"} and "motor" not in says:
             return "dq_d" if roles == {"desired"} else "dq"
         mixed = says & {"angle", "motor"} if kind != "torque" else says >= {"angle", "motor"}
         # Times may be those of the desired curve.

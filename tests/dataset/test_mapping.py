@@ -71,6 +71,13 @@ def test_the_line_of_a_mistake_is_named(old, new, line):
     assert f"m.yaml:{line}" in str(caught.value)
 
 
+def test_every_placeholder_left_is_asked_for_at_once():
+    with pytest.raises(ConfigError) as caught:
+        parse_mapping(GOOD.replace("q_encoder 2 deg", "q_encoder JOINT UNIT", 1), "m.yaml")
+    # Beside the line itself, each by its name.
+    assert [str(caught.value).count(blank) for blank in ("VARIABLE", "JOINT", "UNIT")] == [0, 2, 2]
+
+
 @pytest.mark.parametrize(
     ("step", "unit", "most", "checks"),
     [

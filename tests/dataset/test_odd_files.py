@@ -256,6 +256,58 @@ def test_structures_of_three_dimensions_ask_for_their_joints(tmp_path):
     assert all(f"q[{i},{j}]" in str(caught.value) for i in (1, 2) for j in (1, 2))
 
 
+def test_columns_of_an_array_that_would_be_the_same_are_not_guessed(tmp_path):
+    blocks = np.stack([NUMBERS[:, [1, 2]], NUMBERS[:, [3, 4]]]).transpose(0, 2, 1)
+    path = tmp_path / "SYNTHETIC_3d_joint2_c1.mat"
+    classic(path, {"t": T[:, None], "q_d": blocks, "q": NUMBERS[:, 1:]})
+    assert run_inspect([path], None, force=False)["runs"] == {"controller_1": 0}
+
+
+def test_three_dimensions_in_the_name_of_a_file_are_no_desired_angles(tmp_path):
+    arrays = {"t": T[:, None], "q": NUMBERS[:, [2, 4]], "q_d": NUMBERS[:, [1, 3]]}
+    found, _, _ = ingested(tmp_path, "_3d.mat", lambda path: classic(path, arrays))
+    assert mae(found) == MAE
+
+
+def test_a_column_of_the_mapping_that_no_table_has_is_told(tmp_path):
+    found, _, _ = ingested(tmp_path, ".csv", HEADS + lines(), lambda text: text.replace("q3_d", "q3_desired"))
+    assert any("q3_desired" in doubt for doubt in found["doubts"])
+
+
+def test_what_no_variable_holds_is_left_out(tmp_path):
+    names = ["time", "q2_d", "q2", "m2", "motor 2 speed", "vel 2", "position 3", "joint 3 voltage", "dq2"]
+    head = ";".join(names) + "\ns;deg;deg;V;rad/s;m/s;m;;deg/s\n"
+    rows = np.column_stack([T, DESIRED[2], ACTUAL[2], *[ACTUAL[3]] * 6])
+    found, _, _ = ingested(tmp_path, ".csv", head + lines(rows, ";"))
+    assert mae(found) == MAE[:1]
+    assert set(found["runs"]["controller_1"]["variables"]) == {"q_d", "q_encoder", "e", "dq"}
+
+
+def test_a_structure_says_what_its_columns_are_of(tmp_path):
+    """A velocity of the motors is none of the joints, nor is a voltage an angle."""
+    path, angles = tmp_path / "SYNTHETIC_c1.mat", NUMBERS[:, [2, 4]]
+    joints = record(time=T[:, None], desired=NUMBERS[:, [1, 3]], actual=angles, velocity=angles)
+    motors = record(time=T[:, None], desired=angles, actual=angles, velocity=angles)
+    volts = record(time=T[:, None], motor=angles, q=angles)
+    classic(path, {"joint": joints, "motor": motors, "voltage": volts})
+    mapping = tmp_path / "m.yaml"
+    run_inspect([path], mapping, force=True)
+    found = run_ingest([path], mapping, tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    assert mae(found) == MAE
+    guessed = [line for line in mapping.read_text().splitlines() if line.startswith('  "')]
+    assert {line.split('"')[1]: line.split(": ")[1].split()[0] for line in guessed} == {
+        "time": "time",
+        "desired[1]": "q_d",
+        "desired[2]": "q_d",
+        "joint:actual[1]": "q_encoder",
+        "joint:actual[2]": "q_encoder",
+        "velocity[1]": "dq",
+        "velocity[2]": "dq",
+        "motor:actual[1]": "q_motor_encoder",
+        "motor:actual[2]": "q_motor_encoder",
+    }
+
+
 def test_rows_cells_and_gaps_are_counted(tmp_path):
     rows = lines().splitlines(keepends=True)
     rows[50] = "a remark\n"

@@ -22,12 +22,15 @@ COLUMNS = {
     "电机转角θm1": ("q_motor_encoder", 1, None), "q_calc2": ("q_calculated", 2, None), "dq2": ("dq", 2, None),
     "time (s)": ("time", None, "s"), "时间/s": ("time", None, "s"), "t": ("time", None, None),
     "Zeit / ms": ("time", None, "ms"), "Time_s": ("time", None, "s"),
+    "dq2 deg/s": ("dq", 2, "deg/s"), "q2 velocity / rad/s": ("dq", 2, "rad/s"), "motor torque 2/Nm": ("tau_m", 2, "N m"),
 }  # fmt: skip
 # Names that say too little, or too much to be sure.
 ASKED = [
     "qd2-q2 (deg)", "load torque 2", "q2_take3", "Integral error 2", "joint 2 (motor 3)", "velocity error 2",
     "Joint 2 desired - actual", "关节2误差平方", "q2_dot", "∫e2", "column 3", "data2", "Sample", "desired torque 2",
-    "Filtered q2", "q2_s", "q2 модель", "motor 2 torque angle",
+    "Filtered q2", "q2_s", "q2 модель", "motor 2 torque angle", "motor 2 velocity (deg/s)", "Motor1Vel Speed", "dtheta_m2",
+    "电机2速度", "tip velocity 2 (m/s)", "velocity 2 m/s", "position 2 (m)", "q2/V", "q2_V", "motor 2 (mV)", "motor voltage 2",
+    "Motorstrom 2", "关节2电压", "encoder 2 (%)", "关节2角加速度", "joint 2 (m/s^2)", "t (1/s)",
 ]  # fmt: skip
 # Name of a run: controller, payload in kg.
 LOADED = math.nan
@@ -53,6 +56,18 @@ def test_names_of_columns(name):
 def test_what_is_not_sure_is_asked(name):
     said = meaning_of(name)
     assert said.unknown or variable_of(said.says) is None
+
+
+@pytest.mark.parametrize("name", ["mat_3d", "3d", "D", "run_m1", "E2", "test d"])
+def test_a_letter_of_a_file_or_sheet_says_nothing(name):
+    said = meaning_of(name, around=True)
+    assert variable_of(said.says) is None
+    assert said.joint is None
+
+
+def test_an_index_of_a_file_or_sheet_counts_beside_its_symbol_or_unit():
+    assert variable_of(meaning_of("q_d", around=True).says) == "q_d"
+    assert variable_of(meaning_of("fig14d controller 2 e 3 deg", around=True).says) == "e"
 
 
 @pytest.mark.parametrize("name", RUNS)
