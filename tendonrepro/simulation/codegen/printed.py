@@ -44,8 +44,8 @@ class Dialect:
     """What languages of the family write differently.
 
     ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
-    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true, a
-    long number stands once: pages are sent.
+    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true, for
+    pages are sent, a long number stands once.
     """
 
     head: str
@@ -133,8 +133,8 @@ def function_source(
     uses.update(value for value in values.values() if isinstance(value, str))
     printer = _Printer(lines, dialect)
     if dialect.short:
-        operands = [part for x in order if lines[x][0] != "input" for part in lines[x][1]]
-        printer.name_numbers([*operands, *values.values()])
+        used = [part for x in order if lines[x][0] != "input" for part in lines[x][1]]
+        printer.name_numbers([*used, *values.values()])
     for x in order:
         operation, operands = lines[x]
         overwritten = operation == "input" and (operands[0], operands[1]) in values

@@ -289,7 +289,8 @@ def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: i
     # What a control does is seen where the control is.
     browser.run("document.querySelector('#controls .row:last-of-type').scrollIntoView()")
     time.sleep(0.2)
-    answer = "const { top } = document.getElementById('answer').getBoundingClientRect(); return top < innerHeight"
+    box = "document.getElementById('answer').getBoundingClientRect()"
+    answer = f"return {box}.top < innerHeight"
     assert browser.run(answer)
     browser.width(1280)
 
