@@ -44,8 +44,8 @@ class Dialect:
     """What languages of the family write differently.
 
     ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
-    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true, for
-    pages are sent, a long number stands once.
+    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true,
+    for pages are sent, a long number stands once.
     """
 
     head: str
