@@ -67,10 +67,22 @@ def config_init(
 @command(EXPLORE, "tendonrepro config check my_experiment/compare.yaml", "config check")
 def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[Json]:
     """Check a configuration, and list all its mistakes."""
-    from tendonrepro.experiments.paper import check
+    from tendonrepro.configuration.any_kind import checked
+    from tendonrepro.configuration.ensemble import LoadedEnsemble
+    from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.experiments.loops import all_loops
+    from tendonrepro.studies.lifecycle import remarks
 
-    known = check(config, set or (), talk)
-    return Answer(known, f"{known['config']}: valid {known['kind']}", known)
+    read = checked(config, set or ())
+    known: Json = {"schema_version": 1, "config": config, "kind": "manipulator"}
+    if isinstance(read, LoadedEnsemble):
+        known |= {"kind": "ensemble", "config_sha256": read.sha256}
+    elif isinstance(read, LoadedConfig):
+        for sentence in remarks(read):
+            talk.note(sentence)
+        runs = list(all_loops(read))
+        known |= {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
+    return Answer(known, f"{config}: valid {known['kind']}", known)
 
 
 @command(EXPLORE, "tendonrepro config schema > schema.json", "config schema")

@@ -5,16 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tendonrepro.configuration.any_kind import checked
-from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.load import ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import ExperimentName, load_config
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.console import Talk
-from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.run import Prepared, outcomes, prepared
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.lifecycle import remarks
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Answer, Study
@@ -72,17 +67,3 @@ def summary_of(answers: Mapping[str, Answer[Result]]) -> str:
         for name, table in tables.items()
     ]
     return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()
-
-
-def check(config: str, overrides: Overrides, talk: Talk) -> dict[str, object]:
-    """Kind, digest and runs of a configuration, checked as running it would."""
-    read = checked(config, overrides)
-    known = {"schema_version": 1, "config": config}
-    if isinstance(read, LoadedEnsemble):
-        return known | {"kind": "ensemble", "config_sha256": read.sha256}
-    if not isinstance(read, LoadedConfig):
-        return known | {"kind": "manipulator"}
-    for sentence in remarks(read):
-        talk.note(sentence)
-    runs = list(all_loops(read))
-    return known | {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
