@@ -114,6 +114,11 @@ class Draft:
         self.tree: Tree = tree
         kind = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
         allowed = [wanted] if wanted else KINDS
+        if "base" in tree and "experiment" not in tree and wanted in MODELS:
+            words = (
+                f"missing key: write 'experiment: {wanted}'; a file with a base and no experiment is an arm"
+            )
+            self.refuse(("experiment",), words)
         if kind not in allowed:
             hint = did_you_mean(kind, allowed)
             self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(kind)}{hint}")

@@ -88,13 +88,8 @@ def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
 
 def _apply(document: Document, path: Key, value: Node) -> None:
     option = _option(path)
-    ending = [place for place in document.places if place[-len(path) :] == path]
-    if ending and not holds(document.tree, path[0]):
-        # Of many, a key inside something that is named after it: the payload of the run with payload.
-        word = str(path[0])
-        ending.sort(key=lambda place: not any(word in str(part) for part in place[: -len(path)]))
-        meant = " or ".join(repr(_dotted(place)) for place in ending[:3])
-        raise ConfigError(f"unknown key {_dotted(path)!r}, did you mean {meant}?", where=option)
+    if not holds(document.tree, path[0]):
+        _refuse_ending(document, path)
     nodes: list[Any] = [document.tree]
     for part in path[:-1]:
         nodes.append(_below(nodes[-1], part, option))
@@ -112,6 +107,17 @@ def _apply(document: Document, path: Key, value: Node) -> None:
             part["source"] = COMMAND_LINE
     kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
     document.places = kept | {path: Location(option)}
+
+
+def _refuse_ending(document: Document, path: Key) -> None:
+    """Refuse a path that is only the end of others, and name these."""
+    ending = [place for place in document.paths() if place[-len(path) :] == path]
+    if ending:
+        # Of many, a key inside something that is named after it: the payload of the run with payload.
+        word = str(path[0])
+        ending.sort(key=lambda place: not any(word in str(part) for part in place[: -len(path)]))
+        meant = " or ".join(repr(_dotted(place)) for place in ending[:3])
+        raise ConfigError(f"unknown key {_dotted(path)!r}, did you mean {meant}?", where=_option(path))
 
 
 def _below(node: Any, part: str | int, option: str) -> Any:

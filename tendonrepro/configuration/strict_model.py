@@ -87,7 +87,7 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
     details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
     missing = {path for detail, path in details if detail["type"] == "missing"}
     unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
-    known = missing | document.places.keys() - unknown.keys() - {()}
+    known = missing | set(document.paths()) - unknown.keys() - {()}
     meant = {path: _meant(path, known) for path in unknown}
     mistakes = []
     for detail, path in details:

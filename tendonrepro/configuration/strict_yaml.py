@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeAlias
@@ -57,10 +57,21 @@ class Document:
             path = path[:-1]
         return self.places[path]
 
+    def paths(self) -> list[Key]:
+        """Paths of all entries, first those of the text, then what the tree has from elsewhere, as a base."""
+        return list(dict.fromkeys((*self.places, *_paths(self.tree))))
+
     def places_below(self, path: Key) -> dict[Key, Location]:
         """Places of an entry and of what it holds, by the rest of their paths."""
         below = {at[len(path) :]: place for at, place in self.places.items() if at[: len(path)] == path}
         return {(): self.place(path)} | below
+
+
+def _paths(node: object, above: Key = ()) -> Iterator[Key]:
+    inner = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in inner:
+        yield (*above, key)
+        yield from _paths(value, (*above, key))
 
 
 def read_text(path: Path | None, hint: str | None = None) -> str:

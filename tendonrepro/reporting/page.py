@@ -20,7 +20,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_foreign, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
-from tendonrepro.reporting.stored import PARTS, ReportSources, stored_under
+from tendonrepro.reporting.stored import PARTS, RESULTS, ReportSources, contents_of, stored_under
 from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.verdicts.report import MAIN, claim_in_words
@@ -39,13 +39,17 @@ _READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("ima
 
 
 class ReportFile(TypedDict):
-    """What ``--json`` prints: the page, where its parts come from, and why other folders are not shown."""
+    """What ``--json`` prints: the page, where its parts come from, and why other folders are not shown.
+
+    `holds` says what lies in the folder where none of it is a result.
+    """
 
     schema_version: int
     path: str
     bytes: int
     parts: dict[str, str]
     left_out: Mapping[str, str]
+    holds: str | None
 
 
 def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
@@ -67,6 +71,9 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
         named = folder.resolve() if folder.name in ("", "..") else folder
         out = named.with_name(f"{named.name}.html")
     path = out or folder / "report.html"
+    if folder.is_file():
+        hint = "name the folder above the results, such as reports, or a result in it"
+        raise DataMissingError("is a file, not a folder of results", where=str(folder), hint=hint)
     if not folder.is_dir():
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     refuse_foreign(path, _MARK, force=force)
@@ -77,18 +84,25 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
     parts = {
         name: origin for name, origin in sources.origins.items() if not sources.own_arm or origin == "run"
     }
+    has_results = {"run", "here"} & {*sources.origins.values()} or any(folder.glob(RESULTS))
     return {
         "schema_version": 1,
         "path": str(path),
         "bytes": len(content),
         "parts": parts,
         "left_out": sources.left_out,
+        "holds": None if has_results else contents_of(folder, but=path.name),
     }
 
 
 def report_text(report: ReportFile) -> str:
     """What the terminal says."""
     lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
+    if report["holds"]:
+        lines.append(
+            f"no results: the folder holds {report['holds']}. Expected were folders with a {MANIFEST}, as "
+            "commands leave them in reports. The page shows what comes with the package."
+        )
     told = {
         "run": "found here",
         "here": "found here, not judged by claims",
@@ -98,7 +112,7 @@ def report_text(report: ReportFile) -> str:
     for origin, words in told.items():
         names = [name for name, whence in report["parts"].items() if whence == origin]
         lines += [f"{words}: {', '.join(names)}"] if names else []
-    lines += [f"left out: {name}, {why}" for name, why in report["left_out"].items()]
+    lines += [f"left out: {name}: {why}" for name, why in report["left_out"].items()]
     return "\n".join(lines)
 
 

@@ -61,6 +61,9 @@ _SHOWN = {"printed", "Delta_unit=deg", FINE_STEPS, *OF_ANSWER.values()}
 """Interpretations that the answer speaks of."""
 
 
+RESULTS = f"[!.]*/{MANIFEST}"
+"""Pattern of the results in a folder."""
+_MOST_NAMED = 4
 _FILES = {"claims": "claims.json", "ensemble": "summary.json"}
 """Numbers of a result that the page shows, beside its manifest."""
 
@@ -133,12 +136,23 @@ def _left_out(
             continue
         if path.name in damaged:
             yield path.name, _told(damaged[path.name])
+        elif not (path / MANIFEST).exists() and any(path.glob(RESULTS)):
+            yield path.name, f"holds results of its own; tendonrepro report {path} shows them"
         elif not (path / MANIFEST).exists():
-            yield path.name, f"has no {MANIFEST}, so it is no complete result"
+            yield path.name, f"no result of a command: it holds {contents_of(path)}, and no {MANIFEST}"
         elif path.name == "ensemble":
             yield path.name, "was not judged by claims, or is not of the paper's arm and interpretations"
         else:
             yield path.name, _elsewhere(path)
+
+
+def contents_of(folder: Path, but: str = "") -> str:
+    """Names of what a folder holds, hidden files and one other left out."""
+    names = sorted(
+        path.name for path in folder.iterdir() if path.name != but and not path.name.startswith(".")
+    )
+    more = [f"{len(names) - _MOST_NAMED} more"] if len(names) > _MOST_NAMED else []
+    return ", ".join([*names[:_MOST_NAMED], *more]) or "nothing"
 
 
 def _elsewhere(path: Path) -> str:

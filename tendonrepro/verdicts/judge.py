@@ -17,7 +17,7 @@ from tendonrepro.configuration.published import (
     published,
 )
 from tendonrepro.configuration.shown import is_choice
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.summary import tracking_errors
@@ -86,13 +86,15 @@ def judge_all(
 
 
 def _wanted(paper: Published, only: Sequence[str]) -> Sequence[str]:
-    """All that is judged, or `only` some; a UsageError for what is not."""
-    judged = [name for name, judgement in paper.judgements.items() if judgement.kind != "input"]
-    for name in only:
-        if name not in judged:
-            message = f"no claim or number {name!r} is judged"
-            raise UsageError(message, hint=f"Claims: {', '.join(n for n in judged if '.' not in n)}")
-    return only or judged
+    """All that is judged, or `only` some, in letters of either case; a UsageError for what is not."""
+    names = [name for name, judgement in paper.judgements.items() if judgement.kind != "input"]
+    judged = {name.casefold(): name for name in names}
+    wanted = [judged.get(name.casefold(), "") for name in only]
+    if "" in wanted:
+        given = only[wanted.index("")]
+        message = f"no claim or number {given!r} is judged{did_you_mean(given, names)}"
+        raise UsageError(message, hint=f"Claims: {', '.join(n for n in names if '.' not in n)}")
+    return wanted or names
 
 
 def _over_the_box(

@@ -62,14 +62,10 @@ def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
     return {name: counts[name] for name in VERDICTS}
 
 
-def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str | None, str | None]]:
-    """Id -> verdicts before and now that differ; None: not judged."""
+def changed(before: Mapping[str, str], now: Iterable[Verdict]) -> dict[str, tuple[str, str | None]]:
+    """Id -> verdicts before and now that differ, of those that were judged before; None: not judged now."""
     after = {verdict.id: verdict.verdict for verdict in now}
-    return {
-        name: (before.get(name), after.get(name))
-        for name in dict.fromkeys((*before, *after))
-        if before.get(name) != after.get(name)
-    }
+    return {name: (old, after.get(name)) for name, old in before.items() if old != after.get(name)}
 
 
 def shipped_ledger() -> Ledger:

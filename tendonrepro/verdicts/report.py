@@ -20,10 +20,12 @@ from tendonrepro.verdicts.verdict import Verdict
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
 JUDGED_ON = (
-    "judged where every run starts on its reference and gets its acceleration; a line below a claim has "
-    "another choice that gives another verdict"
+    "Judged where every run starts on its reference and gets its acceleration. A line 'with ...' has the "
+    "verdict under another choice."
 )
 """What the verdicts rest on that the paper does not say."""
+FEW_NAMES = 5
+"""Claims that one line names."""
 
 MAIN = (
     "K1",
@@ -100,7 +102,7 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
                     f"  {claim_in_words(claim.id)}",
                     _ours(claim),
                     verdict,
-                    claim.id,
+                    f"{claim.id} (counts with {claim.repeats})" if claim.repeats else claim.id,
                     _measured(claim) or NOTHING,
                 ]
             )
@@ -110,17 +112,29 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
             ]
     if not any(_measured(verdict) for verdict in verdicts):
         rows = [row[:-1] for row in rows]
-    more = [] if every else [f"--all shows {len(verdicts) - len(shown)} more"]
-    return "\n".join([columns(rows), "", headline(verdicts), *more, *_notes(verdicts)])
+    more = [] if every else [f"--all shows all {len(verdicts)} claims and numbers."]
+    return "\n".join([columns(rows), "", headline(verdicts), *more, *_notes(verdicts, shown)])
 
 
 def headline(verdicts: Sequence[Verdict]) -> str:
-    """Count by heading, without verdicts that have no power."""
+    """Count by heading, and say what is not counted."""
     counts = summary(verdicts)
     powerless = counts.pop("no_power")
-    words = [f"{head} {sum(counts.get(name, 0) for name in names)}" for head, names in HEADINGS.items()]
-    left_out = count_of(powerless, "number")
-    return f"All claims: {', '.join(words)}. Left out: {left_out} whose range would hold most values."
+    holds, fails, opposite, untested = (
+        sum(counts.get(name, 0) for name in names) for names in HEADINGS.values()
+    )
+    lines = [
+        f"{count_of(sum(counts.values()), 'claim')} judged: {holds} hold, {fails} do not hold, of {opposite} "
+        f"the opposite holds, {untested} cannot be tested here."
+    ]
+    if powerless:
+        lines.append(
+            f"Not counted: {count_of(powerless, 'number')} that the plants allow, since they allow most "
+            "other values, too."
+        )
+    if repeated := sum(verdict.repeats is not None for verdict in verdicts):
+        lines.append(f"Not counted: {count_of(repeated, 'number')} of a claim that is counted already.")
+    return "\n".join(lines)
 
 
 def unless_text(verdict: Verdict) -> str:
@@ -135,14 +149,17 @@ def _size(verdict: Verdict, ours: float | None) -> str:
     return f"holds on {100.0 * ours:.3g} %" if verdict.unit == SHARE else f"{ours:.4g}{_unit(verdict)}"
 
 
-def _notes(verdicts: Sequence[Verdict]) -> list[str]:
+def _notes(verdicts: Sequence[Verdict], shown: Sequence[Verdict]) -> list[str]:
+    """What verdicts rest on, and what the words of the table mean."""
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
-    notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
-    notes += [*shipped_note(verdicts), "one statement counts once, whatever the numbers under it"]
+    notes = [f"For more verdicts run {command}." for command in sorted(filter(None, commands))]
+    notes += shipped_note(shown)
     if any(verdict.by_choice for verdict in verdicts):
         notes.append(JUDGED_ON)
-    if any(verdict.borderline for verdict in verdicts):
-        notes.append("* a threshold lies inside the interval")
+    if any(verdict.unit == SHARE and verdict.ours is not None for verdict in shown):
+        notes.append("'holds on' is the share of the simulated plants on which a claim holds.")
+    if any(verdict.borderline for verdict in shown):
+        notes.append("* The share or number is so near a limit that more plants could change the verdict.")
     return notes
 
 
@@ -153,15 +170,26 @@ def shipped_note(verdicts: Sequence[Verdict]) -> list[str]:
         return []
     draws, version, created = (origin[key] for key in ("draws", "tendonrepro_version", "created"))
     return [
-        f"shipped: not judged here but taken from the ensemble that comes with the package ({draws} draws, "
-        f"tendonrepro {version}, {created.partition('T')[0]}); one of your own replaces it: {COMMAND}"
+        f"(shipped): judged on the {draws} plants that come with the package (tendonrepro {version}, "
+        f"{created.partition('T')[0]}). {COMMAND} makes an ensemble of your own."
     ]
 
 
-def changes_text(changes: Mapping[str, tuple[str | None, str | None]]) -> str:
-    """Verdicts that changed, one a line."""
-    rows = [f"{name}: {old or 'not judged'} -> {new or 'not judged'}" for name, (old, new) in changes.items()]
-    return "\n".join(["Changed since the baseline:", *(rows or ["nothing"])])
+def changes_text(
+    changes: Mapping[str, tuple[str, str | None]], before: Mapping[str, str], verdicts: Sequence[Verdict]
+) -> str:
+    """Verdicts that changed since those `before`, one a line, and which of today's these do not hold."""
+    rows = [f"{name}: {old} -> {new or 'not judged'}" for name, (old, new) in changes.items()]
+    lines = ["Changed since the baseline:", *(rows or ["nothing"])]
+    absent = [verdict.id for verdict in verdicts if verdict.id not in before]
+    if not absent:
+        return "\n".join(lines)
+    if len(before) <= FEW_NAMES:
+        lines.append(f"The baseline holds only {', '.join(before)} of {count_of(len(verdicts), 'verdict')}.")
+    else:
+        names = ", ".join(absent[:FEW_NAMES]) + (", ..." if len(absent) > FEW_NAMES else "")
+        lines.append(f"The baseline lacks {len(absent)} of {count_of(len(verdicts), 'verdict')}: {names}.")
+    return "\n".join(lines)
 
 
 def details_text(verdict: Verdict) -> str:

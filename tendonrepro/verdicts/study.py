@@ -84,7 +84,7 @@ def claims_study(
         )
         if ids:
             return told
-        since = [] if before is None else [changes_text(changes)]
+        since = [] if before is None else [changes_text(changes, before, verdicts)]
         parts: list[Table | str] = [table_text(verdicts, every=every), *since, claims_table(verdicts)]
         return _with_influences(replace(told, parts=parts), sources.ensemble)
 
@@ -148,7 +148,11 @@ def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
 
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
     if ids:
-        raise UsageError("a baseline is of the whole ledger, not of single claims", where="--baseline")
+        raise UsageError(
+            f"compares all claims that it holds, not {' and '.join(ids)} alone",
+            where="--baseline",
+            hint="leave out either --baseline or the claims",
+        )
     hint = "write one with tendonrepro claims"
     ledger = read_json(path, hint)
     try:

@@ -163,6 +163,21 @@ def test_lengths_of_an_experiment_are_told_before_anything_else(folder: Path) ->
         load_config(folder / "compare.yaml", "compare")
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"), [("control.gains.lamb=8", "'lam'"), ("lam=8", "'control.gains.lam'")]
+)
+def test_keys_of_the_base_are_meant_too(folder: Path, given: str, meant: str) -> None:
+    (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {alpha: 0.3}}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=meant):
+        load_config(folder / "compare.yaml", "compare", overrides=[given])
+
+
+def test_an_experiment_with_a_base_has_to_say_which_it_is(folder: Path) -> None:
+    (folder / "compare.yaml").write_text("base: compare.yaml\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"compare.yaml:1: experiment"):
+        load_config(folder / "compare.yaml", "compare")
+
+
 def test_joints_that_do_not_exist(folder: Path) -> None:
     (folder / "compare.yaml").write_text(COMPARE.replace("[1, 2]", "[2, 3]"), encoding="utf-8")
     with pytest.raises(ConfigError, match=r"compare.yaml:5: joints"):

@@ -66,6 +66,19 @@ def test_a_damaged_result_is_named_and_the_sound_ones_are_shown(results, tmp_pat
     assert "compare" not in found["parts"]
 
 
+def test_a_folder_without_results_is_told_by_what_it_holds(results, tmp_path):
+    (tmp_path / "configs").mkdir()
+    (tmp_path / "configs" / "mine.yaml").write_text("title: mine\n", encoding="utf-8")
+    found = run_report(tmp_path, None, force=False)
+    assert found["holds"] == "configs"
+    assert "mine.yaml" in found["left_out"]["configs"]
+    # Results one folder further down are named, not called incomplete.
+    shutil.copytree(results, tmp_path / "reports")
+    assert str(tmp_path / "reports") in stored_under(tmp_path).left_out["reports"]
+    with pytest.raises(DataMissingError):
+        run_report(tmp_path / "configs" / "mine.yaml", None, force=False)
+
+
 def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]

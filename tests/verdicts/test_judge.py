@@ -96,6 +96,10 @@ class TestWhatIsMissing:
             with pytest.raises(UsageError, match="no claim or number"):
                 judge_all(Sources(), only=[name])
 
+    def test_an_id_in_letters_of_either_case(self):
+        verdicts = judge_all(Sources(), only=["k3", "TABLE2.controller_1.mae.joint_2"])
+        assert [verdict.id for verdict in verdicts] == ["K3", "table2.controller_1.mae.joint_2"]
+
 
 def test_numbers_of_the_nominal_run_stand_beside_the_printed_ones(data, paper):
     file = make_compare_file()
@@ -141,7 +145,8 @@ class TestLedger:
         assert changed(baseline, found) == {}
         now = [replace(v, verdict="compatible") if v.id == "E1" else v for v in found if v.id != "K1"]
         assert changed(baseline, now) == {"K1": ("exact", None), "E1": ("contradicted", "compatible")}
-        assert changed({}, now[:1]) == {now[0].id: (None, "exact")}
+        # What a baseline does not hold has not changed.
+        assert changed({"E1": "contradicted"}, now) == {"E1": ("contradicted", "compatible")}
 
     def test_files(self, found, tmp_path):
         paths = claims_table(found).write(tmp_path)

@@ -32,6 +32,8 @@ def test_a_baseline_tells_what_changed(tmp_path):
     earlier = [replace(one, verdict="exact") if one.id == "C2" else one for one in verdicts]
     path.write_text(to_json(as_data(earlier)), encoding="utf-8")
     assert claimed(tmp_path / "none", baseline=path).data["changed"] == {"C2": ("exact", "not_met")}
+    path.write_text(to_json(as_data([one for one in earlier if one.id in ("C2", "C3")])), encoding="utf-8")
+    assert claimed(tmp_path / "none", baseline=path).data["changed"] == {"C2": ("exact", "not_met")}
     for content in (path.read_bytes()[:-100], b"[]", b'{"claims": [1]}', None):
         path.write_bytes(content) if content else path.unlink()
         with pytest.raises(DataMissingError) as caught:
