@@ -30,7 +30,7 @@ VARIANTS: Sequence[dict[str, object]] = (
     {
         "name": "no_acceleration",
         "of": "published",
-        "title": "No acceleration",
+        "title": "Straight ramps",
         "about": "The reference is a straight ramp, and its acceleration is not fed forward. That makes an "
         "error of its own, nearly the same for all controllers, and α hardly shows.",
         "values": RAMPS,
@@ -68,7 +68,8 @@ def shipped_presets(library: Library) -> list[dict[str, object]]:
         load_config("plain", "compare"),
         "published",
         "As published",
-        "Equations, gains and encoder as published, on the plain arm of middling numbers.",
+        "Equations, gains and encoder as published, on the plain arm of middling numbers. Every run starts "
+        "on its reference and gets its acceleration.",
         library,
     )
     fitted = preset(
