@@ -331,8 +331,8 @@ CLAIMS: Mapping[str, Column] = {
     "the paper": contents.named,
     "here": contents.ours,
     "verdict": lambda judged: f"`{judged.verdict}`",
-    "but": lambda judged: ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in judged.unless),
-    "other verdict under": lambda judged: str(len(judged.readings_that_change_it)),
+    "with another motion, start or friction": lambda judged: ", ".join(f"`{one.verdict}` with `{one.reading}`" for one in judged.unless),
+    "interpretations with another verdict": lambda judged: str(len(judged.readings_that_change_it)),
 }
 NUMBERS = {**CLAIMS, "the paper": lambda judged: contents.named(judged).rpartition(": ")[2]}
 CLOSEST_PLANTS: Mapping[str, Column] = {

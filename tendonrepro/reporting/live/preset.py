@@ -304,7 +304,10 @@ def _tries(config: CompareConfig) -> list[dict[str, object]]:
     ]
     if any(menu.name == "reference_acceleration" for menu in menus_of(config)):
         tries.append(
-            {"label": "No acceleration", "set": {"control.readings.reference_acceleration": "absent"}}
+            {
+                "label": "Acceleration not fed forward",
+                "set": {"control.readings.reference_acceleration": "absent"},
+            }
         )
     last = ([name for name in config.runs if not name.endswith(PAYLOAD)] or [*config.runs])[-1]
     start = {f"runs.{last}.start_offset.{joint}": -1.0 for joint in config.joints}

@@ -30,7 +30,7 @@ VARIANTS: Sequence[dict[str, object]] = (
     {
         "name": "no_acceleration",
         "of": "published",
-        "title": "No acceleration",
+        "title": "Straight ramps",
         "about": "The reference is a straight ramp, and its acceleration is not fed forward. That makes an "
         "error of its own, nearly the same for all controllers, and α hardly shows.",
         "values": RAMPS,
@@ -69,7 +69,8 @@ def shipped_presets(library: Library) -> list[dict[str, object]]:
         "published",
         "As published",
         "Equations, gains and encoder as published. The arm is assumed: its values are the middles of "
-        "plausible ranges, with more damping of the tendons.",
+        "plausible ranges, with more damping of the tendons. Every run starts on its reference and gets its "
+        "acceleration.",
         library,
     )
     fitted = preset(
