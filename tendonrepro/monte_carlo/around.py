@@ -181,16 +181,17 @@ def draws_rows(reading: Reading) -> list[str]:
     return [f"{name}={value}" for name, value in reading.settings if (name, value) in _DRAWING]
 
 
-def readings_around(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
-    """Readings by their names; the printed one leaves the comparison as it is.
+def readings_on(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm the printed one leaves its comparison as it is.
 
     Raises
     ------
     UsageError
-        For one that draws from the ranges of the paper's arm, or that the comparison lacks something for.
+        For an unknown one. Around an arm also for one that draws from the ranges of the paper's arm, or that
+        the comparison lacks something for.
     """
     readings = named_readings(names)
-    for reading in readings:
+    for reading in readings if loaded.around else ():
         if drawing := draws_rows(reading):
             message = f"{drawing[0]} draws from the ranges of the paper's arm"
             hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"
