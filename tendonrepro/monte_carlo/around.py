@@ -21,7 +21,7 @@ from tendonrepro.configuration.models.readings import Reading, named_readings, p
 from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops, build_reference, slow_error_ratio
-from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops, own_loops
+from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 from tendonrepro.simulation.sampled import CommandFunction
@@ -162,11 +162,8 @@ class ArmDraws:
             for reading in readings
         }
         for law, of_reading in product(self._laws, loops.values()):
-            of_reading.update(
-                own_loops(law, config, of_reading)
-                if law.alone
-                else lane_loops(law, _function(law, law.content), config, of_reading)
-            )
+            on_lanes = None if law.alone else _function(law, law.content)
+            of_reading.update(own_loops(law, config, of_reading, on_lanes))
         return [loops[reading][run] for run, reading in self._cases]
 
 
