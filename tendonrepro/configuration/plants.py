@@ -77,22 +77,14 @@ def load_plants(
     return load_ensemble(text, overrides=overrides, seed=seed)
 
 
-def load_study_plants(
-    source: ConfigLike,
-    spread: float | None,
-    ranges: Ranges,
-    *,
-    overrides: Overrides | None,
-    seed: int | None,
-) -> LoadedEnsemble:
-    """As `load_plants`, for a study of runs: a comparison must have those of the three controllers.
+def with_all_controllers(loaded: LoadedEnsemble) -> LoadedEnsemble:
+    """Plants for a study of runs: their comparison must have those of the three controllers.
 
     Raises
     ------
     ConfigError
         If it lacks one.
     """
-    loaded = load_plants(source, spread, ranges, overrides=overrides, seed=seed)
     runs = loaded.compare.runs
     for name in PRINTED_LAWS:
         if name not in runs or runs[name].law != name:

@@ -45,11 +45,11 @@ def predict(
     readings
         Comma-separated names [default: the main ones].
     """
-    from tendonrepro.configuration.plants import load_study_plants
+    from tendonrepro.configuration.plants import load_plants, with_all_controllers
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_outcome
     from tendonrepro.simulation.device import require
 
-    loaded = load_study_plants(config, spread, ranges, overrides=set, seed=seed)
+    loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
     asked_for(loaded, draws, names)
     require(device)

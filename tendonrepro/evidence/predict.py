@@ -16,9 +16,9 @@ from tendonrepro.configuration.models.control import FIRST, RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
 from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, BenchExperiment, experiments_on
-from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box, make_box
-from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.plants import draws_of
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -88,12 +88,7 @@ def loops_of_plants(
     if any(experiment.name == "period_doubled" for experiment in experiments):
         slower = Reading(DOUBLED_PERIOD, (*reading.settings, ("sampling_period", "2ms")))
         cases[DOUBLED_PERIOD] = FIRST, slower
-    of_cases = [*cases.values()]
-    draws = (
-        ArmDraws(plants, values, of_cases)
-        if isinstance(plants, AroundArm)
-        else Draws(loaded.base, plants, values, of_cases)
-    )
+    draws = draws_of(loaded, plants, values, [*cases.values()])
     # What experiments ask of readings, no draw decides.
     readings = under(reading, loaded.compare, plants.named(values[0])).control.readings
     for k in range(len(values)):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import errors_from
-from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading
+from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
@@ -19,7 +19,7 @@ from tendonrepro.evidence.predict import (
     predictions,
     told_apart,
 )
-from tendonrepro.monte_carlo.around import draws_rows, readings_around
+from tendonrepro.monte_carlo.around import draws_rows, readings_on
 from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.device import DeviceName
@@ -40,7 +40,7 @@ def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
     """Raise a UsageError for too few or many draws, or an unknown interpretation."""
     if not LEAST <= draws <= MOST_DRAWS:
         raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
-    _chosen(loaded, readings)
+    readings_on(loaded, readings)
 
 
 def predict_outcome(
@@ -54,7 +54,11 @@ def predict_outcome(
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
     if seconds := errors_from(loaded.compare):
         talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
-    chosen, joints, experiments_run = _chosen(loaded, readings), loaded.compare.joints, experiments_on(loaded)
+    chosen, joints, experiments_run = (
+        readings_on(loaded, readings),
+        loaded.compare.joints,
+        experiments_on(loaded),
+    )
     predicted = list(predictions(loaded, chosen, draws, talk, device))
     names = [reading.name for reading in chosen]
     gaps = gaps_between(predicted, names)
@@ -84,11 +88,6 @@ def predict_outcome(
     on = f"{draws} plants {where}".strip()
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
     return Outcome(data, prediction_tables(predicted, gaps, never, on, experiments_run), figures)
-
-
-def _chosen(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
-    """Readings by their names; around an arm those that its comparison can be run under."""
-    return readings_around(loaded, names) if loaded.around else named_readings(names)
 
 
 def default_readings_on(loaded: LoadedEnsemble) -> str:

@@ -240,9 +240,12 @@ def build_loops(
     if isinstance(config, CompareConfig):
         reference = reference or build_reference(config.reference, config, folder)
         check_errors_from(config, reference)
+        cold, lag = config.control.readings.start == "cold", reference_lag(config)
         for name, run in config.runs.items():
-            controller = TimeDelayController(build_law(config, run.law))
-            yield name, _compare_loop(config, run, controller, reference)
+            plant = rig.build_plant(config, run.payload.si, friction_scale(run))
+            own = _loop(config, plant, TimeDelayController(build_law(config, run.law)), reference)
+            offset = run.start_offset.si if run.start_offset else None
+            yield name, replace(own, cold=cold, start_offset=offset, reference_lag=lag)
         return
     loop = config.position_loop
     servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
@@ -283,18 +286,6 @@ def reference_lag(config: CompareConfig) -> float:
     lag = config.control.reference_lag
     late = config.control.readings.reference_acceleration == "late"
     return lag.si if late and lag is not None else 0.0
-
-
-def _compare_loop(
-    config: CompareConfig, run: CompareRun, controller: TimeDelayController, reference: DesiredMotion
-) -> Loop:
-    plant = rig.build_plant(config, run.payload.si, friction_scale(run))
-    return replace(
-        _loop(config, plant, controller, reference),
-        cold=config.control.readings.start == "cold",
-        start_offset=run.start_offset.si if run.start_offset else None,
-        reference_lag=reference_lag(config),
-    )
 
 
 def _loop(

@@ -146,13 +146,20 @@ def runs_of(law: UserLaw, config: CompareConfig) -> dict[str, str]:
     return {law.name: first} | ({f"{law.name}{PAYLOAD}": payload} if payload else {})
 
 
-def own_loops(law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop]) -> dict[str, Loop]:
-    """Runs of a law on the plants of configured ones, with the gains of the first."""
-    controller = cast("TimeDelayController", next(iter(loops.values())).controller)
-    return {
-        name: replace(loops[plant], controller=replace(controller, command=checked(law, model_of(config))))
-        for name, plant in runs_of(law, config).items()
-    }
+def own_loops(
+    law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop], on_lanes: CommandFunction | None = None
+) -> dict[str, Loop]:
+    """Runs of a law on the plants of configured ones, with the gains of the first.
+
+    Each has a fresh copy of the law, or all have the same function, as `lane_function` makes it, `on_lanes`.
+    """
+    first = cast("TimeDelayController", next(iter(loops.values())).controller)
+    own = {}
+    for name, plant in runs_of(law, config).items():
+        command = on_lanes or checked(law, model_of(config))
+        controller = replace(first, command=command, on_lanes=on_lanes is not None)
+        own[name] = replace(loops[plant], controller=controller)
+    return own
 
 
 def lane_function(law: UserLaw) -> CommandFunction:
@@ -174,8 +181,8 @@ def lane_function(law: UserLaw) -> CommandFunction:
     return command
 
 
-def keeps_memory(law: UserLaw, loop: Loop) -> bool:
-    """Whether the law's last answer in a run is another than that of a law which was asked nothing before.
+def refuse_memory(law: UserLaw, loop: Loop) -> None:
+    """Raise a UsageError for a law whose last answer in a run depends on those before.
 
     Many plants together are one record of what it does with its arguments, so such a law cannot run on them.
     """
@@ -194,24 +201,9 @@ def keeps_memory(law: UserLaw, loop: Loop) -> bool:
     controller = cast("TimeDelayController", loop.controller)
     simulate(replace(loop, controller=replace(controller, command=command, on_lanes=False)))
     pairs = zip(answers[-1], fresh(*questions[-1]), strict=True)
-    return not all(np.array_equal(last, first, equal_nan=True) for last, first in pairs)
-
-
-def memory_refused(law: UserLaw) -> UsageError:
-    """Why a law with a memory of its own cannot run on many plants together."""
-    message = f"the law {law.name} remembers earlier calls, and cannot run on many plants together"
-    return UsageError(message, where="--law", hint="memory has the torques, angles and rates before")
-
-
-def lane_loops(
-    law: UserLaw, function: CommandFunction, config: CompareConfig, loops: Mapping[str, Loop]
-) -> dict[str, Loop]:
-    """As `own_loops`, for many plants together."""
-    first = cast("TimeDelayController", next(iter(loops.values())).controller)
-    controller = replace(first, command=function, on_lanes=True)
-    return {
-        name: replace(loops[plant], controller=controller) for name, plant in runs_of(law, config).items()
-    }
+    if not all(np.array_equal(last, first, equal_nan=True) for last, first in pairs):
+        message = f"the law {law.name} remembers earlier calls, and cannot run on many plants together"
+        raise UsageError(message, where="--law", hint="memory has the torques, angles and rates before")
 
 
 def refused_on_lanes(name: str, error: Exception) -> UsageError:

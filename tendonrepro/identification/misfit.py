@@ -17,16 +17,15 @@ from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.box import Box
-from tendonrepro.monte_carlo.user_laws import Simulate
+from tendonrepro.monte_carlo.user_laws import Simulate, stub_of
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulation.loop import DesiredMotion, Loop
+from tendonrepro.simulation.loop import Loop
 
 SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late", "settled": "_settled"}
 """Ends of the names of `simulation.streaming.STATISTICS` by what errors average."""
 
 # A run that did not end well is worse than any that did, and the worse the earlier it ended.
 _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
-_STUB = 64
 # A plant's reference takes about a megabyte.
 PLANTS_AT_ONCE = 256
 
@@ -106,13 +105,7 @@ class Bench:
 
         Code is compiled for what acts in a batch, so uniform populations need none.
         """
-        loops = self._loops(self.space.acting(), reading, runs)
-        return [replace(loop, reference=_start_of(loop.reference)) for loop in loops]
-
-
-def _start_of(reference: DesiredMotion) -> DesiredMotion:
-    names = ("time", "q_d", "dq_d", "ddq_d")
-    return replace(reference, **{name: getattr(reference, name)[:_STUB] for name in names})
+        return [stub_of(loop) for loop in self._loops(self.space.acting(), reading, runs)]
 
 
 def log_misfit(ours: Simulated, goal: Goal) -> Array:

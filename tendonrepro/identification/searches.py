@@ -41,7 +41,7 @@ from tendonrepro.identification.search import (
 )
 from tendonrepro.identification.space import space_of
 from tendonrepro.identification.unknowns import rows_that_explain
-from tendonrepro.monte_carlo.around import draws_rows, readings_around
+from tendonrepro.monte_carlo.around import draws_rows, readings_on
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
@@ -306,12 +306,11 @@ def _outcome(task: IdentificationTask, head: Json, results: Results, files: Path
     loaded = task.loaded
     searches = [results[reading.name][0] for reading in task.readings]
     _write_plants(files, results, nearest_search(searches)["name"], head, task)
-    config = {"origin": loaded.base.origin, "sha256": task.identity(), "tree": loaded.base.tree}
     manifest = {
         "experiment": "identify",
         "seed": task.seed,
         "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
-        "config": config | {"ensemble_sha256": loaded.sha256},
+        "config": {"ensemble_sha256": loaded.sha256},
     }
     other = task.goal.of_paper and not base_of_paper(loaded.compare)
     remarks = [OTHER_BASE] if other else []
@@ -332,11 +331,9 @@ def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
         every = default_readings(loaded.config.pairs)
     else:
         every = named_readings(",".join(SHOWN) if readings == "shown" else readings)
-    if not loaded.around:
-        return every
-    # Of a list those that draw from the ranges of the paper's arm are left out; one by name is refused.
-    listed = readings in ("default", "shown")
-    return readings_around(
+    # Around an arm those of a list that draw from the paper's ranges are left out; one by name is refused.
+    listed = loaded.around and readings in ("default", "shown")
+    return readings_on(
         loaded, ",".join(reading.name for reading in every if not (listed and draws_rows(reading)))
     )
 

@@ -21,7 +21,7 @@ from tendonrepro.configuration.models.readings import Reading, named_readings, p
 from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops, build_reference, slow_error_ratio
-from tendonrepro.experiments.user_law import UserLaw, lane_function, lane_loops, own_loops
+from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.loop import DesiredMotion, Loop
 from tendonrepro.simulation.sampled import CommandFunction
@@ -162,11 +162,8 @@ class ArmDraws:
             for reading in readings
         }
         for law, of_reading in product(self._laws, loops.values()):
-            of_reading.update(
-                own_loops(law, config, of_reading)
-                if law.alone
-                else lane_loops(law, _function(law, law.content), config, of_reading)
-            )
+            on_lanes = None if law.alone else _function(law, law.content)
+            of_reading.update(own_loops(law, config, of_reading, on_lanes))
         return [loops[reading][run] for run, reading in self._cases]
 
 
@@ -181,16 +178,17 @@ def draws_rows(reading: Reading) -> list[str]:
     return [f"{name}={value}" for name, value in reading.settings if (name, value) in _DRAWING]
 
 
-def readings_around(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
-    """Readings by their names; the printed one leaves the comparison as it is.
+def readings_on(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm the printed one leaves its comparison as it is.
 
     Raises
     ------
     UsageError
-        For one that draws from the ranges of the paper's arm, or that the comparison lacks something for.
+        For an unknown one. Around an arm also for one that draws from the ranges of the paper's arm, or that
+        the comparison lacks something for.
     """
     readings = named_readings(names)
-    for reading in readings:
+    for reading in readings if loaded.around else ():
         if drawing := draws_rows(reading):
             message = f"{drawing[0]} draws from the ranges of the paper's arm"
             hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"

@@ -16,15 +16,15 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
-from tendonrepro.configuration.models.readings import PRINTED, default_readings, named_readings, parse_reading
+from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.configuration.plants import load_study_plants
+from tendonrepro.configuration.plants import load_plants, with_all_controllers
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
-from tendonrepro.monte_carlo.around import AroundArm, readings_around
+from tendonrepro.monte_carlo.around import AroundArm, readings_on
 from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, make_blocks
 from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
@@ -60,7 +60,7 @@ def load_study(
     pairs of the configuration; around an arm for what its comparison says. That or the printed reading is
     added to others. A UsageError for an unknown one.
     """
-    loaded = load_study_plants(source, spread, ranges, overrides=overrides, seed=seed)
+    loaded = with_all_controllers(load_plants(source, spread, ranges, overrides=overrides, seed=seed))
     if loaded.around:
         return _around(loaded, loaded.around, readings, laws)
     if laws:
@@ -68,7 +68,7 @@ def load_study(
         raise UsageError(message, where="--law", hint="name a comparison, --config compare.yaml")
     config, box = loaded.config, make_box(loaded.config)
     default = readings == "default"
-    chosen = default_readings(config.pairs) if default else named_readings(f"{PRINTED},{readings}")
+    chosen = default_readings(config.pairs) if default else readings_on(loaded, f"{PRINTED},{readings}")
     return EnsembleStudy(
         loaded,
         boxes={name: box.only(population.confidences) for name, population in config.populations.items()},
@@ -91,7 +91,7 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
         loaded,
         boxes={},
         shares={ARMS: 1.0},
-        readings=readings_around(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
+        readings=readings_on(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
         variations=(),
         seed=int(loaded.config.seed.si),
         replicates=LEAST_SCRAMBLINGS,
@@ -271,8 +271,6 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
 
 def _manifest(study: EnsembleStudy) -> dict[str, object]:
     """What only an ensemble's manifest says."""
-    base = study.loaded.base
-    config = {"origin": base.origin, "sha256": study.identity, "tree": base.tree}
     solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
     if study.alone:
         solver["by_scipy"] = [law.name for law in study.alone]
@@ -280,5 +278,5 @@ def _manifest(study: EnsembleStudy) -> dict[str, object]:
         "experiment": "ensemble",
         "seed": study.seed,
         "solver": solver,
-        "config": config | {"ensemble_sha256": study.loaded.sha256},
+        "config": {"ensemble_sha256": study.loaded.sha256},
     }

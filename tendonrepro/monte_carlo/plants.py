@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from tendonrepro.arrays import Array, Numeric
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.experiment import (
     NoDisturbance,
@@ -35,6 +36,8 @@ from tendonrepro.experiments.loops import (
     newest_weight,
     power_floor,
 )
+from tendonrepro.experiments.user_law import UserLaw
+from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
 from tendonrepro.monte_carlo.box import (
     Box,
     configured,
@@ -307,6 +310,19 @@ class Draws:
             divergence_limit=case.divergence_limit,
             cold=case.cold,
         )
+
+
+def draws_of(
+    loaded: LoadedEnsemble,
+    plants: Box | AroundArm,
+    values: Array,
+    cases: Sequence[tuple[str, Reading]],
+    laws: Sequence[UserLaw] = (),
+) -> Draws | ArmDraws:
+    """Draws (N, P) of the ranges of the paper's arm, or around one of a user's own, where `laws` run too."""
+    if isinstance(plants, AroundArm):
+        return ArmDraws(plants, values, cases, laws)
+    return Draws(loaded.base, plants, values, cases)
 
 
 def _law(case: _Case, draw: Mapping[str, float]) -> Law:

@@ -13,7 +13,7 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import run_status
-from tendonrepro.experiments.user_law import UserLaw, keeps_memory, memory_refused, refused_on_lanes
+from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes
 from tendonrepro.monte_carlo.around import ArmDraws
 from tendonrepro.monte_carlo.data import ShardArray
 from tendonrepro.monte_carlo.plan import EnsembleStudy
@@ -40,8 +40,7 @@ def tried(study: EnsembleStudy, law: UserLaw) -> UserLaw:
     try:
         loop = _start_of(study, law)
         simulate_batch([loop], study.loaded.compare.status)
-        if keeps_memory(law, loop):
-            raise memory_refused(law)
+        refuse_memory(law, loop)
     except Exception as error:
         refusal = error if isinstance(error, UsageError) else refused_on_lanes(law.name, error)
         alone = replace(law, alone=refusal.message)
@@ -55,7 +54,11 @@ def _start_of(study: EnsembleStudy, law: UserLaw) -> Loop:
     study = replace(study, laws=(law,))
     assert study.arm is not None
     loops = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
-    loop = loops[study.lookup[law.name, PRINTED]]
+    return stub_of(loops[study.lookup[law.name, PRINTED]])
+
+
+def stub_of(loop: Loop) -> Loop:
+    """The first samples of a run."""
     names = ("time", "q_d", "dq_d", "ddq_d")
     start = {name: getattr(loop.reference, name)[:_STUB] for name in names}
     return replace(loop, reference=replace(loop.reference, **start))

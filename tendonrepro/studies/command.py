@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 V = TypeVar("V")
+Prepared = TypeVar("Prepared", bound="Answer[object] | Study")
 
 REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
 """Panels of the list of commands."""
@@ -92,42 +93,39 @@ def study(
     """Make a function that checks and prepares a study a command; for Python it gives a result."""
 
     def register(function: Callable[P, Study]) -> Callable[P, Result]:
-        name = function.__name__
-        COMMANDS[name] = Command(name, panel, example, function, has_dry_run)
-
-        @wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> Result:
-            from tendonrepro.studies.lifecycle import result_of
-
-            entry = COMMANDS[name]
-            given = entry.bound(*args, **kwargs)
-            return result_of(cast("Study", entry.prepare(*given.args, **given.kwargs)))
-
-        return _public(call, COMMANDS[name])
+        return _public(Command(function.__name__, panel, example, function, has_dry_run), function, _result)
 
     return register
+
+
+def _result(study: Study) -> Result:
+    from tendonrepro.studies.lifecycle import result_of
+
+    return result_of(study)
 
 
 def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
     """Make a function that answers a command; `name` is the words that call it, such as ``config list``."""
 
     def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
-        called = name or function.__name__
-        COMMANDS[called] = Command(called, panel, example, function)
-
-        @wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> V:
-            entry = COMMANDS[called]
-            given = entry.bound(*args, **kwargs)
-            return cast("Answer[V]", entry.prepare(*given.args, **given.kwargs)).value
-
-        return _public(call, COMMANDS[called])
+        entry = Command(name or function.__name__, panel, example, function)
+        return _public(entry, function, lambda answer: answer.value)
 
     return register
 
 
-def _public(call: Callable[P, V], entry: Command) -> Callable[P, V]:
-    """Show to Python all parameters, with their types, and what each means."""
+def _public(
+    entry: Command, function: Callable[P, Prepared], value: Callable[[Prepared], V]
+) -> Callable[P, V]:
+    """Register a command; for Python a function with all parameters, their types, and what each means."""
+    COMMANDS[entry.name] = entry
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> V:
+        registered = COMMANDS[entry.name]
+        given = registered.bound(*args, **kwargs)
+        return value(cast("Prepared", registered.prepare(*given.args, **given.kwargs)))
+
     parameters = [
         parameter.replace(annotation=parameter.annotation.__origin__)
         if word_of(parameter.annotation) != Word()

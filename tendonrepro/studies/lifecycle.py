@@ -148,7 +148,8 @@ def _exit_code(outcome: Outcome) -> int:
 
 def _manifest(study: Study, outcome: Outcome, seconds: float) -> Json:
     """How a result came about; what only its study knows comes last."""
-    return make_manifest(study.loaded, seconds, study.command, study.digest) | dict(outcome.manifest)
+    known, own = make_manifest(study.loaded, seconds, study.command, study.digest), outcome.manifest
+    return known | dict(own) | {"config": known["config"] | own.get("config", {})}
 
 
 def planned(study: Study, talk: Talk) -> dict[str, object]:

@@ -47,7 +47,7 @@ class Outcome:
     data: Mapping[str, object]
     parts: Sequence[Table | str] = ()
     figures: Mapping[str, Callable[[], Drawing]] = field(default_factory=dict)
-    manifest: Mapping[str, object] = field(default_factory=dict)
+    manifest: Json = field(default_factory=dict)
     traces: TraceFile | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     beside: Mapping[str, object] = field(default_factory=dict)

@@ -18,7 +18,6 @@ from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant, start_angles
-from tendonrepro.monte_carlo.box import Box, configured
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant, load_at_rest
@@ -120,11 +119,6 @@ class Performance(NamedTuple):
     mae: Array
     roughness: Array
     stable: NDArray[np.bool_]
-
-
-def plants_of(loaded: LoadedEnsemble, box: Box, row: Array) -> TrialPlants:
-    """One draw (P,) of the box, with the motions and loads of the tuning."""
-    return posed(loaded, configured(loaded.base, box, row))
 
 
 def posed(loaded: LoadedEnsemble, config: CompareConfig) -> TrialPlants:

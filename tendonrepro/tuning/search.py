@@ -20,7 +20,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import evolution, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.box import configured, evolution, make_box
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.simulation.device import DeviceName
 from tendonrepro.tuning.bench import (
@@ -30,7 +30,6 @@ from tendonrepro.tuning.bench import (
     TrialPlants,
     as_published,
     measure,
-    plants_of,
     posed,
 )
 from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Conversion, TunedLaw
@@ -208,13 +207,12 @@ class TuningTask:
 
     def draw(self, number: int) -> TrialPlants:
         """Draw of a number from the box, or around a user's arm."""
-        return self._drawn(number)._replace(device=self.device)
-
-    def _drawn(self, number: int) -> TrialPlants:
         if self.loaded.around:
-            return posed(self.loaded, AroundArm(self.loaded, self.loaded.around).draw(number))
-        box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
-        return plants_of(self.loaded, box, box.values(scrambled_sobol(box, seed, 0, number, 1))[0])
+            config = AroundArm(self.loaded, self.loaded.around).draw(number)
+        else:
+            box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
+            config = configured(self.loaded.base, box, box.sample(seed, 0, number, 1)[0])
+        return posed(self.loaded, config)._replace(device=self.device)
 
     def tuned(self, number: int) -> TunedRow:
         """Tune every law on one draw, as plain values."""

@@ -17,8 +17,7 @@ from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import (
     UserLaw,
-    keeps_memory,
-    memory_refused,
+    refuse_memory,
     refused_on_lanes,
     with_user_laws,
 )
@@ -119,8 +118,7 @@ def _try(task: TuningTask, user: UserLaw, law: TunedLaw) -> None:
         measure(plants, [candidate])
     except Exception as error:
         raise refused_on_lanes(law.name, error) from error
-    if keeps_memory(user, loops_of(plants, candidate, 1)[0]):
-        raise memory_refused(user)
+    refuse_memory(user, loops_of(plants, candidate, 1)[0])
 
 
 def _usable(task: TuningTask, wanted: int, *, every: bool) -> list[int]:

@@ -2,14 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Unpack
+from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, study
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Folder, Seed
-from tendonrepro.studies.study import Site, Study
-
-if TYPE_CHECKING:
-    from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.study import Study
 
 __all__ = ["validate"]
 
@@ -34,19 +31,21 @@ def validate(
         Trace file written by ingest.
     """
     from tendonrepro.configuration.load import ExperimentName, load_config
-    from tendonrepro.configuration.published import published
     from tendonrepro.files import sha256_of
     from tendonrepro.validation.report import validation_outcome
     from tendonrepro.validation.validated import validated
     from tendonrepro.verdicts.measurement import read_measured
 
-    path, paper = Path(measured), published()
+    path = Path(measured)
     file = read_measured(path)
     experiment: ExperimentName = "compare" if file.part("compare").runs else "decouple"
     base = load_config(config, experiment, overrides=set, seed=seed)
     base = replace(base, inputs=(*base.inputs, path))
 
-    def run(site: Site) -> "Outcome":
-        return validation_outcome(validated(file, path.name, base, paper, site), path, paper)
-
-    return Study(base, run, folder, decided_by={"measured": sha256_of(path)}, stored=True)
+    return Study(
+        base,
+        lambda site: validation_outcome(validated(file, path.name, base, site), path),
+        folder,
+        decided_by={"measured": sha256_of(path)},
+        stored=True,
+    )

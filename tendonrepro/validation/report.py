@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import TypeAlias
 
-from tendonrepro.configuration.published import COMPARED, METRICS, Published, row_of
+from tendonrepro.configuration.published import COMPARED, METRICS, published, row_of
 from tendonrepro.console import count_of
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.files import Json
@@ -36,7 +36,7 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def validation_outcome(validation: Validation, path: Path, paper: Published) -> Outcome:
+def validation_outcome(validation: Validation, path: Path) -> Outcome:
     """Show what the measurement at a path says of paper and model."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
@@ -57,11 +57,11 @@ def validation_outcome(validation: Validation, path: Path, paper: Published) -> 
         "guesses": known.get("guesses", []),
         "doubts": known.get("doubts", []),
         "window": measurement.tables.window,
-        **table_data(measurement.tables.deciding, paper),
-        "best": {"window": closest.name, **table_data(closest, paper)} if closest else None,
+        **table_data(measurement.tables.deciding),
+        "best": {"window": closest.name, **table_data(closest)} if closest else None,
         "windows": windows,
         "reference": motion,
-        "claims": claims_data(rulings, paper),
+        "claims": claims_data(rulings),
         "numbers": {
             name: {"verdict": ruling.verdict, "ours": ruling.ours}
             for name, ruling in rulings.items()
@@ -76,10 +76,10 @@ def validation_outcome(validation: Validation, path: Path, paper: Published) -> 
     columns = _columns_of(validation.residuals)
     parts: list[Table | str] = [
         _about(path, known),
-        *measured_tables(measurement, paper, str(path)),
+        *measured_tables(measurement, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
-        claims_table(rulings, paper),
+        claims_table(rulings),
         *shown("residuals", "Measured less simulated.", validation.residuals, columns),
         *shown("coupling", "Angles through the coupling.", validation.coupling, ()),
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
@@ -101,13 +101,13 @@ def _columns_of(residuals: TableRows) -> Sequence[str]:
     return (*_RESIDUALS[:4], *_READ_OFF) if is_read_off else _RESIDUALS
 
 
-def claims_data(rulings: Mapping[str, Ruling], paper: Published) -> list[dict[str, object]]:
+def claims_data(rulings: Mapping[str, Ruling]) -> list[dict[str, object]]:
     """``claims`` of ``validate --json``."""
     return [
         {
             "id": name,
-            "where": paper.entries[name].where,
-            "rule": paper.judgements[name].rule,
+            "where": published().entries[name].where,
+            "rule": published().judgements[name].rule,
             "kind": "measured",
             "verdict": rulings[name].verdict,
             "evidence": rulings[name].evidence,
@@ -120,7 +120,7 @@ TableData: TypeAlias = dict[str, dict[str, dict[str, dict[str, list[object]]]]]
 """Lists over joints by table, row, what (``measured``, ``printed``, ``agree``) and metric (``mae_deg``)."""
 
 
-def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, object]]:
+def size_rows(tried: Tried, table: str) -> Iterator[dict[str, object]]:
     """Measured errors beside those of ``table2`` or ``table3``, of runs that were measured."""
     for row, start in _ROWS[table].items():
         for joint in COMPARED if any(name.startswith(start) for name in tried.sizes) else ():
@@ -128,12 +128,12 @@ def size_rows(tried: Tried, paper: Published, table: str) -> Iterator[dict[str, 
             for metric in METRICS:
                 name = f"{start}.{metric}.joint_{joint}"
                 size = tried.sizes.get(name)
-                sizes |= {f"{metric}_measured": size, f"{metric}_printed": paper.number(name)}
+                sizes |= {f"{metric}_measured": size, f"{metric}_printed": published().number(name)}
                 sizes[f"{metric}_agree"] = None if size is None else name in tried.agree
             yield sizes
 
 
-def table_data(tried: Tried, paper: Published) -> TableData:
+def table_data(tried: Tried) -> TableData:
     """``table2`` and ``table3`` of ``validate --json``.
 
     Row -> ``measured``, ``printed``, ``agree``; each has ``mae_deg`` and ``rmse_deg``, lists over joints 2
@@ -141,7 +141,7 @@ def table_data(tried: Tried, paper: Published) -> TableData:
     """
     data: TableData = {table: {} for table in _ROWS}
     for table, rows in data.items():
-        for row in size_rows(tried, paper, table):
+        for row in size_rows(tried, table):
             cells = rows.setdefault(str(row["row"]), {what: {} for what in _WHAT})
             for metric, what in product(METRICS, _WHAT):
                 cells[what].setdefault(f"{metric}_deg", []).append(row[f"{metric}_{what}"])
@@ -153,23 +153,23 @@ def closest_window(tables: PrintedTables) -> Tried | None:
     return None if tables.best is tables.deciding or tables.chance > RARE else tables.best
 
 
-def measured_tables(measurement: Measurement, paper: Published, origin: str) -> Iterator[Table]:
+def measured_tables(measurement: Measurement, origin: str) -> Iterator[Table]:
     """Tables 2 and 3 over the window that decides, and all numbers of all windows."""
     window = measurement.tables.deciding
     for table in _ROWS:
-        if rows := [*size_rows(window, paper, table)]:
+        if rows := [*size_rows(window, table)]:
             caption = f"Table {table[-1]} as measured, degrees, averaged over: {window.name} ({origin})."
             yield Table(table, caption, rows)
     windows = [
         {"window": tried.window, "offset_removed": tried.offset_removed, "id": name, "measured_deg": size}
-        | {"printed_deg": paper.number(name), "agrees": name in tried.agree}
+        | {"printed_deg": published().number(name), "agrees": name in tried.agree}
         for tried in measurement.tables.tried
         for name, size in tried.sizes.items()
     ]
     yield Table("windows", "Every number by every way of averaging.", windows, terminal=(), suffixes=["csv"])
 
 
-def claims_table(rulings: Mapping[str, Ruling], paper: Published) -> Table:
+def claims_table(rulings: Mapping[str, Ruling]) -> Table:
     """Verdicts with their window, statements that fail, and what is missing."""
     rows = []
     for name in JUDGED:
@@ -177,7 +177,7 @@ def claims_table(rulings: Mapping[str, Ruling], paper: Published) -> Table:
         failing = sum(not statement["holds"] for statement in evidence.get("statements", ()))
         row: dict[str, object] = {
             "claim": name,
-            "where": paper.entries[name].where,
+            "where": published().entries[name].where,
             "verdict": rulings[name].verdict,
         }
         # A remark of C4 says that s was computed and not recorded.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.published import published
 from tendonrepro.dataset.motion import timing_of
 from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.results.records import Trace, TraceFile
@@ -42,16 +42,16 @@ class Validation:
     missing: Sequence[str]
 
 
-def validated(file: TraceFile, name: str, base: LoadedConfig, paper: Published, site: Site) -> Validation:
+def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Validation:
     """Compare the measurement of a file with that `name`; motions and traces of reruns go to the site."""
-    measurement = measurement_of(file, paper)
+    measurement = measurement_of(file, published())
     models, not_rerun = reruns(measurement, base, name, site.files, site.talk)
     timing = timing_of(file, measurement.reference)
     starts = {run: timing[run].start if run in timing else -np.inf for run in models}
     decouple = file.part("decouple").runs.get("decouple")
     return Validation(
         measurement,
-        rulings=judge_measured(measurement, paper),
+        rulings=judge_measured(measurement, published()),
         models=models,
         residuals=[
             row

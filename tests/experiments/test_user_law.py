@@ -1,5 +1,6 @@
 """A law of the user's own: what it is told, what it leaves, and where its mistakes are."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
-from tendonrepro.experiments.user_law import checked, keeps_memory, laws_of, runs_of, with_user_laws
+from tendonrepro.experiments.user_law import checked, laws_of, refuse_memory, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
 from tendonrepro.results.figures.catalogue import draw
@@ -103,7 +104,8 @@ class Deriving(Stateless):
 def test_a_law_that_remembers_is_told_from_one_that_does_not(kind, keeps):
     short = ["reference.rise=0.2", "reference.hold=0", "reference.periods=1"]
     loop = dict(all_loops(load_config("plain", "compare", overrides=short)))["controller_1"]
-    assert keeps_memory(*laws_of({"own": kind()}), loop) == keeps
+    with pytest.raises(UsageError) if keeps else nullcontext():
+        refuse_memory(*laws_of({"own": kind()}), loop)
 
 
 def test_what_a_law_prints_is_no_result(tmp_path, capsys):

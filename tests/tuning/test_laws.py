@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw
-from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.box import configured, make_box
 from tendonrepro.physics.control import error_rate
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.instruments import Encoder
@@ -26,7 +26,7 @@ from tendonrepro.tuning.bench import (
     known_along,
     loops_of,
     measure,
-    plants_of,
+    posed,
 )
 from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, Gains, user_law
 
@@ -52,7 +52,7 @@ def nominal() -> TrialPlants:
     """The box's middle, with ideal encoders."""
     loaded = load_ensemble(None)
     box = make_box(loaded.config)
-    plants = plants_of(loaded, box, box.nominal)
+    plants = posed(loaded, configured(loaded.base, box, box.nominal))
     ideal = Encoder(0.0, 0.0)
     return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 

@@ -66,7 +66,7 @@ class TestMeasuredTables:
     TRIED = Tried("whole", False, SIZES, ("table2.controller_2.rmse.joint_2",))
 
     def test_they_hold_what_was_measured_beside_the_print(self):
-        found = table_data(self.TRIED, published())
+        found = table_data(self.TRIED)
         assert found["table3"] == {}
         assert found["table2"].keys() == {"controller_2"}
         row = found["table2"]["controller_2"]
@@ -76,7 +76,7 @@ class TestMeasuredTables:
 
     def test_their_files_hold_every_number_of_every_window(self):
         measured = Measurement(make_compare_file(), PrintedTables((self.TRIED,), {}, 1.0), None)
-        second, windows = measured_tables(measured, published(), "SYNTHETIC.h5")
+        second, windows = measured_tables(measured, "SYNTHETIC.h5")
         assert second.name == "table2"
         assert [(row["mae_measured"], row["rmse_agree"]) for row in second.rows] == [(0.3, True), (0.2, None)]
         assert [row["id"] for row in windows.rows] == [*self.SIZES]
@@ -218,6 +218,6 @@ def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides():
     measured = measurement_of(replace(file, runs=runs), published())
     closest = closest_window(measured.tables)
     assert (measured.tables.deciding.name, closest.name) == ("whole", "after_first_period")
-    agree = table_data(closest, published())["table2"]
+    agree = table_data(closest)["table2"]
     assert agree["controller_2"]["agree"] == {"mae_deg": [True, True], "rmse_deg": [True, True]}
     assert agree["controller_1"]["agree"] == {"mae_deg": [False, True], "rmse_deg": [False, True]}
