@@ -27,6 +27,9 @@ from tendonrepro.simulation.codegen.symbols import (
 Place: TypeAlias = tuple[str, int]
 """An array's name and an index."""
 
+LONG_NUMBER = 5
+"""Characters of a number from which it gets a name where it stands more than twice."""
+
 LONGEST = 300
 """Characters of an expression after which its value gets a name."""
 
@@ -41,7 +44,8 @@ class Dialect:
     """What languages of the family write differently.
 
     ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
-    a comparison. ``names`` are of functions that are called otherwise than on a tape.
+    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true,
+    a long number stands once: pages are sent.
     """
 
     head: str
@@ -52,6 +56,7 @@ class Dialect:
     truth: str
     infinity: str
     decimal_point: bool
+    short: bool
     names: Mapping[str, str]
 
 
@@ -64,6 +69,7 @@ JAVASCRIPT = Dialect(
     truth="+{comparison}",
     infinity="Infinity",
     decimal_point=False,
+    short=True,
     names={"**": "pow"},
 )
 C = Dialect(
@@ -75,6 +81,7 @@ C = Dialect(
     truth="(double){comparison}",
     infinity="INFINITY",
     decimal_point=True,
+    short=False,
     names={"**": "pow", "abs": "fabs"},
 )
 C_BEGINNING = """#ifdef __CUDACC__
@@ -125,6 +132,9 @@ def function_source(
     uses = Counter(part for x in order for part in lines[x][1] if isinstance(part, str))
     uses.update(value for value in values.values() if isinstance(value, str))
     printer = _Printer(lines, dialect)
+    if dialect.short:
+        used = [part for x in order if lines[x][0] != "input" for part in lines[x][1]]
+        printer.name_numbers([*used, *values.values()])
     for x in order:
         operation, operands = lines[x]
         overwritten = operation == "input" and (operands[0], operands[1]) in values
@@ -150,15 +160,28 @@ class _Printer:
         self._lines, self._dialect = lines, dialect
         self._names: dict[str, str] = {}
         self._texts: dict[str, str] = {}
+        self._numbers: dict[str, str] = {}
         self.definitions: list[str] = []
+
+    def name_numbers(self, operands: Iterable[str | float]) -> None:
+        """Give names to long numbers that are used often."""
+        texts = Counter(self._plain(abs(x)) for x in operands if not isinstance(x, str))
+        for text, uses in texts.items():
+            if uses > 2 and len(text) >= LONG_NUMBER:
+                self._numbers[text] = self._define(text)
+
+    def _define(self, text: str) -> str:
+        """A new name for an expression."""
+        name = _short_name(len(self.definitions))
+        self.definitions.append(f"{name}={_bare(text)}")
+        return name
 
     def add(self, x: str, *, shared: bool) -> None:
         """Print a line whose operands were added before; its value gets a name if shared, or if long."""
         text = self._expression(*self._lines[x])
         self._texts[x] = text
         if shared or len(text) > LONGEST:
-            self._names[x] = _short_name(len(self._names))
-            self.definitions.append(f"{self._names[x]}={_bare(text)}")
+            self._names[x] = self._define(text)
 
     def value(self, operand: str | float) -> str:
         """Text of an operand."""
@@ -167,13 +190,16 @@ class _Printer:
         return self._number(operand)
 
     def _number(self, number: float) -> str:
-        if abs(number) == float("inf"):
-            text = self._dialect.infinity
-        else:
-            text = repr(abs(number))
-            if not self._dialect.decimal_point:
-                text = text.removesuffix(".0")
+        text = self._plain(abs(number))
+        text = self._numbers.get(text, text)
         return f"(-{text})" if number < 0.0 else text
+
+    def _plain(self, size: float) -> str:
+        """Digits of a number that is not negative."""
+        if size == float("inf"):
+            return self._dialect.infinity
+        text = repr(size)
+        return text if self._dialect.decimal_point else text.removesuffix(".0")
 
     def _expression(self, operation: str, operands: tuple[str | float, ...]) -> str:
         if operation == "input":
