@@ -68,7 +68,8 @@ def shipped_presets(library: Library) -> list[dict[str, object]]:
         load_config("plain", "compare"),
         "published",
         "As published",
-        "Equations, gains and encoder as published, on the plain arm of middling numbers.",
+        "Equations, gains and encoder as published. The arm is assumed: its values are the middles of "
+        "plausible ranges, with more damping of the tendons.",
         library,
     )
     fitted = preset(

@@ -31,7 +31,7 @@ ERRORS = (
     "return [...results].map(([name, { mae, rmse, status }]) => "
     "[name, mae.map(degrees), rmse.map(degrees), status])"
 )
-RIGHT, HOME = "\ue014", "\ue011"
+RIGHT, HOME, UP = "\ue014", "\ue011", "\ue013"
 
 
 def shown(browser: Browser) -> None:
@@ -274,7 +274,7 @@ def test_a_bad_address_is_a_sentence(browser: Browser, page: Path, fragment: str
     assert browser.console() == []
 
 
-@pytest.mark.parametrize("pixels", [390, 1280])
+@pytest.mark.parametrize("pixels", [390, 820, 1024, 1280])
 def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: int) -> None:
     browser.width(pixels)
     opened(browser, page, "#published")
@@ -286,7 +286,47 @@ def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: i
     )
     assert browser.run(outside) == []
     assert browser.run("return document.documentElement.scrollWidth") <= pixels
+    # What a control does is seen where the control is.
+    browser.run("document.querySelector('#controls .row:last-of-type').scrollIntoView()")
+    time.sleep(0.2)
+    answer = "return document.getElementById('answer').getBoundingClientRect().top < innerHeight"
+    assert browser.run(answer)
     browser.width(1280)
+
+
+@pytest.mark.usefixtures("browser")
+def test_the_way_back_leads_to_what_was_there(page: Path) -> None:
+    # A window of its own: Chromium forgets places after fifty.
+    with Browser() as window:
+        moved = opened(window, page, "#published&control.gains.lam.2=5")
+        window.run("document.getElementById('reset-all').click()")
+        shown(window)
+        reset = errors(window)
+        assert reset != moved
+        window.run("document.querySelector('input[name=preset][value=fitted]').click()")
+        shown(window)
+        for before in (reset, moved):
+            window.run("document.documentElement.dataset.exact = ''; history.back()")
+            shown(window)
+            assert errors(window) == before
+        assert window.run("return moved().map(({ id }) => id)") == ["control.gains.lam.2"]
+
+
+def test_an_arrow_key_moves_a_number_by_a_step(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    for key, after in {"control.gains.alpha.2": 0.11, "control.gains.M_bar.3": 0.011}.items():
+        browser.keys(f"#c-{key.replace('.', chr(92) + '.')}", UP)
+        shown(browser)
+        assert browser.run("return state.get(arguments[0])", key) == pytest.approx(after)
+    assert words(browser, "problem") == ""
+
+
+def test_delta_is_shown_in_the_unit_it_is_understood_in(browser: Browser, page: Path) -> None:
+    named = "return document.getElementById('c-control.gains.Delta.2').ariaLabel"
+    opened(browser, page, "#published")
+    radians = browser.run(named)
+    opened(browser, page, "#delta_in_degrees")
+    assert browser.run(named) != radians
 
 
 def test_every_control_has_a_name_and_can_be_reached(browser: Browser, page: Path) -> None:

@@ -93,6 +93,9 @@ def test_a_configuration_of_ones_own(
     found = opened(browser, path, "#own")
     same(found, by_python(loaded, taken_steps(browser)))
     assert configured(browser).config == loaded.config
+    browser.width(390)
+    assert browser.run("return document.documentElement.scrollWidth") <= 390
+    browser.width(1280)
     # The others are written as what they change in this one.
     opened(browser, path, "#fitted")
     assert configured(browser).config == load_config("closest", "compare").config

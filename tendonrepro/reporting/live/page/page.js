@@ -19,17 +19,21 @@ const REFERENCE = ["#9aa4ae", []];
 const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
 
 const UNITS = { "1": "", "s-1": "s⁻¹", "kg m2": "kg m²", "N m-1": "N/m", deg: "°" };
-const ORIGINS = { printed: "published", identified: "fitted" };
+const ORIGINS = { printed: "published", identified: "fitted", user: "yours" };
 
-const unitOf = ({ unit }) => UNITS[unit] ?? unit;
+// Δ alone is understood in the unit that is chosen for it.
+const inDegrees = ({ key }) => key === "control.gains.Delta" && state.get("control.readings.Delta_unit") === "deg";
+const unitOf = (one) => (inDegrees(one) ? UNITS.deg : UNITS[one.unit] ?? one.unit);
 
 // A preset's control from what all presets say of it and its own value; the file says where that comes from.
 function controlOf(tree, [knob, value, factor]) {
   const said = KNOBS[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
   const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
-  return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
+  const id = said.part ? `${said.key}.${said.part.replace("joint ", "")}` : said.key;
+  return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
-// Configurations are written as what they change in the first one, controls in the one before; null takes a key away.
+// Presets are written as what they change in the first one, controls in the latest of their key or else in the one
+// before; null takes a key away.
 const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 function overlaid(first, changes) {
   const found = { ...first };
@@ -39,13 +43,17 @@ function overlaid(first, changes) {
   }
   return found;
 }
+const latest = new Map();
 let before = {};
-const KNOBS = PAGE.knobs.map((changes) => (before = overlaid(before, changes)));
-const { tree: FIRST } = PAGE.presets.find((one) => one.tree);
+const KNOBS = PAGE.knobs.map((changes) => {
+  before = overlaid(latest.get(changes.key) ?? before, changes);
+  latest.set(before.key, before);
+  return before;
+});
 const PRESETS = PAGE.presets.map((one) => {
   if (one.of) return one;
-  const tree = overlaid(FIRST, one.tree);
-  return { ...one, tree, controls: one.controls.map((held) => controlOf(tree, held)) };
+  const held = overlaid(PAGE.presets[0], one);
+  return { ...held, controls: held.controls.map((control) => controlOf(held.tree, control)) };
 });
 
 let preset, state, baseline = null, results = null;
@@ -75,9 +83,13 @@ const all = () => [...preset.controls, ...preset.choices];
 const isMoved = (one) => state.get(one.id) !== one.value;
 const moved = () => all().filter(isMoved);
 
-function writeAddress() {
+// A step of its own goes back by the browser's button to what was there before.
+function writeAddress(step = false) {
   const parts = moved().map((one) => `${one.id}=${encodeURIComponent(state.get(one.id))}`);
-  history.replaceState(null, "", `#${[preset.name, ...parts].join("&")}`);
+  const address = `#${[preset.name, ...parts].join("&")}`;
+  if (address === location.hash) return;
+  if (step) history.pushState(null, "", address);
+  else history.replaceState(null, "", address);
 }
 
 function readAddress() {
@@ -121,12 +133,12 @@ function showPreset() {
   for (const input of byId("presets").querySelectorAll("input")) input.checked = input.value === preset.name;
   byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
-  const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 801px)").matches;
+  const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 961px)").matches;
   if (first) byId("panel").open = wide;
   byId("controls").replaceChildren(
     ...preset.groups.map((group, k) => {
       const box = make("details", { "data-group": group }, make("summary", {}, group));
-      if (open.has(group) || (first && k < 2)) box.open = true;
+      if (open.has(group) || (first && k < 2) || moved().some((one) => one.group === group)) box.open = true;
       for (const choice of preset.choices) if (choice.group === group) box.append(choiceField(choice));
       const fields = preset.controls.filter((one) => one.group === group);
       for (const label of new Set(fields.map((one) => one.label))) {
@@ -141,9 +153,13 @@ function showPreset() {
 }
 
 function numberField(fields) {
-  const { label, origin, source, help } = fields[0], words = unitOf(fields[0]);
-  const from = make("span", { class: "from", title: source }, ` ${words}${words && ", "}${origin}`);
-  const box = make("fieldset", {}, make("legend", {}, label, from));
+  const { label, origin, source, help } = fields[0], from = make("span", { class: "from", title: source });
+  from.show = () => {
+    const words = unitOf(fields[0]);
+    from.textContent = `${words}${words && ", "}${origin}`;
+  };
+  from.show();
+  const box = make("fieldset", {}, make("legend", {}, label, " ", from));
   if (help) box.append(make("p", { class: "help" }, help));
   for (const control of fields) box.append(numberRow(control));
   return box;
@@ -151,20 +167,23 @@ function numberField(fields) {
 
 function numberRow(control) {
   const id = `c-${control.id}`, name = `${control.label}${control.part ? `, ${control.part}` : ""}`;
-  const unit = unitOf(control) && `, ${unitOf(control)}`;
-  const number = make("input", { type: "number", id, step: "any", "aria-label": name + unit });
+  const number = make("input", { type: "number", id, min: control.least === 0 ? 0 : undefined, max: control.most });
   const range = make("input", { type: "range", min: 0, max: 1000, step: 1, "aria-label": `${name}, slider` });
   const reset = make("button", { type: "button", class: "reset", "aria-label": `Reset ${name} to ${control.value}` }, "↺");
   const row = make("div", { class: "row", "data-id": control.id }, make("label", { for: id }, control.part || "value"), range, number, reset);
   const show = () => {
-    const value = state.get(control.id);
+    const value = state.get(control.id), unit = unitOf(control);
     number.value = shorter(value);
+    // What an arrow key adds: as much as the slider, or a tenth of the first digit.
+    number.step = control.step || `1e${Math.floor(Math.log10(value)) - 1}`;
+    number.setAttribute("aria-label", name + (unit && `, ${unit}`));
     range.value = position(control, value);
-    range.setAttribute("aria-valuetext", `${shorter(value)} ${unitOf(control)}`);
+    range.setAttribute("aria-valuetext", `${shorter(value)} ${unit}`);
     row.classList.toggle("moved", isMoved(control));
   };
   const set = (value, exact) => {
     state.set(control.id, value);
+    byId("problem").textContent = "";
     show();
     changed(exact);
   };
@@ -192,7 +211,7 @@ function choiceField(choice) {
   const row = make("div", { class: "row choice", "data-id": choice.id }, select, reset);
   const set = (value) => {
     state.set(choice.id, value);
-    row.show();
+    showRows();
     changed(true);
   };
   row.show = () => {
@@ -205,7 +224,7 @@ function choiceField(choice) {
     select.focus();
   });
   row.show();
-  const legend = make("legend", {}, choice.label, make("span", { class: "from" }, ` ${choice.origin}`));
+  const legend = make("legend", {}, choice.label, " ", make("span", { class: "from" }, choice.origin));
   const box = make("fieldset", {}, legend, row);
   if (choice.help) box.append(make("p", { class: "help" }, choice.help));
   return box;
@@ -217,28 +236,28 @@ function changesSomething({ set }) {
 
 function tryButton(one) {
   const button = make("button", { type: "button" }, one.label);
-  button.addEventListener("click", () => {
-    for (const every of all()) state.set(every.id, every.value);
-    for (const [id, value] of Object.entries(one.set)) state.set(id, value);
-    showRows();
-    changed(true);
-  });
+  button.addEventListener("click", () => restart(one.set));
   return button;
+}
+
+// The preset with these values alone.
+function restart(values) {
+  for (const every of all()) state.set(every.id, every.value);
+  for (const [id, value] of Object.entries(values)) state.set(id, value);
+  showRows();
+  writeAddress(true);
+  changed(true);
 }
 
 function allBack() {
   const button = make("button", { type: "button", id: "reset-all" }, "Reset all");
-  button.addEventListener("click", () => {
-    for (const every of all()) state.set(every.id, every.value);
-    showRows();
-    changed(true);
-  });
+  button.addEventListener("click", () => restart({}));
   return button;
 }
 
 function showRows() {
   byId("problem").textContent = "";
-  for (const row of document.querySelectorAll("#controls .row")) row.show();
+  for (const one of document.querySelectorAll("#controls .row, #controls .from")) one.show?.();
 }
 
 const shorter = (value) => Number(value.toPrecision(6));
@@ -328,6 +347,7 @@ const known = new Map(); // results by run, with the job they are of
 let busy = false, wanted = null, since = 0;
 
 function changed(exact) {
+  byId("copied").textContent = "";
   // Browsers refuse an address that changes a hundred times while a slider is dragged.
   if (exact) writeAddress();
   compute(exact);
@@ -340,6 +360,7 @@ async function compute(exact) {
     return;
   }
   busy = true;
+  byId("results").setAttribute("aria-busy", "true");
   try {
     await computed(exact);
   } catch (error) {
@@ -347,6 +368,7 @@ async function compute(exact) {
     byId("state").className = "bad";
   }
   busy = false;
+  byId("results").setAttribute("aria-busy", "false");
   if (wanted !== null) {
     const next = wanted;
     wanted = null;
@@ -377,7 +399,7 @@ async function computed(exact) {
     const steps = [...new Set(found.map((one) => one.steps))].join(" and ");
     byId("how").textContent =
       `${preset.runs.length} runs of ${found[0].duration.toFixed(1)} s, ${steps} Runge-Kutta steps a sample, in ` +
-      `${Math.round(performance.now() - started)} ms. Same equations and same numbers as the command line.`;
+      `${Math.round(performance.now() - started)} ms. Same equations as the command line, and its errors within 0.001°.`;
   }
   if (asked === preset && !baseline && wanted === null) {
     const own = new Map(all().map((one) => [one.id, one.value]));
@@ -489,13 +511,14 @@ function reached(i) {
 
 function showTables() {
   byId("tables").replaceChildren(
-    ...preset.tables.map(({ caption, rows }) => {
+    ...preset.tables.map(({ caption, rows }, k) => {
       const head = make("tr", {}, make("th", { scope: "col" }, ""));
       for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
       const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
-      const paper = preset.printed ? make("span", {}, `${without} in degrees, beside it the paper’s`) : make("span", {}, `${without} in degrees`);
+      const sizes = k === 0 ? ": mean absolute error (MAE) and root mean square (RMSE)" : "";
+      const paper = make("span", {}, `${without} in degrees${sizes}${preset.printed ? ", beside it the paper’s" : ""}`);
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
   );
@@ -534,10 +557,13 @@ function buildFigures() {
   for (const { chart } of plots) chart?.destroy();
   plots = [];
   byId("figures").replaceChildren(
+    make("p", { class: "soft zoom" }, "Drag across a picture to enlarge a stretch of time. Double-click to go back."),
     ...preset.figures.flatMap(({ title, runs, quantities }) => {
-      const held = make("div", { class: "plots" });
-      for (const name of quantities) preset.joints.forEach((joint, i) => held.append(buildPlot(name, i, joint, runs)));
-      return [make("h2", {}, title), legendOf(runs, quantities.includes("q")), held];
+      const note = make("li", { class: "soft" });
+      const rows = quantities.map((name) => make("div", { class: "plots" }, ...preset.joints.map((joint, i) => buildPlot(name, i, joint, runs, note))));
+      const legend = legendOf(runs, quantities.includes("q"));
+      legend.append(note);
+      return [make("h2", {}, title), legend, ...rows];
     }),
   );
   byId("figures").style.visibility = results ? "" : "hidden";
@@ -557,9 +583,9 @@ function legendOf(runs, reference) {
   return list;
 }
 
-function buildPlot(name, i, joint, runs) {
+function buildPlot(name, i, joint, runs, note) {
   const box = make("div", { class: "plot", role: "img" });
-  plots.push({ box, name, i, joint, runs, chart: null, drawn: null, seen: false });
+  plots.push({ box, name, i, joint, runs, note, chart: null, drawn: null, seen: false });
   watcher.observe(box);
   return box;
 }
@@ -592,10 +618,23 @@ function draw(plot) {
     lines.push([preset.runs.find((which) => which.name === run).label, strokeOf(run), values]);
   });
   const data = [time, ...lines.map(([, , values]) => time.map((_, k) => (k < values.length && Number.isFinite(values[k]) ? scaled(values[k]) : null)))];
-  const heading = `${title.replace("{}", joint)}, ${unit}${isMean ? ` (mean over ${Math.round(1000 * longest.stretch)} ms)` : ""}`;
-  box.setAttribute("aria-label", `${heading}. ${lines.map(([label], k) => spanWords(label, data[k + 1])).join(" ")}`);
+  const heading = `${title.replace("{}", joint)}, ${unit}`, mean = `each point is a mean over ${Math.round(1000 * longest.stretch)} ms`;
+  if (isMean) plot.note.textContent = mean;
+  box.setAttribute("aria-label", `${heading}${isMean ? `, ${mean}` : ""}. ${lines.map(([label], k) => spanWords(label, data[k + 1])).join(" ")}`);
+  const stretch = enlarged();
   if (plot.chart) plot.chart.setData(data);
   else plot.chart = chartOf(box, heading, lines, data);
+  if (stretch && stretch.max <= time.at(-1)) plot.chart.setScale("x", stretch);
+}
+
+// The stretch of time that a reader enlarged; null if all is shown.
+function enlarged() {
+  for (const { chart } of plots) {
+    const { min = null, max } = chart?.scales.x ?? {};
+    if (min === null) continue;
+    if (min > 0 || max < chart.data[0].at(-1)) return { min, max };
+  }
+  return null;
 }
 
 function spanWords(label, values) {
@@ -613,12 +652,14 @@ function chartOf(box, title, lines, data) {
     height: 150,
     legend: { show: false },
     cursor: { sync: { key: "time" }, points: { show: false } },
-    scales: { x: { time: false } },
+    scales: { x: { time: false, range: (chart, least, most) => [least <= chart.data[0][0] ? 0 : least, most] } },
     series: [{}, ...series],
     axes: [{ ...axis, size: 22, values: (_, ticks) => ticks.map((tick) => `${tick} s`) }, { ...axis, size: 46 }],
   };
   return new uPlot(options, data, box);
 }
+
+addEventListener("beforeprint", () => plots.forEach(draw));
 
 new ResizeObserver(() => {
   for (const { chart, box } of plots) if (chart && box.clientWidth !== chart.width) chart.setSize({ width: box.clientWidth, height: 150 });
@@ -682,7 +723,7 @@ for (const one of PRESETS) {
   radio.addEventListener("change", () => {
     byId("problem").textContent = "";
     take(whole(one));
-    writeAddress();
+    writeAddress(true);
   });
   byId("presets").append(make("label", {}, radio, ` ${one.title}`));
 }
