@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 from tendonrepro import __version__
@@ -22,24 +21,31 @@ UPLOT = {
 
 def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
     """The HTML file."""
-    trees = [tree for preset in presets if isinstance(tree := preset.get("tree"), dict)]
-    short = [
-        preset | {"tree": _changes(tree, trees[0])}
-        if isinstance(tree := preset.get("tree"), dict) and tree is not trees[0]
-        else preset
-        for preset in presets
-    ]
-    knobs = [_changes(knob, before) for before, knob in pairwise([{}, *library.knobs])]
+    first, *others = presets
+    short = [first, *(other if "of" in other else _changes(other, first) for other in others)]
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
         "STYLE": _compact("page.css"),
         "ENGINE": f"{_compact('engine.js')}\n{library.source()}",
         "UPLOT_CODE": f"/*\n{_file('uplot-LICENSE')}*/\n{_file('uplot.js')}",
-        "DATA": _script_json({"knobs": knobs, "presets": short}),
+        "DATA": _script_json({"knobs": _knobs(library.knobs), "presets": short}),
         "PAGE_CODE": _compact("page.js"),
         "VERSION": __version__,
     }
     return re.sub("|".join(parts), lambda word: parts[word[0]], _file("page.html"))
+
+
+def _knobs(knobs: Sequence[dict[str, object]]) -> list[dict[str, object]]:
+    """What each changes in the latest of its key, else in the one before; the key stands where it changes."""
+    short: list[dict[str, object]] = []
+    before: dict[str, object] = {}
+    latest: dict[object, dict[str, object]] = {}
+    for knob in knobs:
+        key = knob["key"]
+        changes = _changes(knob, latest.get(key, before))
+        short.append(changes if before.get("key") == key else {"key": key, **changes})
+        latest[key] = before = knob
+    return short
 
 
 def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[str, object]:

@@ -134,7 +134,6 @@ def _control(
     field = type(section).model_fields[last]
     rule = next(_rules((*field.metadata, field.annotation)))
     said = {
-        "id": path + (f".{part.removeprefix('joint ')}" if part else ""),
         "key": path,
         "entry": entry,
         "part": part,

@@ -45,7 +45,7 @@ class Dialect:
 
     ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
     a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true,
-    for pages are sent, a long number stands once.
+    a long number stands once: pages are sent.
     """
 
     head: str
@@ -163,7 +163,7 @@ class _Printer:
         self._numbers: dict[str, str] = {}
         self.definitions: list[str] = []
 
-    def name_numbers(self, operands: Iterable[Operand]) -> None:
+    def name_numbers(self, operands: Iterable[str | float]) -> None:
         """Give names to long numbers that are used often."""
         texts = Counter(self._plain(abs(x)) for x in operands if not isinstance(x, str))
         for text, uses in texts.items():

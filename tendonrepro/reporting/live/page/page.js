@@ -29,9 +29,11 @@ const unitOf = (one) => (inDegrees(one) ? UNITS.deg : UNITS[one.unit] ?? one.uni
 function controlOf(tree, [knob, value, factor]) {
   const said = KNOBS[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
   const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
-  return { ...said, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
+  const id = said.part ? `${said.key}.${said.part.replace("joint ", "")}` : said.key;
+  return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
 }
-// Configurations are written as what they change in the first one, controls in the one before; null takes a key away.
+// Presets are written as what they change in the first one, controls in the latest of their key or else in the one
+// before; null takes a key away.
 const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 function overlaid(first, changes) {
   const found = { ...first };
@@ -41,13 +43,17 @@ function overlaid(first, changes) {
   }
   return found;
 }
+const latest = new Map();
 let before = {};
-const KNOBS = PAGE.knobs.map((changes) => (before = overlaid(before, changes)));
-const { tree: FIRST } = PAGE.presets.find((one) => one.tree);
+const KNOBS = PAGE.knobs.map((changes) => {
+  before = overlaid(latest.get(changes.key) ?? before, changes);
+  latest.set(before.key, before);
+  return before;
+});
 const PRESETS = PAGE.presets.map((one) => {
   if (one.of) return one;
-  const tree = overlaid(FIRST, one.tree);
-  return { ...one, tree, controls: one.controls.map((held) => controlOf(tree, held)) };
+  const held = overlaid(PAGE.presets[0], one);
+  return { ...held, controls: held.controls.map((control) => controlOf(held.tree, control)) };
 });
 
 let preset, state, baseline = null, results = null;
