@@ -138,7 +138,7 @@ def _size(verdict: Verdict, ours: float | None) -> str:
 def _notes(verdicts: Sequence[Verdict]) -> list[str]:
     commands = {verdict.evidence.get("run") for verdict in verdicts if verdict.verdict == "not_testable"}
     notes = [f"for more verdicts run {command}" for command in sorted(filter(None, commands))]
-    notes += [*shipped_note(verdicts), "one statement counts once, whatever the numbers under it"]
+    notes += [*shipped_note(verdicts), "one statement counts once: a percentage counts with its claim"]
     if any(verdict.by_choice for verdict in verdicts):
         notes.append(JUDGED_ON)
     if any(verdict.borderline for verdict in verdicts):
