@@ -52,12 +52,14 @@ def write_pages() -> None:
 
 def pictures() -> dict[str, Drawing]:
     """The pictures of stored results, by name."""
-    summary, found = stored("ensemble"), stored("predict")
+    summary, found, tuned = stored("ensemble"), stored("predict"), stored("tune")
     drawn = (
         draw_orders(summary),
         draw_map(summary, stored("closest")),
         draw_ranges(summary),
-        draw_tuning(stored("tune")["laws"], {name: law.title for name, law in LAWS.items()}),
+        draw_tuning(
+            tuned["laws"], {name: law.title for name, law in LAWS.items()}, on=f"{tuned['plants']} plants"
+        ),
         draw_predictions(found["experiments"], found["readings"], found["joints"]),
     )
     return {drawing.stem: drawing for drawing in drawn}

@@ -129,6 +129,7 @@ def page(sources: ReportSources) -> str:
         version=__version__,
         date=max(days)[:10],
         headline=contents.filled("headline", slots),
+        conditions=slots["conditions"],
         answer=contents.filled("answer", slots),
         why=contents.filled("why", slots),
         picture=orders_picture(sources),

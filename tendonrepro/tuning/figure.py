@@ -42,7 +42,9 @@ def draw_tuning(
     caption = (
         "Mean absolute error against torque roughness of every law at its best. Medians over the plants on "
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
-        "changes. What is known is the arm's weight, its model, or nothing."
+        "changes. What is known is the arm's weight, its model, or nothing. "
+        f"Stars have the {gains} gains, and along the grey line α changes. "
+        "Each is over its own stable plants, so they do not rank each other."
     )
     return style.Drawing(
         "tune", figure, list(grid.flat), caption, origin=f"Simulated, tendonrepro tune, {on}"

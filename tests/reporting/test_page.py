@@ -81,10 +81,11 @@ def test_every_verdict_has_words(ledger):
     assert "controller_" not in " ".join(contents.named(entry) for entry in ledger.values())
 
 
-def test_the_answer_names_its_conditions_before_its_share(made, found):
+def test_conditions_stand_before_the_share_and_among_what_is_assumed(made, found):
     told, share, _ = made.one(id="answer").text.partition(contents.numbers(found.summary)["last_printed"])
     assert share
-    assert [words for words in contents.conditions() if words not in " ".join(told.split())] == []
+    for text in (told, made.one(id="assumptions").text):
+        assert [words for words in contents.conditions() if words not in " ".join(text.split())] == []
 
 
 def test_the_table_of_what_it_depends_on(made, found):
