@@ -57,7 +57,10 @@ def read_files(paths: Sequence[Path]) -> Contents:
     """
     for path in paths:
         if not path.exists():
-            raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
+            hint = "tendonrepro fetch gets the record"
+            if path.suffix in (".yaml", ".yml"):
+                hint = f"to write a mapping there, say --mapping {path}"
+            raise DataMissingError("is not there", where=str(path), hint=hint)
     contents = Contents([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _Reader() as reader:
         names = {path: "" if path.is_dir() else path.name for path in paths}
