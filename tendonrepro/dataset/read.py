@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
+from tendonrepro.configuration.strict_yaml import is_yaml
 from tendonrepro.dataset.columns import SourceTable, Tables, Unreadable
 from tendonrepro.dataset.data_package import packaged, read_package
 from tendonrepro.dataset.labview import is_labview, read_lvm, read_tdms
@@ -58,7 +59,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
     for path in paths:
         if not path.exists():
             hint = "tendonrepro fetch gets the record"
-            if path.suffix in (".yaml", ".yml"):
+            if is_yaml(path):
                 hint = f"to write a mapping there, say --mapping {path}"
             raise DataMissingError("is not there", where=str(path), hint=hint)
     contents = Contents([], {}, {})
