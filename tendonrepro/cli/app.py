@@ -152,7 +152,7 @@ def main() -> None:
             code = INTERRUPTED
         # Typer's errors of usage have no class that it exports.
         elif hasattr(error, "format_message"):
-            code = _fail(2, error.format_message(), None, "tendonrepro --help lists commands and options")
+            code = _fail(2, error.format_message(), None, _help_for(error))
         else:
             raise
     if code == INTERRUPTED:
@@ -194,6 +194,19 @@ def _refuse_empty(words: Sequence[str]) -> None:
     for word in words:
         if re.fullmatch("(--[a-z-]+=)?", word):
             raise UsageError(f"{word or 'an argument'} is empty", hint="name a file, a folder or a value")
+
+
+def _help_for(error: Exception) -> str:
+    """Which help tells of a wrong word: that of its command, or of all."""
+    names: list[str] = []
+    context: Any = getattr(error, "ctx", None)
+    while context is not None and context.parent is not None:
+        names.insert(0, str(context.info_name))
+        context = context.parent
+    command = " ".join(names)
+    return (
+        f"tendonrepro {command} --help shows what it takes" if names else "tendonrepro --help lists commands"
+    )
 
 
 def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:

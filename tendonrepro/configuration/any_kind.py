@@ -20,7 +20,7 @@ from tendonrepro.configuration.load import (
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.configuration.strict_yaml import Tree, dump, load, read_text
+from tendonrepro.configuration.strict_yaml import Tree, dump, is_yaml, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
@@ -54,17 +54,23 @@ def shown(source: str, overrides: Overrides) -> tuple[Tree, str]:
     return tree, dump(tree)
 
 
-def init_config(name: str, folder: Path) -> list[Path]:
+def init_config(name: str, out: Path) -> list[Path]:
     """Copy a shipped configuration, what it names and the JSON schema; the files written.
 
-    A companion with the same content is left alone. Anything else that is there is refused.
+    `out` is a folder, or the configuration's file, with the others beside it. A companion with the same
+    content is left alone. Anything else that is there is refused.
     """
     source = shipped_file(name)
+    own, folder = (out, out.parent) if is_yaml(out) else (out / source.name, out)
     refuse_file(folder)
-    new = {}
+    new: dict[Path, str] = {}
     for path in (*_with_named(source), source.with_name("schema.json")):
-        target, text = folder / path.name, read_text(path)
+        target, text = own if path == source else folder / path.name, read_text(path)
         same = target.is_file() and target.read_bytes() == text.encode()
+        if target in new:
+            raise UsageError(
+                f"{name} needs a file {path.name} beside it", where="--out", hint="Give another name."
+            )
         if target.exists() and (path == source or not same):
             hint = "Give another folder, or move the file away."
             raise UsageError(f"{target} exists and is not overwritten", hint=hint)

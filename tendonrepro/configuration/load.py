@@ -30,6 +30,7 @@ from tendonrepro.configuration.strict_yaml import (
     Node,
     Tree,
     dump,
+    is_yaml,
     load,
     read_text,
     section,
@@ -90,6 +91,10 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
     hint = f"Shipped configurations, by name: {', '.join(shipped_names())}"
+    if path.is_dir():
+        inside = ", ".join(sorted(file.name for file in path.iterdir() if is_yaml(file)))
+        hint = f"Name a file in it: {inside}" if inside else hint
+        raise ConfigError("is a folder, not a configuration", where=str(path), hint=hint)
     return ConfigSource(read_text(path, hint), origin, path)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.from_base import MOST_JOINTS, extended, extended_matrix
 from tendonrepro.configuration.load import shipped_file
-from tendonrepro.configuration.strict_yaml import load, read_text
+from tendonrepro.configuration.strict_yaml import is_yaml, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
@@ -104,8 +104,7 @@ def init_arm(joints: int, out: Path) -> list[Path]:
     """
     if not 1 <= joints <= MOST_JOINTS:
         raise UsageError(f"must be from 1 to {MOST_JOINTS}, found {joints}", where="--joints")
-    is_file = out.suffix in {".yaml", ".yml"}
-    arm, folder = (out, out.parent) if is_file else (out / ARM_FILE, out)
+    arm, folder = (out, out.parent) if is_yaml(out) else (out / ARM_FILE, out)
     refuse_file(folder)
     texts = {
         arm: arm_text(joints, arm),

@@ -67,6 +67,11 @@ class Document:
         return {(): self.place(path)} | below
 
 
+def is_yaml(path: Path) -> bool:
+    """Whether a path is named as a file of YAML."""
+    return path.suffix in {".yaml", ".yml"}
+
+
 def _paths(node: object, above: Key = ()) -> Iterator[Key]:
     inner = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
     for key, value in inner:

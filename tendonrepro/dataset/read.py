@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
+from tendonrepro.configuration.strict_yaml import is_yaml
 from tendonrepro.dataset.columns import SourceTable, Tables, Unreadable
 from tendonrepro.dataset.data_package import packaged, read_package
 from tendonrepro.dataset.labview import is_labview, read_lvm, read_tdms
@@ -54,7 +55,10 @@ def read_files(paths: Sequence[Path]) -> Contents:
     """
     for path in paths:
         if not path.exists():
-            raise DataMissingError("is not there", where=str(path), hint="tendonrepro fetch gets the record")
+            hint = "tendonrepro fetch gets the record"
+            if is_yaml(path):
+                hint = f"to write a mapping there, say --mapping {path}"
+            raise DataMissingError("is not there", where=str(path), hint=hint)
     contents = Contents([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _reader() as read:
         names = {path: "" if path.is_dir() else path.name for path in paths}

@@ -54,12 +54,13 @@ class PrintedTables:
     """All ways of averaging, the whole motion as it is first.
 
     `left_out` counts missing samples by run; `chance` is that of as many agreements by accident in as many
-    tries.
+    tries. `held` names all runs of the file.
     """
 
     tried: tuple[Tried, ...]
     left_out: Mapping[str, int]
     chance: float
+    held: tuple[str, ...] = ()
 
     @property
     def compared(self) -> int:
@@ -108,7 +109,10 @@ class PrintedTables:
     def remark(self) -> str:
         """What was found, and what it is worth."""
         if not self.compared:
-            return "The file holds no run of Tables 2 and 3."
+            return (
+                f"The file holds no errors of a run of Tables 2 and 3, called {', '.join(RUNS)}. "
+                f"Its runs are called {', '.join(self.held)}. The mapping names them."
+            )
         tried = count_of(len(self.tried), "window")
         return (
             f"Of {tried} tried, {self.best.name} gives most: {len(self.best.agree)} of "
@@ -129,7 +133,7 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
     most = max(len(way_tried.agree) for way_tried in tried)
     chance = min(1.0, len(tried) * chance_of_at_least(paper, tried[0].sizes, most))
-    return PrintedTables(tuple(tried), left_out, chance)
+    return PrintedTables(tuple(tried), left_out, chance, tuple(file.runs))
 
 
 def spans(time: Array, timing: Timing) -> dict[str, slice]:

@@ -52,7 +52,7 @@ def config_init(
     joints
         Write an arm with so many joints, compare.yaml and decouple.yaml.
     out
-        Folder, or the file of the arm.
+        Folder, or the file to write, with the others beside it.
     """
     from tendonrepro.configuration.any_kind import init_config
     from tendonrepro.configuration.own_arm import init_arm

@@ -32,8 +32,9 @@ def read_measured(path: Path) -> TraceFile:
     try:
         file = read_traces(path)
     except DataMissingError as error:
-        message = error.message if path.exists() else "there is no measured trace file"
-        raise DataMissingError(message, where=error.where, hint=_THE_WAY) from error
+        if path != MEASURED or path.exists():
+            raise
+        raise DataMissingError("there is no measured trace file", where=str(path), hint=_THE_WAY) from error
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     if not file.runs:

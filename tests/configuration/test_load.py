@@ -367,6 +367,18 @@ def test_copies_are_complete_and_load(tmp_path: Path) -> None:
     assert load_config(folder / "compare.yaml", "compare").sha256 == load_config(None, "compare").sha256
 
 
+def test_a_copy_takes_the_name_that_it_is_given(tmp_path: Path) -> None:
+    written = init_config("compare", tmp_path / "mine.yaml")
+    assert [path.name for path in written] == ["mine.yaml", "lumidouce_ii.yaml", "schema.json"]
+    assert load_config(tmp_path / "mine.yaml", "compare").sha256 == load_config(None, "compare").sha256
+    with pytest.raises(UsageError):
+        init_config("compare", tmp_path / "other" / "lumidouce_ii.yaml")
+    assert not (tmp_path / "other").exists()
+    with pytest.raises(ConfigError) as caught:
+        load_config(tmp_path, "compare")
+    assert "mine.yaml" in str(caught.value.hint)
+
+
 def test_experiments_share_a_folder_and_nothing_is_overwritten(tmp_path: Path) -> None:
     init_config("compare", tmp_path)
     assert [path.name for path in init_config("decouple", tmp_path)] == ["decouple.yaml"]

@@ -210,6 +210,20 @@ def test_another_layout_is_named(tmp_path: Path) -> None:
         read_traces(path)
 
 
+def test_what_is_meant_is_named_where_there_is_no_trace_file(tmp_path: Path) -> None:
+    (tmp_path / "compare").mkdir()
+    write_traces_to(tmp_path / "compare", dataclasses.replace(COMPARE, runs={}))
+    table = tmp_path / "compare" / "q.csv"
+    table.write_text("t,q\n0,1\n", encoding="utf-8")
+    meant = {tmp_path: "compare", tmp_path / "compar": str(tmp_path / "compare"), table: "ingest"}
+    for place, word in meant.items():
+        with pytest.raises(DataMissingError) as caught:
+            export_traces(place, "csv")
+        assert caught.value.where == str(place)
+        assert word in str(caught.value.hint)
+    assert table.read_text(encoding="utf-8") == "t,q\n0,1\n"
+
+
 @pytest.fixture
 def folder(tmp_path: Path, compare_path: Path) -> Path:
     shutil.copy(compare_path, tmp_path)
