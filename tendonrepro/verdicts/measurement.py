@@ -14,9 +14,6 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
 
-MEASURED = Path("data") / "measured.h5"
-"""Where ``tendonrepro ingest`` writes the measured trace file by default."""
-
 _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
 
