@@ -87,7 +87,7 @@ def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -
         for name, loop in experiment.loops.items()
     ]
     # Before the bar, whose thread forbids such copies.
-    begun = start(_simulated, runs)
+    begun = start(simulate_run, runs)
 
     def collected() -> Iterator[list[Trace]]:
         with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
@@ -98,15 +98,12 @@ def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -
     return collected()
 
 
-def _simulated(run: tuple[LoadedConfig, Sequence[UserLaw], str, Loop | None]) -> Trace:
-    return simulate_run(*run)
-
-
-def simulate_run(loaded: LoadedConfig, laws: Sequence[UserLaw], name: str, loop: Loop | None = None) -> Trace:
-    """Simulate one run; without its `loop` it is built."""
+def simulate_run(run: tuple[LoadedConfig, Sequence[UserLaw], str, Loop | None]) -> Trace:
+    """Simulate one run, by its name; without its loop that is built."""
     # Where nothing is run, whoever imports this needs no compiler.
     from tendonrepro.simulation.stepper import simulate
 
+    loaded, laws, name, loop = run
     loop = loop or all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:

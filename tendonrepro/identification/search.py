@@ -23,6 +23,13 @@ class Evaluated(NamedTuple):
     misfits: Array
     residuals: Array
 
+    @property
+    def sized(self) -> Array:
+        """Residuals (N, K), larger where a run ended badly, so that their size is the misfit."""
+        size = np.sqrt(np.mean(self.residuals**2, axis=1))
+        worse = np.maximum(self.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
+        return np.asarray(self.residuals * worse[:, np.newaxis])
+
 
 Misfit: TypeAlias = Callable[[Array], Evaluated]
 """Of points of the unit cube, (N, P); finite."""
@@ -220,11 +227,7 @@ def _descend(start: Array, smooth: Rows, look: SearchPoints) -> None:
     from scipy.optimize import least_squares
 
     def at(values: Array) -> Array:
-        evaluated = look(_moved(start, smooth, values))
-        # The misfit of a plant that ends badly is more than its residuals say.
-        size = np.sqrt(np.mean(evaluated.residuals**2, axis=1))
-        worse = np.maximum(evaluated.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
-        return np.asarray(evaluated.residuals * worse[:, np.newaxis])
+        return look(_moved(start, smooth, values)).sized
 
     def residuals(values: Array) -> Array:
         return np.asarray(at(values[np.newaxis])[0])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from tendonrepro.arrays import Array
-from tendonrepro.identification.search import Evaluated, Misfit, Rows, held_unit
+from tendonrepro.identification.search import Misfit, Rows, held_unit
 from tendonrepro.monte_carlo.box import Box
 
 STEP = 0.25
@@ -90,7 +90,7 @@ def _without_the_least(box: Box, look: Misfit, place: _Place, chosen: list[int],
     """Take the row out of `chosen` that the others make up for best, and go where they do."""
     starts = np.tile(place.point, (len(chosen), 1))
     starts[np.arange(len(chosen)), chosen] = resting[chosen]
-    residuals = _worse(look(starts))
+    residuals = look(starts).sized
     moves = _moved_alone(box, place.point, look, chosen)
     fits = [
         _fitted(moves, _ranges(box, [other for other in chosen if other != row]), residuals[k], starts[k])
@@ -106,18 +106,11 @@ def _nearest(look: Misfit, points: Array) -> _Place:
     """The best of some points (N, P)."""
     found = look(points)
     best = int(np.argmin(found.misfits))
-    return _Place(points[best], _worse(found)[best], float(found.misfits[best]))
+    return _Place(points[best], found.sized[best], float(found.misfits[best]))
 
 
 def _ranges(box: Box, rows: Iterable[int]) -> list[int]:
     return [row for row in rows if not box.choices[row].size]
-
-
-def _worse(seen: Evaluated) -> Array:
-    """Residuals (N, K), larger where a run ended badly, so that their size is the misfit."""
-    size = np.sqrt(np.mean(seen.residuals**2, axis=1))
-    worse = np.maximum(seen.misfits / np.maximum(size, np.finfo(float).tiny), 1.0)
-    return np.asarray(seen.residuals * worse[:, np.newaxis])
 
 
 def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _Moves:
@@ -125,7 +118,7 @@ def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _
     moved, ends = zip(*_ends(box, point, rows), strict=True)
     points = np.tile(point, (len(moved), 1))
     points[np.arange(len(moved)), moved] = ends
-    return _Moves(np.array(moved), points, _worse(look(points)))
+    return _Moves(np.array(moved), points, look(points).sized)
 
 
 def _ends(box: Box, point: Array, rows: Iterable[int]) -> Iterator[tuple[int, float]]:

@@ -155,7 +155,7 @@ def _manifest(study: Study, outcome: Outcome, seconds: float) -> Json:
 def planned(study: Study, talk: Talk) -> dict[str, object]:
     """What ``--json`` prints of a dry run; tells what would be refused."""
     _tell_remarks(study, talk)
-    _ = study.formats
+    _ = study.formats  # a UsageError for one that there is not
     name, digest, target = study.command, study.digest, study.target
     try:
         refuse_others(target, digest, command=name, force=study.options["force"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack
 
+from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.studies.command import DATA, study
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Folder, Seed
 from tendonrepro.studies.study import Study
@@ -13,7 +14,7 @@ __all__ = ["validate"]
 
 @study(DATA, "tendonrepro validate data/measured.h5")
 def validate(
-    measured: Annotated[Path | str, ARGUMENT] = Path("data/measured.h5"),
+    measured: Annotated[Path | str, ARGUMENT] = MEASURED,
     config: ConfigOption = None,
     *,
     set: Changes = None,

@@ -9,7 +9,6 @@ import numpy as np
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.published import published
-from tendonrepro.dataset.motion import timing_of
 from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, LOADS
@@ -46,7 +45,7 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
     """Compare the measurement of a file with that `name`; motions and traces of reruns go to the site."""
     measurement = measurement_of(file, published())
     models, not_rerun = reruns(measurement, base, name, site.files, site.talk)
-    timing = timing_of(file, measurement.reference)
+    timing = measurement.timing
     starts = {run: timing[run].start if run in timing else -np.inf for run in models}
     decouple = file.part("decouple").runs.get("decouple")
     return Validation(

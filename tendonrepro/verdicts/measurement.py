@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from tendonrepro.configuration.published import Published
 from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
-from tendonrepro.dataset.windows import PrintedTables, try_windows
+from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
-
-MEASURED = Path("data") / "measured.h5"
-"""Where ``tendonrepro ingest`` writes the measured trace file by default."""
 
 _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
@@ -44,12 +42,16 @@ def read_measured(path: Path) -> TraceFile:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured file and what follows from it; `unrecovered` says why there is no `reference`."""
+    """A measured file and what follows from it; `unrecovered` says why there is no `reference`.
+
+    `timing` is of every run of the comparison.
+    """
 
     file: TraceFile
     tables: PrintedTables
     reference: Reference | None
     unrecovered: str = ""
+    timing: Mapping[str, Timing] = field(default_factory=dict)
 
     @cached_property
     def compare(self) -> TraceFile:
@@ -64,5 +66,5 @@ def measurement_of(file: TraceFile, paper: Published) -> Measurement:
         reference = recover_reference(file)
     except DataMissingError as error:
         unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
-    tables = try_windows(file.part("compare"), paper, timing_of(file, reference))
-    return Measurement(file, tables, reference, unrecovered)
+    timing = timing_of(file, reference)
+    return Measurement(file, try_windows(file.part("compare"), paper, timing), reference, unrecovered, timing)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tendonrepro.console import Talk, count_of
+from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import read_json, refuse_file, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
@@ -21,7 +22,7 @@ from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.ledger import Origin, as_data, changed, origin_of, shipped_ledger, with_shipped
-from tendonrepro.verdicts.measurement import MEASURED, read_measured
+from tendonrepro.verdicts.measurement import read_measured
 from tendonrepro.verdicts.report import changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES
 from tendonrepro.verdicts.sensitivity import rankings

@@ -28,6 +28,7 @@ class Periodic(Model):
     """A motion made of equal periods."""
 
     periods: Annotated[Scalar, whole("number of repetitions", at_least=1.0)]
+    amplitude: Amplitude
 
     @property
     @abstractmethod
@@ -60,7 +61,6 @@ class RaisedCosine(InTurns):
     """``amplitude (1 - cos(2π t/period)) / 2``."""
 
     kind: Literal["raised_cosine"]
-    amplitude: Amplitude
     period: Duration
 
     @property
@@ -73,11 +73,9 @@ class RaisedCosine(InTurns):
         return trajectory.raised_cosine(self.amplitude.si[i], self.period.si)
 
 
-class MinimumJerk(InTurns):
-    """Up, hold, down, hold by minimum-jerk strokes."""
+class Strokes(InTurns):
+    """Up, hold, down, hold, by strokes that all last as long."""
 
-    kind: Literal["minimum_jerk"]
-    amplitude: Amplitude
     rise: Duration
     hold: Hold
 
@@ -85,24 +83,22 @@ class MinimumJerk(InTurns):
     def cycle(self) -> float:
         """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
+
+
+class MinimumJerk(Strokes):
+    """Up, hold, down, hold by minimum-jerk strokes."""
+
+    kind: Literal["minimum_jerk"]
 
     def shape(self, i: int) -> Shape:
         """What joint i does in one turn."""
         return trajectory.minimum_jerk(self.amplitude.si[i], self.rise.si, self.hold.si)
 
 
-class Ramp(InTurns):
+class Ramp(Strokes):
     """Up, hold, down, hold along straight lines, with steps of velocity and no acceleration."""
 
     kind: Literal["ramp"]
-    amplitude: Amplitude
-    rise: Duration
-    hold: Hold
-
-    @property
-    def cycle(self) -> float:
-        """Of one turn, s."""
-        return 2.0 * (self.rise.si + self.hold.si)
 
     def shape(self, i: int) -> Shape:
         """What joint i does in one turn."""
@@ -113,7 +109,6 @@ class Trapezoidal(InTurns):
     """Up, hold, down, hold with bounded velocity and acceleration; the longest stroke sets the pace."""
 
     kind: Literal["trapezoidal"]
-    amplitude: Amplitude
     velocity: Annotated[Scalar, positive("rad s-1", "largest velocity")]
     acceleration: Annotated[Scalar, positive("rad s-2", "acceleration of the ramps")]
     hold: Hold
@@ -137,7 +132,6 @@ class Sine(Periodic):
     """``offset + amplitude sin(2π t/period)``, blended in from rest."""
 
     kind: Literal["sine"]
-    amplitude: Amplitude
     offset: Annotated[Moving, Physical("rad", "centre of the sine of each joint")]
     period: Duration
     blend: Annotated[Scalar, positive("s", "duration of the start from rest, part of the motion")]
