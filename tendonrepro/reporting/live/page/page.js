@@ -517,7 +517,7 @@ function showTables() {
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
       const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
-      const sizes = k === 0 ? ": mean absolute error (MAE) and root mean square (RMSE)" : "";
+      const sizes = k === 0 ? ": mean absolute (MAE) and root mean square (RMSE)" : "";
       const paper = make("span", {}, `${without} in degrees${sizes}${preset.printed ? ", beside it the paper’s" : ""}`);
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
