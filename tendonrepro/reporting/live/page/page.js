@@ -133,8 +133,7 @@ function showPreset() {
   for (const input of byId("presets").querySelectorAll("input")) input.checked = input.value === preset.name;
   byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
-  const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 961px)").matches;
-  if (first) byId("panel").open = wide;
+  const first = !document.querySelector("#controls details");
   byId("controls").replaceChildren(
     ...preset.groups.map((group, k) => {
       const box = make("details", { "data-group": group }, make("summary", {}, group));
@@ -728,5 +727,9 @@ for (const one of PRESETS) {
   byId("presets").append(make("label", {}, radio, ` ${one.title}`));
 }
 addEventListener("hashchange", readAddress);
+// Beside the results controls are open for good; above them a reader opens them.
+const beside = matchMedia("(min-width: 961px)"), arrange = () => (byId("panel").open = beside.matches);
+beside.addEventListener("change", arrange);
+arrange();
 pool.start();
 readAddress();
