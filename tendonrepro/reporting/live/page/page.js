@@ -512,7 +512,7 @@ function showTables() {
   byId("tables").replaceChildren(
     ...preset.tables.map(({ caption, rows }, k) => {
       const head = make("tr", {}, make("th", { scope: "col" }, ""));
-      for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
+      for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint\u00a0${joint}`));
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
       const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
@@ -526,7 +526,7 @@ function showTables() {
 function tableRow(run, label) {
   const found = results.get(run), row = make("tr", { "data-run": run, "data-status": found.status });
   const status = found.status === "ok" ? "" : make("span", { class: "bad" }, ` ${OBSERVED[found.status]}`);
-  row.append(make("th", { scope: "row" }, label, status));
+  row.append(make("th", { scope: "row" }, label.replace(/ (?=\d)/, "\u00a0"), status));
   const { printed } = preset.runs.find((which) => which.name === run);
   for (const metric of ["mae", "rmse"]) {
     preset.joints.forEach((_, i) => {
@@ -731,5 +731,6 @@ addEventListener("hashchange", readAddress);
 const beside = matchMedia("(min-width: 961px)"), arrange = () => (byId("panel").open = beside.matches);
 beside.addEventListener("change", arrange);
 arrange();
+byId("order").textContent = "The runs are computed now.";
 pool.start();
 readAddress();
