@@ -97,7 +97,9 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
 
 def report_text(report: ReportFile) -> str:
     """What the terminal says."""
-    lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
+    size = report["bytes"] / 1e6
+    told_size = f"{size:.1f} MB" if size >= 1.0 else f"{1e3 * size:.0f} kB"
+    lines = [f"{report['path']}: {told_size}, open it in a browser"]
     if report["holds"]:
         lines.append(
             f"no results: the folder holds {report['holds']}. Expected were folders with a {MANIFEST}, as "

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from tendonrepro.configuration.published import Published
+from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError

@@ -320,6 +320,16 @@ def test_nothing_stands_outside_the_page(browser: Browser, page: Path, pixels: i
     browser.width(1280)
 
 
+def test_controls_stand_beside_the_results_of_a_window_that_grows(browser: Browser, page: Path) -> None:
+    visible = "return document.querySelector('#controls input').checkVisibility()"
+    browser.width(700)
+    opened(browser, page, "#published")
+    assert not browser.run(visible)
+    browser.width(1280)
+    time.sleep(0.2)
+    assert browser.run(visible)
+
+
 @pytest.mark.usefixtures("browser")
 def test_the_way_back_leads_to_what_was_there(page: Path) -> None:
     # A window of its own: Chromium forgets places after fifty.

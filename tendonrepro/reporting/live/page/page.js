@@ -133,8 +133,7 @@ function showPreset() {
   for (const input of byId("presets").querySelectorAll("input")) input.checked = input.value === preset.name;
   byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
-  const first = !document.querySelector("#controls details"), wide = matchMedia("(min-width: 961px)").matches;
-  if (first) byId("panel").open = wide;
+  const first = !document.querySelector("#controls details");
   byId("controls").replaceChildren(
     ...preset.groups.map((group, k) => {
       const box = make("details", { "data-group": group }, make("summary", {}, group));
@@ -513,11 +512,11 @@ function showTables() {
   byId("tables").replaceChildren(
     ...preset.tables.map(({ caption, rows }, k) => {
       const head = make("tr", {}, make("th", { scope: "col" }, ""));
-      for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint ${joint}`));
+      for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint\u00a0${joint}`));
       const body = make("tbody");
       for (const { run, label } of rows) body.append(tableRow(run, label));
       const from = state.get("errors_from"), without = from > 0 ? `, without the first ${shorter(from)} s,` : "";
-      const sizes = k === 0 ? ": mean absolute error (MAE) and root mean square (RMSE)" : "";
+      const sizes = k === 0 ? ": mean absolute (MAE) and root mean square (RMSE)" : "";
       const paper = make("span", {}, `${without} in degrees${sizes}${preset.printed ? ", beside it the paper’s" : ""}`);
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
@@ -527,7 +526,7 @@ function showTables() {
 function tableRow(run, label) {
   const found = results.get(run), row = make("tr", { "data-run": run, "data-status": found.status });
   const status = found.status === "ok" ? "" : make("span", { class: "bad" }, ` ${OBSERVED[found.status]}`);
-  row.append(make("th", { scope: "row" }, label, status));
+  row.append(make("th", { scope: "row" }, label.replace(/ (?=\d)/, "\u00a0"), status));
   const { printed } = preset.runs.find((which) => which.name === run);
   for (const metric of ["mae", "rmse"]) {
     preset.joints.forEach((_, i) => {
@@ -728,5 +727,10 @@ for (const one of PRESETS) {
   byId("presets").append(make("label", {}, radio, ` ${one.title}`));
 }
 addEventListener("hashchange", readAddress);
+// Beside the results controls are open for good; above them a reader opens them.
+const beside = matchMedia("(min-width: 961px)"), arrange = () => (byId("panel").open = beside.matches);
+beside.addEventListener("change", arrange);
+arrange();
+byId("order").textContent = "The runs are computed now.";
 pool.start();
 readAddress();
