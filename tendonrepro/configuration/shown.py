@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tendonrepro.configuration.models.readings import AXES
+
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
 STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
@@ -66,6 +68,23 @@ AS_CHOSEN = {
     ("run_friction", "alike"): "has the same friction",
 }
 """What every run does by a value of one of `CHOICES`: the conditions of what is said of runs as published."""
+
+
+def conditions() -> list[str]:
+    """What every run does as published, by each choice that the paper leaves open and no plant draws.
+
+    Examples
+    --------
+    >>> conditions()
+    ['starts on its reference', "gets the reference's acceleration", 'has the same friction']
+    """
+    return [AS_CHOSEN[name, AXES[name].printed] for name in CHOICES if AXES[name].printed != "drawn"]
+
+
+def every_run() -> str:
+    """Say `conditions` in one clause, whose subject is every run."""
+    *first, last = conditions()
+    return f"{', '.join(first)}, and {last}"
 
 
 def is_choice(reading: str) -> bool:

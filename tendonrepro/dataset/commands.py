@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
-from tendonrepro.studies.parameters import ARGUMENT, TALK, Overwrite, Telling, Word
+from tendonrepro.studies.parameters import ARGUMENT, MEASURED, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
 
 __all__ = ["fetch", "ingest", "inspect"]
 
 Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
 Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
-MAPPING, MEASURED = Path("data/mapping.yaml"), Path("data/measured.h5")
+MAPPING = Path("data/mapping.yaml")
 
 if TYPE_CHECKING:
     from tendonrepro.dataset.fetch import Fetched

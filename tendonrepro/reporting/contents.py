@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.models.readings import AXES
-from tendonrepro.configuration.shown import AS_CHOSEN, BOTH, CHOICES, FINE_STEPS, SHOWN, STEPS
+from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS, every_run
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.evidence.figure_predictions import interpretation_in_words
 from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
@@ -77,23 +76,11 @@ OF_ANSWER = {
 """Ends of the slots of the answer's table, and the readings of its rows."""
 
 
-def conditions() -> list[str]:
-    """What every run does as published, by each choice that the paper leaves open and no plant draws.
-
-    Examples
-    --------
-    >>> conditions()
-    ['starts on its reference', "gets the reference's acceleration", 'has the same friction']
-    """
-    return [AS_CHOSEN[name, AXES[name].printed] for name in CHOICES if AXES[name].printed != "drawn"]
-
-
 def numbers(summary: Summary) -> dict[str, str]:
     """Numbers of the answer as text, and its conditions, by slot."""
     readings, printed = by_name(summary), by_name(summary)["printed"]
-    *first, last = conditions()
     slots = {
-        "conditions": f"Every run {', '.join(first)}, and {last}.",
+        "conditions": f"Every run {every_run()}.",
         "first_fine": percent(in_all_errors(readings[FINE_STEPS]["share_c1_best"])["share"]),
         "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
         "plants": f"{summary['populations']['box']['plants']:,}",

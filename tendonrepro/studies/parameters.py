@@ -21,6 +21,9 @@ class Word(NamedTuple):
 
 ARGUMENT = Word(positional=True)
 
+MEASURED = Path("data/measured.h5")
+"""Where measured traces lie, unless another file is named."""
+
 # Of a union the command line gives the first type that it can write.
 ConfigOption: TypeAlias = Annotated[
     str | Path | None, Word(help="Configuration file, - for standard input, or a shipped name.")

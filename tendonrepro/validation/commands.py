@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack
 
-from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.studies.command import DATA, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Folder, Seed
+from tendonrepro.studies.parameters import ARGUMENT, MEASURED, Changes, ConfigOption, Folder, Seed
 from tendonrepro.studies.study import Study
 
 __all__ = ["validate"]

@@ -8,12 +8,12 @@ from functools import cached_property
 from pathlib import Path
 
 from tendonrepro.configuration.published import Published
-from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
+from tendonrepro.studies.parameters import MEASURED
 
 _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 

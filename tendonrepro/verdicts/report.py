@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.shown import every_run
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
@@ -19,10 +20,7 @@ from tendonrepro.verdicts.verdict import Verdict
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
-JUDGED_ON = (
-    "Judged where every run starts on its reference and gets its acceleration. A line 'with ...' has the "
-    "verdict under another choice."
-)
+JUDGED_ON = f"Judged where every run {every_run()}. A line 'with ...' has the verdict under another choice."
 """What the verdicts rest on that the paper does not say."""
 FEW_NAMES = 5
 """Claims that one line names."""

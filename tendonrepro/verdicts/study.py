@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tendonrepro.console import Talk, count_of
-from tendonrepro.dataset.commands import MEASURED
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import read_json, refuse_file, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
@@ -18,7 +17,7 @@ from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.outcome import Outcome
-from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.parameters import MEASURED, Folder
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.ledger import Origin, as_data, changed, origin_of, shipped_ledger, with_shipped

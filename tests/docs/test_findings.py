@@ -17,9 +17,9 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import BOTH, CHOICES, KEPT, SHOWN, STEPS
+from tendonrepro.configuration.shown import BOTH, CHOICES, KEPT, SHOWN, STEPS, conditions
 from tendonrepro.monte_carlo.summary import in_all_errors, median
-from tendonrepro.reporting.contents import conditions, numbers, percent, stable_plants
+from tendonrepro.reporting.contents import numbers, percent, stable_plants
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 

@@ -11,6 +11,7 @@ from reporting.conftest import LIKE_HTML
 from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.shown import conditions
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.page import page, pictures, plate
@@ -85,7 +86,7 @@ def test_conditions_stand_before_the_share_and_among_what_is_assumed(made, found
     told, share, _ = made.one(id="answer").text.partition(contents.numbers(found.summary)["last_printed"])
     assert share
     for text in (told, made.one(id="assumptions").text):
-        assert [words for words in contents.conditions() if words not in " ".join(text.split())] == []
+        assert [words for words in conditions() if words not in " ".join(text.split())] == []
 
 
 def test_the_table_of_what_it_depends_on(made, found):
