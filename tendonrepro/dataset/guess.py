@@ -298,7 +298,7 @@ def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> froz
     if "joint" in own | near and own & (KINDS | ROLES):
         wanted -= {"motor"}
     if said.unit in FACTORS["angle"]:
-        wanted -= {"rate", "other"}
+        wanted -= {"rate", "torque", "other"}
     return own | (near & (wanted if own & KINDS else wanted | {"angle"}))
 
 

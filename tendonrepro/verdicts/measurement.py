@@ -10,7 +10,7 @@ from pathlib import Path
 from tendonrepro.configuration.published import Published
 from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
 from tendonrepro.studies.parameters import MEASURED
@@ -31,9 +31,12 @@ def read_measured(path: Path) -> TraceFile:
     try:
         file = read_traces(path)
     except DataMissingError as error:
-        if path != MEASURED or path.exists():
+        if path.exists():
             raise
-        raise DataMissingError("there is no measured trace file", where=str(path), hint=_THE_WAY) from error
+        meant = did_you_mean(path.name, (other.name for other in path.parent.glob("*.h5")))
+        raise DataMissingError(
+            f"there is no measured trace file{meant}", where=str(path), hint=_THE_WAY
+        ) from error
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     if not file.runs:

@@ -269,6 +269,11 @@ def test_three_dimensions_in_the_name_of_a_file_are_no_desired_angles(tmp_path):
     assert mae(found) == MAE
 
 
+def test_angles_in_a_file_that_is_named_after_torque_stay_angles(tmp_path):
+    found, _, _ = ingested(tmp_path, "_torque.csv", HEADS + lines())
+    assert mae(found) == MAE
+
+
 def test_a_column_of_the_mapping_that_no_table_has_is_told(tmp_path):
     found, _, _ = ingested(tmp_path, ".csv", HEADS + lines(), lambda text: text.replace("q3_d", "q3_desired"))
     assert any("q3_desired" in doubt for doubt in found["doubts"])
