@@ -13,7 +13,6 @@ from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
-from tendonrepro.studies.parameters import MEASURED
 
 _THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
 
