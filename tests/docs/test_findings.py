@@ -43,6 +43,8 @@ TRIALS = {
     "ideal encoders": "encoder=ideal",
     "straight ramps, as a trial": "motion=ramp",
     "all as published, as a trial": "printed",
+    "the applied torque is stored, as a trial": APPLIED,
+    "straight ramps and starts apart, as a trial": CLOSEST,
 }
 """Interpretations whose search from a draw counts in no table, by their rows of findings."""
 
@@ -240,6 +242,18 @@ def test_trials_of_searches_that_began_at_a_draw() -> None:
     for row, name in TRIALS.items():
         misfits = (stored("draws")["misfit_log"][name], from_arm[name], from_draw[name])
         assert cells_of("docs/findings.md", row) == [f"{100 * misfit:.1f} %" for misfit in misfits]
+    nearer = [name for name in from_draw if from_draw[name] < from_arm[name]]
+    assert f"{len(nearer)} of {len(from_draw)} came nearer" in text_of("docs/findings.md")
+
+
+def test_an_arm_with_all_runs_alike_has_the_published_order() -> None:
+    """Of the trial that README and findings tell of, in all four columns of Table 2."""
+    (trial,) = (held for held in stored("trials") if held["name"] == APPLIED)
+    for page in ("README.md", "docs/findings.md"):
+        assert f"within {100 * trial['misfit_log']:.1f} %" in text_of(page)
+    for joint in trial["best_shape"]:
+        for metric in ("mae", "rmse"):
+            assert joint[f"ours_order_{metric}"] == joint[f"printed_order_{metric}"]
 
 
 def test_numbers_of_the_tuning() -> None:
