@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import signal
 import sys
 import threading
 from dataclasses import replace
@@ -60,6 +61,8 @@ def test_an_interrupt_ends_a_run(method):
     """Machine code asks for no signals; Python looks between two samples."""
     loop = make_loop(f"solver.method={method}", reference=raised_cosine(10.0, 60.0, 60001))
     simulate(make_loop(f"solver.method={method}"))  # so that the code is there
+    # A shell starts jobs in the background deaf to interrupts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.05, _thread.interrupt_main)
     timer.start()
     try:
@@ -67,6 +70,7 @@ def test_an_interrupt_ends_a_run(method):
             simulate(loop)
     finally:
         timer.join()
+        signal.signal(signal.SIGINT, before)
 
 
 def test_machine_code_counts_references_as_python_does():
