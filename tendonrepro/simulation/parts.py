@@ -15,7 +15,7 @@ from tendonrepro.physics import control
 from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, Written, bundled, columns, part_of, stacked
-from tendonrepro.simulation.codegen.machine import assembled, callable_code
+from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code, of_one_lane
 from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code, thread_code
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, plant_modes, steps_needed
@@ -69,14 +69,16 @@ class CompiledPart(Part):
     """Compiled code that loops share.
 
     ``code`` has the addresses of functions by name, and ``prepare`` those to be run once before any of them.
+    They work on so many `lanes`: a bundle, or one run by SciPy.
     """
 
     code: Mapping[str, int]
     prepare: Sequence[int]
+    lanes: int = LANES
 
     def filled(self, places: Sequence[int]) -> Array:
         """Rows at the start, (rows, M)."""
-        bundles = bundled(self.numbers(places))
+        bundles = bundled(self.numbers(places), self.lanes)
         for address in self.prepare:
             for bundle in bundles:
                 callable_code(address)(bundle.ctypes.data, 0.0, 0.0)
@@ -195,19 +197,23 @@ def sample_part(loop: Loop, rest: Rest) -> CompiledPart:
     """Compile a sample of one run by SciPy."""
     numbers = law_numbers([(loop, rest)], lambda _: 1)
     written = sample_code(numbers, loop.controller.command or control.command)
-    return _compiled(written, _start([(loop, rest)], numbers), {0: 0})
+    return _compiled(written, _start([(loop, rest)], numbers), {0: 0}, lanes=1)
 
 
 def slope_part(plant: Plant) -> CompiledPart:
     """Compile the state's derivative of one plant."""
-    return _compiled(slope_code(stacked([plant])), {}, {0: 0})
+    return _compiled(slope_code(stacked([plant])), {}, {0: 0}, lanes=1)
 
 
-def _compiled(written: Written, start: dict[str, Array], column: dict[int, int]) -> CompiledPart:
+def _compiled(
+    written: Written, start: dict[str, Array], column: dict[int, int], lanes: int = LANES
+) -> CompiledPart:
     sources, rows = written
+    if lanes == 1:
+        sources = {name: of_one_lane(source) for name, source in sources.items()}
     code = {name: assembled(source, "prepare", name) for name, source in sources.items()}
     prepare, run = zip(*code.values(), strict=True)
-    return CompiledPart(rows, start, column, dict(zip(code, run, strict=True)), prepare)
+    return CompiledPart(rows, start, column, dict(zip(code, run, strict=True)), prepare, lanes)
 
 
 def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:

@@ -1,4 +1,4 @@
-"""The closed loop in time, by SciPy; the law is machine code, in the first lane, or a user's own.
+"""The closed loop in time, by SciPy; the law is machine code of one lane, or a user's own.
 
 The integrator starts afresh at each sample, so it never steps across a jump of the torque.
 """
@@ -103,7 +103,7 @@ class MachinePlant:
 
 
 def _filled(part: CompiledPart) -> Array:
-    rows: Array = bundled(part.filled([0]))[0]
+    rows: Array = bundled(part.filled([0]), part.lanes)[0]
     return rows
 
 
@@ -115,7 +115,7 @@ class MachineLaw:
         self._rows, named, reference = _filled(part), part.rows.named, loop.fed
 
         def lane(name: str, size: int) -> Array:
-            """View of the first lane of a name."""
+            """View of the numbers of a name."""
             return self._rows[named[name] :, 0][:size]
 
         self._plant, self._trace = plant, trace

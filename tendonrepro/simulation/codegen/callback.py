@@ -14,7 +14,6 @@ from itertools import chain
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.simulation.codegen.machine import LANES
 
 _HEAD = object.__basicsize__
 """Bytes of what every Python object begins with. In a NumPy array the address of its numbers comes next.
@@ -40,14 +39,14 @@ class _Definition(ctypes.Structure):
 
 
 def on_array_code(name: str, inner: str, take: int, give: int, size: int) -> str:
-    """Source of ``<name>(t, array)`` for Python, which calls ``<inner>(rows, k, t)`` in the first lane.
+    """Source of ``<name>(t, array)`` for Python, which calls ``<inner>(rows, k, t)`` of one experiment.
 
     `size` numbers of the array go into rows from `take` on; those from `give` on go into an array that is
     the result. It and the rows are the tuple that the function is bound to.
     """
     item = _of_python("PyTuple_GetItem")
-    into = (_moved(f"in{k}", ("x", k), ("rows", LANES * (take + k))) for k in range(size))
-    out_of = (_moved(f"out{k}", ("rows", LANES * (give + k)), ("y", k)) for k in range(size))
+    into = (_moved(f"in{k}", ("x", k), ("rows", take + k)) for k in range(size))
+    out_of = (_moved(f"out{k}", ("rows", give + k), ("y", k)) for k in range(size))
     body = [
         "%time = load ptr, ptr %args",
         f"%t = call double {_of_python('PyFloat_AsDouble')}(ptr %time)",

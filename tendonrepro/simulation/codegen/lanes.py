@@ -206,10 +206,10 @@ def part_of(record: Kind, chosen: slice) -> Kind:
     return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
 
 
-def bundled(values: Array) -> Array:
-    """Columns (rows, M) as bundles (B, rows, LANES); lanes to spare repeat the last column."""
-    filled = np.hstack([values, np.repeat(values[:, -1:], -values.shape[1] % LANES, axis=1)])
-    return aligned(filled.reshape(len(values), -1, LANES).swapaxes(0, 1))
+def bundled(values: Array, lanes: int = LANES) -> Array:
+    """Columns (rows, M) as bundles (B, rows, lanes); lanes to spare repeat the last column."""
+    filled = np.hstack([values, np.repeat(values[:, -1:], -values.shape[1] % lanes, axis=1)])
+    return aligned(filled.reshape(len(values), -1, lanes).swapaxes(0, 1))
 
 
 def aligned(values: Array) -> Array:
