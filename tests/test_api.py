@@ -24,6 +24,7 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest, replaced
+from tendonrepro.results.traces import read_traces
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
@@ -95,6 +96,14 @@ def test_what_is_saved_is_opened_again(alone: tr.Result, found: tr.Result, saved
     assert (again["controller_2"]["e"] == alone["controller_2"]["e"]).all()
     with pytest.raises(UsageError):
         found.save(saved)
+
+
+def test_traces_hold_the_manifest_without_outputs_also_when_saved_from_a_folder(tmp_path: Path) -> None:
+    found = tr.compare(set=SHORT, controllers=[2], out=tmp_path / "first", figures=False)
+    copy = found.save(tmp_path / "copy", figures=False)
+    for folder in (tmp_path / "first", copy):
+        assert "outputs" in read_manifest(folder)
+        assert "outputs" not in read_traces(folder).manifest
 
 
 def test_a_result_tells_itself_in_a_line(found: tr.Result) -> None:

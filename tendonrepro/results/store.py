@@ -99,7 +99,8 @@ def replaced(
                 result = NewResult(place.partial)
                 yield result
                 made = {name: sha256_of(place.partial / name) for name in files_in(place.partial)}
-                result.manifest |= {"outputs": made}
+                # Its traces hold the manifest without outputs, so that stays as it is.
+                result.manifest = result.manifest | {"outputs": made}
                 result.write(MANIFEST, to_json(result.manifest))
             for before, now in _set_aside(place.target, made):
                 talk.note(f"your own {before} is now {now.name}: the result has a file of that name")
