@@ -85,6 +85,7 @@ def numbers(summary: Summary) -> dict[str, str]:
         "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
         "plants": f"{summary['populations']['box']['plants']:,}",
         "stable": f"{stable_plants(printed):,}",
+        "stable_share": percent(stable_plants(printed) / summary["populations"]["box"]["plants"]),
         "ratio": two_digits(median(printed["ratio_c1_c2"], 2)),
         "ratio_absent": two_digits(median(readings["reference_acceleration=absent"]["ratio_c1_c2"], 2)),
         "ratio_surfaces": two_digits(median(printed["ratio_c2_c3"], 2)),
