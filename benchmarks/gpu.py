@@ -163,6 +163,7 @@ def in_jax(jax, code):
         "+": np_.add, "-": np_.subtract, "*": np_.multiply, "/": np_.divide,
         ">=": np_.greater_equal, ">": np_.greater, "<=": np_.less_equal, "<": np_.less,
         "abs": np_.abs, "sqrt": np_.sqrt, "floor": np_.floor, "exp2": np_.exp2, "negative": np_.negative,
+        "alternating": lambda x: 1.0 - 2.0 * (x % 2.0),
         "mantissa": lambda x: np_.frexp(x)[0],
         "exponent": lambda x: np_.frexp(x)[1].astype(np_.float64),
         "choose": lambda condition, then, otherwise: np_.where(condition != 0.0, then, otherwise),

@@ -25,6 +25,7 @@ WRITTEN = {
     "choose": "({2}, {1})[int({0} != 0.0)]",
     "negative": "-{0}",
     "exp2": "2.0 ** {0}",
+    "alternating": "1.0 - 2.0 * ({0} % 2.0)",
     "mantissa": "math.frexp({0})[0]",
     "exponent": "float(math.frexp({0})[1])",
     **{name: f"math.{name}({{0}})" for name in ("sqrt", "floor")},

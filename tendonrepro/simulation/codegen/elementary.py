@@ -65,8 +65,7 @@ def cos(x: Numeric) -> Numeric:
 
 def _sine_near(r: Numeric, k: Numeric) -> Numeric:
     """``(-1)^k sin(r)`` for |r| <= π/2."""
-    sign: Numeric = 1.0 - 2.0 * (k - 2.0 * np.floor(0.5 * k))
-    return sign * r * horner(r * r, SIN_TERMS)
+    return (-1.0) ** k * r * horner(r * r, SIN_TERMS)
 
 
 def log(x: Numeric) -> Numeric:

@@ -62,7 +62,9 @@ class LaneTape(Tape):
         return super().function(ufunc, x)
 
     def binary(self, operator: str, left: Term, right: Term) -> Numeric:
-        """As of any tape."""
+        """As of any tape; minus one has whole exponents."""
+        if operator == "**" and is_number(left, -1.0):
+            return self.write("alternating", right)
         if operator == "**":
             return elementary.power(left, right)
         if operator == "/" and isinstance(right, Symbol) and not is_number(left, 1.0):

@@ -225,6 +225,14 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
         f"%{{x}}.moved = shl {WORDS} %{{x}}.bits, splat (i64 52)",
         f"%{{x}} = bitcast {WORDS} %{{x}}.moved to {V}",
     ),
+    # Minus one to the power of a whole number: its last bit becomes a sign.
+    "alternating": (
+        f"%{{x}}.sum = fadd {V} {{a}}, {_text(3.0 * 2.0**51)}",
+        f"%{{x}}.bits = bitcast {V} %{{x}}.sum to {WORDS}",
+        f"%{{x}}.sign = shl {WORDS} %{{x}}.bits, splat (i64 63)",
+        f"%{{x}}.one = or {WORDS} %{{x}}.sign, splat (i64 {1023 << 52})",
+        f"%{{x}} = bitcast {WORDS} %{{x}}.one to {V}",
+    ),
     **{name: (f"%{{x}} = {word} contract {V} {{a}}, {{b}}",) for name, word in _ARITHMETIC.items()},
     **{
         name: (f"%{{x}}.true = fcmp {word} {V} {{a}}, {{b}}", f"%{{x}} = uitofp {BITS} %{{x}}.true to {V}")

@@ -36,10 +36,11 @@ DEVICE double of_bits(long long x){return __longlong_as_double(x);}
 DEVICE long long bits_of(double x){long long y;std::memcpy(&y,&x,sizeof y);return y;}
 DEVICE double of_bits(long long x){double y;std::memcpy(&y,&x,sizeof y);return y;}
 #endif
-// As frexp gives them, of a positive normal number; and a power of two with a whole exponent.
+// As frexp gives them, of a positive normal number; and powers of two and of minus one with whole exponents.
 DEVICE double mantissa(double x){return of_bits((bits_of(x)&0xfffffffffffffLL)|(1022LL<<52));}
 DEVICE double exponent(double x){return (double)((bits_of(x)>>52)-1022LL);}
 DEVICE double two_to(double x){return of_bits(((long long)x+1023LL)<<52);}
+DEVICE double alternating(double x){return 1.0-2.0*(double)((long long)x&1LL);}
 """
 )
 
