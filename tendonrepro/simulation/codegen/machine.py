@@ -105,8 +105,9 @@ def _any_positive(name: str, row: int) -> str:
     """Instructions that give ``%<name>.any``: whether any lane of a row is positive."""
     return f"""%{name}.place = getelementptr {V}, ptr %rows, i64 {row}
   %{name} = load {V}, ptr %{name}.place, align {ALIGNED}
-  %{name}.most = call double @llvm.vector.reduce.fmax.v{LANES}f64({V} %{name})
-  %{name}.any = fcmp ogt double %{name}.most, 0.0"""
+  %{name}.each = fcmp ogt {V} %{name}, zeroinitializer
+  %{name}.bits = bitcast {BITS} %{name}.each to i{LANES}
+  %{name}.any = icmp ne i{LANES} %{name}.bits, 0"""
 
 
 class Signal(NamedTuple):
@@ -298,7 +299,6 @@ _DECLARED = "".join(
     (
         *(declared for name in _CALLED.values() for declared in _of_vectors(name)),
         f"declare {V} @llvm.masked.gather.v{LANES}f64.v{LANES}p0({PLACES}, i32, {BITS}, {V})\n",
-        f"declare double @llvm.vector.reduce.fmax.v{LANES}f64({V})\n",
     )
 )
 _engines: list[binding.ExecutionEngine] = []
