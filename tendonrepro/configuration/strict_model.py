@@ -49,7 +49,7 @@ class Model(BaseModel):
     The text below a field is its description in the JSON schema.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, defer_build=True)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
