@@ -61,6 +61,7 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
         "best": {"window": closest.name, **table_data(closest)} if closest else None,
         "windows": windows,
         "reference": motion,
+        "starts": validation.starts,
         "claims": claims_data(rulings),
         "numbers": {
             name: {"verdict": ruling.verdict, "ours": ruling.ours}
@@ -79,6 +80,7 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
         *measured_tables(measurement, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
+        *shown("starts", "Desired less measured angle where motions begin.", validation.starts, ()),
         claims_table(rulings),
         *shown("residuals", "Measured less simulated.", validation.residuals, columns),
         *shown("coupling", "Angles through the coupling.", validation.coupling, ()),

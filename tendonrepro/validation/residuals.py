@@ -57,6 +57,20 @@ def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -
         yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
 
 
+def start_rows(trace: Trace, begin: float) -> Iterator[dict[str, object]]:
+    """Error of a run where its motion begins, at `begin`, s: a row for each joint.
+
+    It is the last that is known until then. The model has none there.
+    """
+    if "e" not in trace:
+        return
+    until = trace.time <= begin + 0.5 * float(np.median(np.diff(trace.time)))
+    for joint, errors in zip(trace.joint, trace["e"][until].T, strict=True):
+        known = errors[np.isfinite(errors)]
+        error = float(np.rad2deg(known[-1])) if known.size else None
+        yield {"run": trace.name, "joint": joint, "begin_s": begin, "error_deg": error}
+
+
 def reading_error(trace: Trace) -> float:
     """Error of a run's tracking error that was read off a figure, rad; 0 if it was recorded."""
     direct = float(trace.attributes.get(f"{READ_OFF}e", 0.0))

@@ -15,7 +15,7 @@ from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import TableRows
 from tendonrepro.studies.study import Site
 from tendonrepro.validation.rerun import reruns
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows, start_rows
 from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.measurement import Measurement, measurement_of
 from tendonrepro.verdicts.rules import Ruling
@@ -29,13 +29,15 @@ class Validation:
     """What a measurement says of paper and model.
 
     `rulings` are by the id of a claim or number, `models` are its reruns by run, and `residuals` compare with
-    these. `coupling` compares joint with motor angles. `controllers` tells what made the runs.
+    these. `starts` are errors where motions begin. `coupling` compares joint with motor angles. `controllers`
+    tells what made the runs.
     """
 
     measurement: Measurement
     rulings: Mapping[str, Ruling]
     models: Mapping[str, Trace]
     residuals: TableRows
+    starts: TableRows
     coupling: TableRows
     controllers: TableRows
     missing: Sequence[str]
@@ -56,6 +58,11 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
             row
             for run, model in models.items()
             for row in comparison_rows(file.runs[run], model, starts[run])
+        ],
+        starts=[
+            row
+            for run, trace in measurement.compare.runs.items()
+            for row in start_rows(trace, timing[run].start)
         ],
         coupling=[*coupling_rows(decouple, file.plant)] if decouple else [],
         controllers=controllers_of(measurement.compare, site.talk, site.start),

@@ -21,7 +21,7 @@ from tendonrepro.validation.rerun import (
     write_compare,
     write_decouple,
 )
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows
+from tendonrepro.validation.residuals import comparison_rows, coupling_rows, start_rows
 from tendonrepro.verdicts.measurement import measurement_of
 
 STEP = 0.005
@@ -115,6 +115,18 @@ class TestSizes:
             assert "measured_calculated_mae_deg" not in row
         for row in comparison_rows(whole, self.run(q_d=self.WAVE)):
             assert row == {"run": FIRST, "joint": row["joint"], "status": "ok"}
+
+
+def test_a_run_starts_with_the_error_that_it_has_when_its_motion_begins():
+    """Whatever it did before, and also where a sample is missing."""
+    e = np.deg2rad([[9.0, 9.0], [1.5, -0.5], [np.nan, -0.25], [7.0, 7.0]])
+    run = Trace(FIRST, np.array([0.0, 0.1, 0.2, 0.3]), (2, 3), {"e": e}, {})
+    assert [(row["joint"], row["error_deg"]) for row in start_rows(run, 0.21)] == [
+        (2, pytest.approx(1.5)),
+        (3, pytest.approx(-0.25)),
+    ]
+    assert [row["error_deg"] for row in start_rows(run, -1.0)] == [None, None]
+    assert [*start_rows(replace(run, variables={}), 0.2)] == []
 
 
 @pytest.fixture(scope="module", name="measured")

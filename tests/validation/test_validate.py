@@ -124,6 +124,13 @@ class TestValidate:
         for name, most in {"e_max_deg": 0.03, "q_max_deg": 0.03, "q_d_max_deg": 0.011, "lag_s": 1e-4}.items():
             assert max(abs(row[name]) for row in rows) < most
 
+    def test_its_runs_start_on_their_motion(self, found):
+        assert [(row["run"], row["joint"]) for row in found["starts"]] == [
+            (row["run"], row["joint"]) for row in found["residuals"]["rows"]
+        ]
+        # Half a count, and what the arm does in a few samples.
+        assert max(abs(row["error_deg"]) for row in found["starts"]) < 0.02
+
     def test_tables_are_those_of_the_errors(self, found, shipped):
         data = paper_tables.table_data(read_traces(shipped))
         for table, run in (("table2", "controller_1"), ("table2", "controller_2"), ("table3", "with_load")):
