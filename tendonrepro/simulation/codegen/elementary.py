@@ -65,7 +65,8 @@ def cos(x: Numeric) -> Numeric:
 
 def _sine_near(r: Numeric, k: Numeric) -> Numeric:
     """``(-1)^k sin(r)`` for |r| <= π/2."""
-    return (-1.0) ** k * r * horner(r * r, SIN_TERMS)
+    sign: Numeric = (-1.0) ** k
+    return sign * r * horner(r * r, SIN_TERMS)
 
 
 def log(x: Numeric) -> Numeric:
