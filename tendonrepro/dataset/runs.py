@@ -18,7 +18,7 @@ from tendonrepro.dataset.digitised import in_order, read_off
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
 from tendonrepro.errors import ConfigError, DataMissingError
-from tendonrepro.physics.metrics import status_of
+from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace
 from tendonrepro.results.summary import MEASURED
 
@@ -78,6 +78,7 @@ class Assembly:
         if time[0] != 0.0:
             self.notes.append(f"{name}: time starts at {time[0]:.6g} s in the files, at 0 here")
             time = time - time[0]
+        recorded = variables.get("e")
         if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
             _complete(variables, is_read_off=run.reading_error_deg is not None)
         if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
@@ -90,7 +91,8 @@ class Assembly:
         attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
         attributes |= _status(time, variables, joints)
         trace = Trace(name, time, joints, variables, attributes)
-        self.doubts += [f"{name}: {doubt}" for doubt in doubts_about(trace)]
+        doubts = [*doubts_about(trace), *([] if recorded is None else doubts_about_error(trace, recorded))]
+        self.doubts += [f"{name}: {doubt}" for doubt in doubts]
         return trace
 
     def _signals(self, name: str, run: RunMapping) -> tuple[Array, dict[Use, Array]]:
@@ -246,3 +248,13 @@ def doubts_about(trace: Trace) -> Iterator[str]:
             known = np.isfinite(size)
             if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
                 yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"
+
+
+def doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:
+    """Joints whose recorded error (T, n), rad, is not desired less measured angle, which counts."""
+    apart = mean(np.abs(recorded - trace["e"])) > _FAR * mean(np.abs(recorded))
+    turned = mean(np.abs(recorded + trace["e"])) < _FAR * mean(np.abs(recorded))
+    for joint, differs, other_sign in zip(trace.joint, apart, turned, strict=True):
+        if differs:
+            how = "has the other sign than" if other_sign else "is not"
+            yield f"e of joint {joint} {how} q_d less q_encoder, which counts"

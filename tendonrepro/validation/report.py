@@ -31,6 +31,7 @@ RARE = 0.01
 
 _MOTION = ("run", "joints", "period_s", "begin_s", "spacing_s", "deviation_deg", "brought_to_rest")
 _RESIDUALS = ("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s")
+_STARTS = ("run", "joint", "begin_s", "error_deg")
 _READ_OFF = ("e_rms_deg", "e_rms_low_deg", "e_rms_high_deg")
 _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "advice")
 """Columns that the terminal shows."""
@@ -80,7 +81,7 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
         *measured_tables(measurement, str(path)),
         str(windows["remark"]),
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
-        *shown("starts", "Desired less measured angle where motions begin.", validation.starts, ()),
+        *shown("starts", "Desired less measured angle where motions begin.", validation.starts, _STARTS),
         claims_table(rulings),
         *shown("residuals", "Measured less simulated.", validation.residuals, columns),
         *shown("coupling", "Angles through the coupling.", validation.coupling, ()),
@@ -189,7 +190,7 @@ def claims_table(rulings: Mapping[str, Ruling]) -> Table:
 
 
 def shown(name: str, caption: str, rows: TableRows, columns: Sequence[str]) -> Iterator[Table]:
-    """A table, if it has rows; the terminal shows those `columns` that a row has."""
+    """A table, if it has rows; the terminal shows those `columns` that a row has, and no table without."""
     if rows:
-        known = [column for column in columns if any(column in row for row in rows)]
+        known = tuple(column for column in columns if any(column in row for row in rows))
         yield Table(name, caption, rows, terminal=known)

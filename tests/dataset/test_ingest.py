@@ -260,11 +260,19 @@ def test_of_three_two_give_the_third(name, absent, tmp_path):
     [
         ({"q": 57.0 * DESIRED[:, 0]}, "half a turn"),
         ({"qd": DESIRED[:, 0], "q": 0.5 * DESIRED[:, 0]}, "a tenth of its motion"),
+        ({"qd": DESIRED[:, 0], "q": 0.95 * DESIRED[:, 0], "e": 0.1 * DESIRED[:, 0]}, "e of joint 2 is not"),
+        ({"qd": DESIRED[:, 0], "q": 0.95 * DESIRED[:, 0], "e": -0.05 * DESIRED[:, 0]}, "the other sign"),
     ],
 )
 def test_what_looks_wrong_is_said(columns, words, tmp_path):
     found = ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))
     assert any(words in doubt for doubt in found["doubts"])
+
+
+def test_an_error_of_the_files_own_arithmetic_is_no_doubt(tmp_path):
+    columns = {"qd": DESIRED[:, 0], "q": 0.95 * DESIRED[:, 0]}
+    columns["e"] = np.round(columns["qd"] - columns["q"], 3)
+    assert ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))["doubts"] == []
 
 
 def test_two_clocks_come_together_on_the_first(tmp_path):

@@ -30,7 +30,8 @@ ASKED = [
     "Joint 2 desired - actual", "关节2误差平方", "q2_dot", "∫e2", "column 3", "data2", "Sample", "desired torque 2",
     "Filtered q2", "q2_s", "q2 модель", "motor 2 torque angle", "motor 2 velocity (deg/s)", "Motor1Vel Speed", "dtheta_m2",
     "电机2速度", "tip velocity 2 (m/s)", "velocity 2 m/s", "position 2 (m)", "q2/V", "q2_V", "motor 2 (mV)", "motor voltage 2",
-    "Motorstrom 2", "关节2电压", "encoder 2 (%)", "关节2角加速度", "joint 2 (m/s^2)", "t (1/s)",
+    "Motorstrom 2", "关节2电压", "encoder 2 (%)", "关节2角加速度", "joint 2 (m/s^2)", "t (1/s)", "ddq2",
+    "ddq_d[2]",
 ]  # fmt: skip
 # Name of a run: controller, payload in kg.
 LOADED = math.nan
