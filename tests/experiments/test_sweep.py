@@ -119,7 +119,7 @@ class TestFiles:
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
         assert manifest["over"] == [ALPHA]
         assert manifest["config"]["sha256"] == found["config_sha256"]
-        table = pd.read_csv(tmp_path / "tables" / "sweep.csv")
+        table = pd.read_csv(tmp_path / "tables" / "sweep.csv", float_precision="round_trip")
         assert len(table) == 3 * 3 * 2
         assert table["mae_deg"][2] == found["points"][0]["runs"]["controller_2"]["mae_deg"][0]
         stored = json.loads((tmp_path / "sweep.json").read_text())
