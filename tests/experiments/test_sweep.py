@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pandas as pd
 import pytest
 from support.command import answer
 from support.overrides import SMOOTH, one_stroke, quantity
@@ -113,13 +112,13 @@ class TestRun:
 
 class TestFiles:
     def test_results_are_complete(self, tmp_path):
-        found = tr.sweep([ALPHA], "plain", set=[ONE], controllers=[1, 2], out=tmp_path).data
-        manifest = read_manifest(tmp_path)
+        result = tr.sweep([ALPHA], "plain", set=[ONE], controllers=[1, 2], out=tmp_path)
+        found, manifest = result.data, read_manifest(tmp_path)
         figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
         assert manifest["over"] == [ALPHA]
         assert manifest["config"]["sha256"] == found["config_sha256"]
-        table = pd.read_csv(tmp_path / "tables" / "sweep.csv", float_precision="round_trip")
+        table = result.tables["sweep"]
         assert len(table) == 3 * 3 * 2
         assert table["mae_deg"][2] == found["points"][0]["runs"]["controller_2"]["mae_deg"][0]
         stored = json.loads((tmp_path / "sweep.json").read_text())
