@@ -104,8 +104,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
-    """Write a whole file by `atomic_path`; text becomes UTF-8 with line ends as they are."""
-    data = content.encode() if isinstance(content, str) else content
+    """Write a whole file by `atomic_path`; text becomes UTF-8 with line ends as they are.
+
+    Bytes of a file's name that are no text become escapes, which JSON reads back.
+    """
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
 

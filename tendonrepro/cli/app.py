@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import json
 import os
 import re
@@ -176,7 +178,10 @@ def _of_an_interrupt(error: BaseException | None) -> bool:
 
 
 def _open_streams() -> None:
-    """Give closed standard streams to the null device; else the next file would be opened in their place."""
+    """Open standard streams that are closed, and let any character pass.
+
+    Closed ones go to the null device; else the next file would be opened in their place.
+    """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -187,6 +192,16 @@ def _open_streams() -> None:
                 os.dup2(null, number)
                 os.close(null)
             setattr(sys, name, os.fdopen(number, mode, encoding="utf-8"))
+    codecs.register_error("as in JSON", _escaped)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="as in JSON")
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    """Write characters that a stream does not have as JSON does, which stays JSON."""
+    assert isinstance(error, UnicodeEncodeError)
+    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import NotRequired, TypedDict
+from pathlib import Path, PureWindowsPath
+from typing import NotRequired, TypedDict, cast
 from urllib.parse import quote, urlsplit
 
 from requests import RequestException, Response, Session
@@ -19,7 +18,7 @@ from urllib3.util import Retry
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import md5_of, refuse_file, require_space, to_json, write_atomically
+from tendonrepro.files import md5_of, read_json, refuse_file, require_space, to_json, write_atomically
 from tendonrepro.results.place import locked
 from tendonrepro.results.tables import Table
 
@@ -81,14 +80,14 @@ def run_fetch(
     UsageError
         If the record is none, the folder holds other or altered files, or another process writes there.
     DataMissingError
-        If the record or its files cannot be had.
+        If the record or its files cannot be had, or a name in it is none of a file below the folder.
     """
     number = record_number(record)
     refuse_file(out)
     lock_path = out.resolve().with_name(f"{out.resolve().name}.lock.json")
     stored: RecordLock | None = None
     if lock_path.exists():
-        stored = json.loads(lock_path.read_text(encoding="utf-8"))
+        stored = cast(RecordLock, read_json(lock_path, "remove it, and fetch asks for the record again"))
     if stored and number in {stored["record"], stored.get("requested")}:
         lock = stored
     elif stored and not force:
@@ -96,6 +95,7 @@ def run_fetch(
         raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
     else:
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
+    _refuse_other_places(lock["files"], out)
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for file in wanted:
         path = out / file["key"]
@@ -132,6 +132,20 @@ def record_number(text: str) -> str:
         hint = "give its number, as in 19467931, its DOI or its address"
         raise UsageError(f"{text!r} is not a record of Zenodo", hint=hint)
     return match[1]
+
+
+def _refuse_other_places(files: list[RecordFile], out: Path) -> None:
+    """Refuse a record with a name that is no plain path below `out`, on any system."""
+    if wrong := [file["key"] for file in files if not _is_plain(file["key"])]:
+        message = f"the record names {', '.join(map(ascii, wrong))}, which is no place for a file"
+        raise DataMissingError(message, where=str(out), hint=f"tell its authors, {BY_HAND}")
+
+
+def _is_plain(key: str) -> bool:
+    """Whether a name is a path downwards in its shortest form, without drive, backslash or control character."""
+    path = PureWindowsPath(key)
+    is_below = bool(path.parts) and not path.anchor and ".." not in path.parts
+    return is_below and path.as_posix() == key and key.isprintable()
 
 
 def _is_same(path: Path, file: RecordFile) -> bool:

@@ -5,11 +5,14 @@ A process of its own reads: a damaged file can crash the HDF5 library.
 
 from __future__ import annotations
 
+import os
+import re
 import tarfile
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +29,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
 
 MOST_BYTES = 2**31
-"""Of a file."""
+"""Of a file, and of all files in an archive."""
 
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
@@ -35,6 +38,8 @@ _HDF = b"\x89HDF"
 """First bytes of an HDF5 file."""
 _UNICODE = 0x800
 """Flag of a name in a zip that is Unicode."""
+_UNDECODED = re.compile("[\udc80-\udcff]")
+"""Bytes of a file's name that Python could not decode."""
 
 
 class Contents(NamedTuple):
@@ -61,7 +66,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
             raise DataMissingError("is not there", where=str(path), hint=hint)
     contents = Contents([], {}, {})
     with tempfile.TemporaryDirectory() as scratch, _reader() as read:
-        names = {path: "" if path.is_dir() else path.name for path in paths}
+        names = {path: "" if path.is_dir() else _readable([path.name])[0] for path in paths}
         folder, unread = Path(scratch), contents.unread
         files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
@@ -110,8 +115,9 @@ def _reader() -> Iterator[Callable[[Path, str], tuple[list[SourceTable], list[st
 
 def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
     if path.is_dir():
-        for member in sorted(path.glob("[!.]*")):
-            yield from _files(member, f"{name}/{member.name}".lstrip("/"), scratch, unread)
+        members = sorted(path.glob("[!.]*"))
+        for member, readable in zip(members, _readable([member.name for member in members]), strict=True):
+            yield from _files(member, f"{name}/{readable}".lstrip("/"), scratch, unread)
     elif path.suffix.lower() in _ARCHIVES:
         folder = Path(tempfile.mkdtemp(dir=scratch))
         try:
@@ -124,23 +130,42 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
         yield path, name
 
 
+def _readable(names: Sequence[str]) -> list[str]:
+    """Names of files as text, those too that are not in the encoding of this system."""
+    foreign = [name for name in names if _UNDECODED.search(name)]
+    encoding = _encoding_of_names(map(os.fsencode, foreign))
+    return [os.fsencode(name).decode(encoding, "replace") if name in foreign else name for name in names]
+
+
 def _unpack(path: Path, folder: Path) -> None:
+    """Unpack an archive of no more than a file may have, with names that may be Chinese or Western."""
     if zipfile.is_zipfile(path):
-        _unzip(path, folder)
+        with zipfile.ZipFile(path) as archive:
+            # The others say that they are Unicode.
+            names = [member.filename for member in archive.infolist() if not member.flag_bits & _UNICODE]
+            _refuse_large(member.file_size for member in archive.infolist())
+        encoding = _encoding_of_names(name.encode("cp437", "ignore") for name in names)
+        with zipfile.ZipFile(path, metadata_encoding=encoding) as archive:
+            archive.extractall(folder)
     elif tarfile.is_tarfile(path):
         with tarfile.open(path) as archive:
+            _refuse_large(member.size for member in archive)
+            encoding = _encoding_of_names(map(os.fsencode, archive.getnames()))
+        with tarfile.open(path, encoding=encoding) as archive:
             archive.extractall(folder, filter="data")
     else:
         raise Unreadable("neither zip nor tar")
 
 
-def _unzip(path: Path, folder: Path) -> None:
-    """Unpack a zip; names that do not say they are Unicode are Chinese, Western, or plain."""
-    with zipfile.ZipFile(path) as archive:
-        names = [member.filename for member in archive.infolist() if not member.flag_bits & _UNICODE]
-    encoding, _ = encoding_of_bytes(b"\n".join(name.encode("cp437", "ignore") for name in names))
-    with zipfile.ZipFile(path, metadata_encoding=encoding.removesuffix("-sig")) as archive:
-        archive.extractall(folder)
+def _refuse_large(sizes: Iterable[int]) -> None:
+    """Refuse what says that it needs more than `MOST_BYTES` when it is unpacked, before it is."""
+    if any(total > MOST_BYTES for total in accumulate(sizes)):
+        raise Unreadable(f"more than {MOST_BYTES >> 30} GiB when unpacked; unpack it, and name its folder")
+
+
+def _encoding_of_names(names: Iterable[bytes]) -> str:
+    encoding, _ = encoding_of_bytes(b"\n".join(names))
+    return encoding.removesuffix("-sig")
 
 
 def read_file(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:

@@ -257,6 +257,22 @@ def test_closed_streams_change_no_exit_code(command: str, tmp_path: Path, words:
     assert ("config list 2" in words) == bool(done.stdout)
 
 
+def test_an_output_without_greek_letters_is_no_traceback(command: str, tmp_path: Path) -> None:
+    settings = os.environ | {"PYTHONIOENCODING": "cp1252"}
+
+    def said(*words: str) -> str:
+        done = subprocess.run(
+            [command, *words], cwd=tmp_path, env=settings, capture_output=True, encoding="cp1252", check=True
+        )
+        return done.stdout
+
+    assert "\\u03b1-TDE-NTSM" in said("--help")
+    assert "C2" in said("claims")
+    shown = json.loads(said("claims", "K2", "--json"))
+    assert shown["claims"] == answer("claims", "K2", cwd=tmp_path)["claims"]
+    assert json.loads(said("report", "reports", "--out", "report.html", "--json"))
+
+
 def test_a_reader_that_has_gone_is_no_traceback(command: str) -> None:
     reader, writer = os.pipe()
     # Whoever closes it beforehand leaves nothing to timing.

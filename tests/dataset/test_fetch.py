@@ -121,6 +121,41 @@ def test_an_altered_file_is_kept_until_forced(fetch, tmp_path):
     assert path.read_bytes() == SMALL[path.name]
 
 
+OUTSIDE = ["../../escaped.csv", "/srv/absolute.csv", "..", ".", "", "a/../../b.csv", "a//b.csv", "a/", "./a.csv",
+           "C:\\x.csv", "C:x.csv", "..\\x.csv", "a\\b.csv", "\\\\host\\x.csv", "a\x1b[2J.csv", "a\nb.csv"]  # fmt: skip
+
+
+@pytest.mark.parametrize("key", OUTSIDE)
+@pytest.mark.parametrize("force", [False, True])
+def test_a_name_that_is_none_below_the_folder_is_refused_before_anything_is_written(
+    fetch, tmp_path, key, force
+):
+    with serving(Repository(files=SMALL | {key: b"escaped"})) as repository, pytest.raises(DataMissingError):
+        fetch(repository, out=tmp_path / "a" / "b" / "zenodo", force=force)
+    assert not (tmp_path / "a").exists()
+    assert not any("/files/" in path for path, _ in repository.log)
+
+
+@pytest.mark.parametrize("key", ["../escaped.csv", "..\\escaped.csv"])
+def test_a_name_in_a_lock_is_looked_at_as_one_in_a_record(fetch, tmp_path, key):
+    with serving(Repository()) as repository:
+        fetch(repository)
+        path = tmp_path / "zenodo.lock.json"
+        lock = json.loads(path.read_text())
+        lock["files"][0]["key"] = key
+        path.write_text(json.dumps(lock))
+        with pytest.raises(DataMissingError):
+            fetch(repository)
+    assert not (tmp_path / "escaped.csv").exists()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]"])
+def test_a_damaged_lock_is_a_sentence(fetch, tmp_path, content):
+    (tmp_path / "zenodo.lock.json").write_text(content)
+    with serving(Repository()) as repository, pytest.raises(DataMissingError, match=r"zenodo\.lock\.json"):
+        fetch(repository)
+
+
 def test_another_record_needs_force(fetch):
     with serving(Repository()) as repository:
         fetch(repository)

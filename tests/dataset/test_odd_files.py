@@ -4,6 +4,9 @@ All made up here, SYNTHETIC: joint 2 moves by 30 sin²(πt/4) deg and errs by 0.
 third of that.
 """
 
+import os
+import sys
+import tarfile
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -20,7 +23,7 @@ from support.matlab_bytes import classic, record, records
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
-from tendonrepro.errors import ConfigError
+from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.results.traces import read_traces, write_traces
 
 T = np.round(0.01 * np.arange(400), 2)
@@ -335,6 +338,9 @@ def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
     assert found.tables[0].columns["q2"].dtype.kind != "f"
 
 
+CHINESE = [f"控制器{k}空载.csv" for k in (1, 2)]
+
+
 def test_chinese_names_in_a_zip_of_windows(tmp_path):
     # Its names are replaced by others of as many bytes.
     stream = BytesIO()
@@ -342,15 +348,67 @@ def test_chinese_names_in_a_zip_of_windows(tmp_path):
         for k in (1, 2):
             archive.writestr(f"xxxxxx{k}xxxx.csv", HEADS + lines())
     raw = stream.getvalue()
-    for k in (1, 2):
-        raw = raw.replace(
-            f"xxxxxx{k}xxxx".encode(), "控制器".encode("gbk") + str(k).encode() + "空载".encode("gbk")
-        )
+    for k, name in enumerate(CHINESE, 1):
+        raw = raw.replace(f"xxxxxx{k}xxxx.csv".encode(), name.encode("gbk"))
     path = tmp_path / "SYNTHETIC.zip"
     path.write_bytes(raw)
     sources, unread, _ = read_files([path])
-    assert [source.name for source in sources] == [f"SYNTHETIC.zip/控制器{k}空载.csv" for k in (1, 2)]
+    assert [source.name for source in sources] == [f"SYNTHETIC.zip/{name}" for name in CHINESE]
     assert not unread
+
+
+@pytest.mark.parametrize("encoding", ["gbk", "utf-8"])
+def test_chinese_names_in_a_tar(tmp_path, encoding):
+    path = tmp_path / "SYNTHETIC.tar.gz"
+    content = (HEADS + lines()).encode()
+    with tarfile.open(path, "w:gz", encoding=encoding, format=tarfile.GNU_FORMAT) as archive:
+        for name in CHINESE:
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, BytesIO(content))
+    sources, unread, _ = read_files([path])
+    assert [source.name for source in sources] == [f"SYNTHETIC.tar.gz/{name}" for name in CHINESE]
+    assert not unread
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text there")
+@pytest.mark.parametrize(("encoding", "name"), [("gbk", "控制器1空载.csv"), ("cp1252", "größe_c1.csv")])
+def test_a_name_on_disk_that_is_not_of_this_system(tmp_path, encoding, name):
+    (tmp_path / "SYNTHETIC").mkdir()
+    with open(os.fsencode(tmp_path / "SYNTHETIC") + b"/" + name.encode(encoding), "w") as stream:
+        stream.write(HEADS + lines())
+    words = "ingest", "SYNTHETIC", "--mapping", "m.yaml", "--out", "o.h5"
+    answer("inspect", "SYNTHETIC", "--mapping", "m.yaml", cwd=tmp_path)
+    assert name in (tmp_path / "m.yaml").read_text(encoding="utf-8")
+    assert [*answer(*words, "--confirm", cwd=tmp_path)["runs"]] == ["controller_1"]
+
+
+def too_large_zip(path):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.csv", HEADS + lines())
+        archive.writestr("b.csv", HEADS + lines())
+
+
+def too_large_tar(path):
+    content = (HEADS + lines()).encode()
+    with tarfile.open(path, "w:gz") as archive:
+        for name in ("a.csv", "b.csv"):
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, BytesIO(content))
+
+
+@pytest.mark.parametrize(("name", "write"), [("z.zip", too_large_zip), ("t.tgz", too_large_tar)])
+def test_an_archive_of_more_than_a_file_may_have_is_not_unpacked(tmp_path, monkeypatch, name, write):
+    write(tmp_path / name)
+    size = len((HEADS + lines()).encode())
+    monkeypatch.setattr("tendonrepro.dataset.read.MOST_BYTES", 2 * size)
+    assert len(read_files([tmp_path / name]).tables) == 2
+    monkeypatch.setattr("tendonrepro.dataset.read.MOST_BYTES", 2 * size - 1)
+    for archive in (zipfile.ZipFile, tarfile.TarFile):
+        monkeypatch.setattr(archive, "extractall", lambda *_, **__: pytest.fail("it was unpacked"))
+    with pytest.raises(DataMissingError, match=name):
+        read_files([tmp_path / name])
 
 
 def test_tdms_of_labview(tmp_path):
