@@ -142,7 +142,7 @@ def _refuse_other_places(files: list[RecordFile], out: Path) -> None:
 
 
 def _is_plain(key: str) -> bool:
-    """Whether a name is a path downwards in its shortest form, without drive, backslash or control character."""
+    """Whether a name is a path downwards in its shortest form, without drive or control character."""
     path = PureWindowsPath(key)
     is_below = bool(path.parts) and not path.anchor and ".." not in path.parts
     return is_below and path.as_posix() == key and key.isprintable()

@@ -121,8 +121,9 @@ def test_an_altered_file_is_kept_until_forced(fetch, tmp_path):
     assert path.read_bytes() == SMALL[path.name]
 
 
-OUTSIDE = ["../../escaped.csv", "/srv/absolute.csv", "..", ".", "", "a/../../b.csv", "a//b.csv", "a/", "./a.csv",
-           "C:\\x.csv", "C:x.csv", "..\\x.csv", "a\\b.csv", "\\\\host\\x.csv", "a\x1b[2J.csv", "a\nb.csv"]  # fmt: skip
+OUTSIDE = ["../../escaped.csv", "/srv/absolute.csv", "..", ".", "", "a/../../b.csv", "a//b.csv", "a/",
+           "./a.csv",            "C:\\x.csv", "C:x.csv", "..\\x.csv", "a\\b.csv", "\\\\host\\x.csv",
+           "a\x1b[2J.csv", "a\nb.csv"]  # fmt: skip
 
 
 @pytest.mark.parametrize("key", OUTSIDE)

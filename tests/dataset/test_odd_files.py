@@ -375,8 +375,7 @@ def test_chinese_names_in_a_tar(tmp_path, encoding):
 @pytest.mark.parametrize(("encoding", "name"), [("gbk", "控制器1空载.csv"), ("cp1252", "größe_c1.csv")])
 def test_a_name_on_disk_that_is_not_of_this_system(tmp_path, encoding, name):
     (tmp_path / "SYNTHETIC").mkdir()
-    with open(os.fsencode(tmp_path / "SYNTHETIC") + b"/" + name.encode(encoding), "w") as stream:
-        stream.write(HEADS + lines())
+    (tmp_path / "SYNTHETIC" / os.fsdecode(name.encode(encoding))).write_text(HEADS + lines())
     words = "ingest", "SYNTHETIC", "--mapping", "m.yaml", "--out", "o.h5"
     answer("inspect", "SYNTHETIC", "--mapping", "m.yaml", cwd=tmp_path)
     assert name in (tmp_path / "m.yaml").read_text(encoding="utf-8")
