@@ -7,14 +7,13 @@ from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 
-from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, is_of_base, load_ensemble
+from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, checked_ensemble
 from tendonrepro.configuration.load import (
     MANIPULATOR,
     MODELS,
     Draft,
     LoadedConfig,
-    find_source,
-    load_config,
+    checked_config,
     shipped_file,
 )
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -37,14 +36,12 @@ Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
 def checked(source: str, overrides: Overrides) -> Held:
     """Read and validate whatever a source holds."""
     changes = overrides_of(overrides)
-    text = find_source(source, None)  # standard input can be read only once
-    # Those of the base are no keys of the ensemble's own file.
-    draft = Draft(text, None, [change for change in changes if not is_of_base(change)])
+    draft = Draft(source, None, changes)
     if draft.kind == MANIPULATOR:
-        return Draft(text, MANIPULATOR, changes).validate(Manipulator)
+        return draft.validate(Manipulator)
     if draft.kind == "ensemble":
-        return load_ensemble(text, overrides=changes)
-    return load_config(text, None, overrides=changes)
+        return checked_ensemble(draft, changes)
+    return checked_config(draft, changes)
 
 
 def shown(source: str, overrides: Overrides) -> tuple[Tree, str]:
@@ -83,7 +80,7 @@ def init_config(name: str, out: Path) -> list[Path]:
 
 def _with_named(source: Path) -> list[Path]:
     """A file and those that it names, and so on."""
-    tree = load(read_text(source), str(source)).tree
+    tree = load(read_text(source), str(source))
     named = [tree[key] for key in ("base", "manipulator") if isinstance(tree.get(key), str)]
     return [source, *(path for name in named for path in _with_named(source.with_name(name)))]
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.strict_model import explain
-from tendonrepro.configuration.strict_yaml import Node, dump, load
+from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 PER_JOINT: Mapping[str, str] = {
@@ -151,7 +151,7 @@ def drawn_config(tree: Mapping[str, Node], around: Around) -> CompareConfig:
     try:
         return CompareConfig.model_validate(tree)
     except ValidationError as error:
-        first = explain(error, load(dump(dict(tree)), around.arm)).message.splitlines()[1]
+        first = explain(error, tree, around.arm).message.splitlines()[1]
         message = f"an arm drawn {around.told}, is impossible: {first.partition(': ')[2]}"
         hint = "give a smaller --spread, or --range KEY=LOW,HIGH for that key"
         raise ConfigError(message, hint=hint) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -121,10 +122,13 @@ def load_ensemble(
     Overrides below ``base`` change the comparison.
     """
     changes = overrides_of(overrides, seed)
-    draft = Draft(source, "ensemble", [change for change in changes if not is_of_base(change)])
+    return checked_ensemble(Draft(source, "ensemble", changes), changes)
+
+
+def checked_ensemble(draft: Draft, changes: Sequence[Override]) -> LoadedEnsemble:
+    """Validate the draft of an ensemble, and the comparison that it names."""
     config = draft.validate(EnsembleConfig)
-    of_base = [change._replace(path=change.path[1:]) for change in changes if is_of_base(change)]
-    base = load_config(draft.named_file(config.base, "base"), "compare", overrides=of_base)
+    base = load_config(draft.named_file(config.base, "base"), "compare", overrides=draft.for_base)
     if base.config.joints != COMPARED or not set(RUNS) <= set(base.config.runs):
         needed = f"joints {COMPARED} must move, and there must be the runs {', '.join(RUNS)}"
         words = f"{needed}; found {base.config.joints} and {', '.join(base.config.runs)}"
@@ -142,8 +146,3 @@ def load_ensemble(
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,
     )
-
-
-def is_of_base(change: Override) -> bool:
-    """Whether an override of an ensemble changes the comparison that it names."""
-    return change.path[0] == "base" and len(change.path) > 1

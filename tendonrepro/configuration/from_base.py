@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from typing import TypeAlias, TypeGuard, TypeVar
+from dataclasses import dataclass, field
+from typing import TypeVar
 
-from tendonrepro.configuration.quantity import UNITS, to_si
+from pydantic import ValidationError
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.manipulator import Links
 from tendonrepro.configuration.strict_model import describe, listed
-from tendonrepro.configuration.strict_yaml import Document, Key, Location, Node, Tree, section
+from tendonrepro.configuration.strict_yaml import Items, Key, Location, Map, Parsed, Tree, entry, located
 from tendonrepro.errors import ConfigError
 
 MOST_JOINTS = 6
@@ -17,22 +21,6 @@ MOST_JOINTS = 6
 USER = "user: given without a source"
 
 Item = TypeVar("Item")
-
-LengthOf: TypeAlias = Callable[[Key, int], int]
-"""Number of entries that a list at a path of keys has in the file, from that in the base."""
-
-
-def _is_number(node: object) -> TypeGuard[float]:
-    return type(node) in (int, float)
-
-
-def _is_quantity(node: object) -> TypeGuard[Tree]:
-    return isinstance(node, dict) and {"value", "unit"} <= node.keys()
-
-
-def _rank(value: Node) -> int:
-    """0 of a number, 1 of a list, 2 of a list of lists."""
-    return 1 + _rank(value[0]) if isinstance(value, list) and value else 0
 
 
 def extended(values: Sequence[Item], n: int) -> list[Item]:
@@ -56,162 +44,152 @@ def extended_matrix(rows: Sequence[Sequence[Item]], n: int) -> list[list[Item | 
     return [[entry(p, q) for q in range(n)] for p in range(n)]
 
 
-def _resized(value: Node, n: int) -> Node:
-    """The value of n joints from that of other ones, whatever its rank."""
-    if not isinstance(value, list):
-        return value
-    if _rank(value) == 1:
-        return extended(value, n)
-    return [*extended_matrix([row for row in value if isinstance(row, list)], n)]
+@dataclass(frozen=True)
+class _Completion:
+    """How a file is completed from its base.
 
-
-def _spread(value: Node, rank: int, n: int) -> Node:
-    """A number as n of it; of a matrix, on and above the diagonal."""
-    if not _is_number(value) or rank == 0:
-        return value
-    if rank == 1:
-        return [value] * n
-    return [[value if q >= p else 0 for q in range(n)] for p in range(n)]
-
-
-class _Merge:
-    """Merges one document with its base, in place.
-
-    `whole` tells sections that a file states alone, though their numbers may stand without unit. `mark` is
-    the source of what is taken over; with `keeps_sources` only of what changed its length.
+    `mark` is the source of what is taken over; with `keeps_sources` only of what changed its length. `size`
+    tells how many entries a list at a path has in the file, from that in the base. Sections that are `whole`
+    say all of themselves, though their numbers may stand without unit. Lists of a `wrong` length are told
+    together.
     """
 
-    def __init__(
-        self,
-        document: Document,
-        size: LengthOf,
-        whole: Callable[[Key, Tree], bool],
-        mark: str,
-        *,
-        keeps_sources: bool = False,
-    ) -> None:
-        self.document, self.size, self.whole, self.mark = document, size, whole, mark
-        self.keeps_sources = keeps_sources
-        self.wrong: list[tuple[Location, str]] = []
+    mark: str
+    size: Callable[[Key, int], int]
+    whole: Callable[[Key, Tree], bool] = lambda *_: False
+    keeps_sources: bool = False
+    wrong: list[tuple[Location, str]] = field(default_factory=list)
 
-    def section(self, path: Key, own: Tree, base: Tree) -> Tree:
+    def section(self, own: Map, base: Map, path: Key = ()) -> Map:
         """Keys of the base in its order, then the file's further ones."""
-        alone = bool(path) and self.whole(path, own)
-        merged: Tree = {}
-        for key, of_base in base.items():
-            if key in own:
-                merged[key] = self.entry((*path, key), own[key], of_base)
-            elif not alone:
-                merged[key] = self.taken((*path, key), of_base)
-        return merged | {key: value for key, value in own.items() if key not in merged}
+        alone = self.whole(path, own)
+        merged = Map((key, self.entry(own, base, (*path, key))) for key in base if key in own or not alone)
+        merged.update((key, value) for key, value in own.items() if key not in merged)
+        return merged.placed(own.here, {key: base.at[key] for key in merged.keys() & base.at} | own.at)
 
-    def entry(self, path: Key, own: Node, base: Node) -> Node:
-        """What the file says, completed."""
-        if _is_quantity(base):
-            return self.quantity(path, own, base)
-        if isinstance(base, dict) and isinstance(own, dict):
-            return self.section(path, own, base)
-        return own
+    def entry(self, own: Map, base: Map, path: Key) -> Parsed:
+        """What the file says of the last key of a path, completed, or what the base has."""
+        key = str(path[-1])
+        if key not in own:
+            return self.taken(base[key], path)
+        value, of_base = own[key], base[key]
+        if isinstance(of_base, Map) and not _is_quantity(of_base):
+            return self.section(value, of_base, path) if isinstance(value, Map) else value
+        if not _is_quantity(of_base):
+            return value
+        if type(value) in (int, float, Items):
+            value = Map(value=value).placed(own.at[key], {"value": own.at[key]})
+        return self.quantity(value, of_base, path) if isinstance(value, Map) and "value" in value else value
 
-    def quantity(self, path: Key, own: Node, base: Tree) -> Node:
-        """A value with unit and source; the unit of one that stands alone is the base's."""
-        stated: Tree
-        if _is_number(own) or isinstance(own, list):
-            stated = {"value": own}
-            places = self.document.places
-            below = {at: place for at, place in places.items() if at[: len(path)] == path and at != path}
-            places |= {(*path, "value", *at[len(path) :]): place for at, place in below.items()}
-        elif isinstance(own, dict) and "value" in own:
-            stated = own
-        else:
-            return own
+    def quantity(self, stated: Map, base: Map, path: Key) -> Map:
+        """A value with unit and source; one that stands alone has the base's unit, one number all entries."""
         value, of_base = stated["value"], base["value"]
-        if isinstance(of_base, list) and (rank := _rank(of_base)):
-            n = self.size(path, len(of_base))
-            value = _spread(value, rank, n)
-            self._check(path, value, rank, n)
-        return {"value": value, "unit": base["unit"], "source": USER} | stated | {"value": value}
+        if isinstance(of_base, list) and of_base:
+            n, is_matrix = self.size(path, len(of_base)), isinstance(of_base[0], list)
+            if type(value) in (int, float):
+                on_and_above = [[value if q >= p else 0 for q in range(n)] for p in range(n)]
+                value = located(on_and_above if is_matrix else [value] * n, stated.at["value"])
+            parts = [value, *(value if is_matrix and isinstance(value, list) else ())]
+            self._check(stated.here, path, n, {len(part) for part in parts if isinstance(part, list)})
+        whole = Map({"value": value, "unit": base["unit"], "source": USER} | stated | {"value": value})
+        return whole.placed(stated.here, stated.at)
 
-    def _check(self, path: Key, value: Node, rank: int, n: int) -> None:
-        if not isinstance(value, list):
-            return
-        rows = [row for row in value if isinstance(row, list)] if rank == 2 else []
-        lengths = sorted({len(value), *map(len, rows)})
-        if lengths != [n]:
-            many = " and ".join(map(str, lengths))
+    def _check(self, here: Location, path: Key, n: int, lengths: set[int]) -> None:
+        if lengths - {n}:
+            many = " and ".join(map(str, sorted(lengths)))
             words = f"must have {n} entries, as there are {n} joints, found {many}"
-            self.wrong.append((self.document.place(path), f"{'.'.join(map(str, path))}: {words}"))
+            self.wrong.append((here, f"{'.'.join(map(str, path))}: {words}"))
 
-    def taken(self, path: Key, base: Node) -> Node:
+    def taken(self, base: Parsed, path: Key) -> Parsed:
         """A copy of what the base has, with the file's number of joints."""
-        if _is_quantity(base):
-            value = base["value"]
-            if isinstance(value, list) and value:
-                value = _resized(value, self.size(path, len(value)))
-            same = self.keeps_sources and value == base["value"]
-            return dict(base) if same else dict(base) | {"value": value, "source": self.mark}
-        if isinstance(base, dict):
-            return {key: self.taken((*path, key), value) for key, value in base.items()}
-        return deepcopy(base)
+        if not isinstance(base, Map):
+            return deepcopy(base)
+        if not _is_quantity(base):
+            inner = Map((key, self.taken(value, (*path, key))) for key, value in base.items())
+            return inner.placed(base.here, base.at)
+        value = base["value"]
+        if isinstance(value, list) and value:
+            n = self.size(path, len(value))
+            resized = extended_matrix(value, n) if isinstance(value[0], list) else extended(value, n)
+            value = located(resized, base.at["value"])
+        source = {} if self.keeps_sources and value == base["value"] else {"source": self.mark}
+        return Map(base | {"value": value} | source).placed(base.here, base.at)
+
+    def refuse(self) -> None:
+        """Raise a ConfigError with a line for every list of a wrong length."""
+        if self.wrong:
+            raise listed(self.wrong)
 
 
-def complete_arm(arm: Document, base: Tree, base_name: str, name: str) -> set[str]:
-    """Complete a manipulator from the whole tree of another one, in place.
+def _is_quantity(node: Parsed) -> bool:
+    return isinstance(node, Map) and {"value", "unit"} <= node.keys()
 
-    Bare numbers take the base's units, and one number stands for all joints. Centres of mass and inertias
-    that the file leaves out follow its lengths and masses. `name` is for an arm that gives none.
 
-    Returns
-    -------
-    set of str
-        What the file says of its links.
+def complete_arm(arm: Map, base: Map, base_name: str, name: str) -> None:
+    """Complete a manipulator from the whole tree of another one, in place; `name` is for one that gives none.
+
+    Bare numbers take the base's units, and one number stands for all joints.
 
     Raises
     ------
     ConfigError
         With a line for every list of a wrong length.
     """
-    tree = arm.tree
-    winches = _winches(base)
-    assert winches
-    n = tree.pop("joints", len(winches))
+    n = arm.pop("joints", len(base["routing"]["winch_diameter"]["value"]))
     if type(n) is not int or not 1 <= n <= MOST_JOINTS:
         words = f"joints: must be a whole number from 1 to {MOST_JOINTS}, found {describe(n)}"
-        raise ConfigError(words, where=str(arm.place(("joints",))))
-    own_links = tree.get("links")
-    given = set(own_links) if isinstance(own_links, dict) else set()
-    merge = _Merge(arm, lambda *_: n, lambda *_: False, f"assumed: from {base_name}")
-    merged = merge.section((), {"name": name, **tree}, base)
-    _refuse(merge.wrong)
-    tree.clear()
-    tree.update(merged)
-    if given & {"length", "mass"}:
-        follow(tree, base, base_name, given)
-    return given
+        raise ConfigError(words, where=str(arm.at["joints"]))
+    completion = _Completion(f"assumed: from {base_name}", lambda *_: n)
+    arm.setdefault("name", name)
+    whole = completion.section(arm, base)
+    completion.refuse()
+    arm.clear()
+    arm.update(whole)
+    arm.at = whole.at
 
 
-def follow(arm: Tree, base: Tree, base_name: str, given: set[str]) -> None:
-    """Let centres of mass and inertias that are not given follow lengths and masses, in place."""
-    links = section(arm, "links")
-    links |= dict(_following(links, section(base, "links"), given, base_name))
+def follow(arm: Map, base: Map, base_name: str, given: set[str]) -> None:
+    """Let centres of mass and inertias that are not `given` follow lengths and masses that are, in place.
+
+    A centre of mass keeps the base's share of the length, an inertia its share of m l².
+    """
+    try:
+        own, theirs = (Links.model_validate(tree["links"]) for tree in (arm, base))
+    except ValidationError:
+        return  # the arm will be validated, which says what is wrong
+    if not given & {"length", "mass"} or len(own.length.si) != len(own.mass.si):
+        return
+    followed = {
+        "com": ("m", "the length", theirs.com.si / theirs.length.si, own.length.si),
+        "inertia": ("kg m2", "m l^2", theirs.inertia.si / _ml2(theirs), _ml2(own)),
+    }
+    for key in [key for key in followed if key not in given]:
+        unit, words, of_base, sizes = followed[key]
+        shares = extended(of_base.tolist(), len(sizes))
+        value = [float(f"{share * size:.12g}") for share, size in zip(shares, sizes.tolist(), strict=True)]
+        told = ", ".join(dict.fromkeys(f"{share:.3g}" for share in shares))
+        source = f"assumed: {told} of {words}, as in {base_name}"
+        arm["links"][key] = located({"value": value, "unit": unit, "source": source}, arm.here)
 
 
-def complete_experiment(document: Document, base: Tree, base_name: str, taken: set[str]) -> None:
-    """Give the parts of an experiment the units and the number of joints that they need, in place.
+def _ml2(links: Links) -> Array:
+    return links.mass.si * links.length.si**2
+
+
+def complete_experiment(tree: Map, base: Map, base_name: str, taken: set[str]) -> None:
+    """Complete an experiment from another one, and give it as many entries as joints move, in place.
 
     `taken` are the keys that came from the base as they are. Sections are completed, but for those with a
-    ``kind``, laws and runs.
+    ``kind``, laws and runs, which are whole.
 
     Raises
     ------
     ConfigError
         With a line for every list of a wrong length.
     """
-    tree: Tree = document.tree
-    moving = len(joints) if isinstance(joints := tree.get("joints"), list) and joints else None
-    arm = len(winches) if (winches := _winches(tree.get("manipulator"))) else None
-    base_runs = runs if isinstance(runs := base.get("runs"), dict) else {}
-    first_run = next(iter(base_runs.values()), {})
+    moving = len(joints) if isinstance(joints := tree.get("joints"), list) else 0
+    winches = entry(tree, ("manipulator", "routing", "winch_diameter", "value"))
+    arm = len(winches) if isinstance(winches, list) else 0
 
     def size(path: Key, length: int) -> int:
         if path[-1] == "band":
@@ -223,75 +201,16 @@ def complete_experiment(document: Document, base: Tree, base_name: str, taken: s
         return path == ("control", "laws") or path[0] == "runs" or "kind" in own
 
     mark = f"assumed: from {base_name}, for as many joints as there are here"
-    merge = _Merge(document, size, whole, mark, keeps_sources=True)
-    for key in [key for key in tree if key in base and key not in ("manipulator", "joints")]:
-        if key in taken:
-            tree[key] = merge.taken((key,), tree[key])
-        elif key == "runs" and isinstance(runs := tree[key], dict):
-            # A new run is like the base's first one.
-            model = {name: base_runs.get(name, first_run) for name in runs}
-            tree[key] = merge.section((key,), runs, model)
-        else:
-            tree[key] = merge.entry((key,), tree[key], base[key])
-    _refuse(merge.wrong)
-
-
-def _winches(arm: Node) -> list[Node] | None:
-    """Winch diameters of an arm, as far as they are well-formed."""
-    node = arm
-    for key in ("routing", "winch_diameter", "value"):
-        node = node.get(key) if isinstance(node, dict) else None
-    return node if isinstance(node, list) else None
-
-
-def _following(links: Tree, base: Tree, given: set[str], base_name: str) -> Iterator[tuple[str, Tree]]:
-    """Centres of mass as the base's share of the length, inertias as its share of m l²."""
-    own, theirs = _in_si(links, ("length", "mass")), _in_si(base, ("length", "mass", "com", "inertia"))
-    if own is None or theirs is None:
-        return  # validation says what is wrong
-    n = len(own["length"])
-    length, mass, com, inertia = (extended(theirs[key], n) for key in ("length", "mass", "com", "inertia"))
-    rows = range(n)
-    if "com" not in given:
-        share = [com[i] / length[i] for i in rows]
-        value = [_short(share[i] * own["length"][i]) for i in rows]
-        yield "com", _derived(value, "m", f"{_share(share)} of the length, as in {base_name}")
-    if "inertia" not in given:
-        share = [inertia[i] / (mass[i] * length[i] ** 2) for i in rows]
-        value = [_short(share[i] * own["mass"][i] * own["length"][i] ** 2) for i in rows]
-        yield "inertia", _derived(value, "kg m2", f"{_share(share)} of m l^2, as in {base_name}")
-
-
-def _in_si(links: Tree, keys: tuple[str, ...]) -> dict[str, list[float]] | None:
-    """Lists of some keys in SI units; None unless all are of positive numbers."""
-    in_si = {}
+    completion = _Completion(mark, size, whole, keeps_sources=True)
+    keys = [key for key in base if key in tree and key not in ("manipulator", "joints")]
+    like = Map((key, base[key]) for key in keys).placed(base.here, base.at)
+    if isinstance(tree.get("runs"), Map) and isinstance(runs := like.get("runs"), Map):
+        # A new run is like the base's first one.
+        first = next(iter(runs.values()), Map().placed(runs.here, {}))
+        like["runs"] = Map((name, runs.get(name, first)) for name in tree["runs"]).placed(runs.here, {})
     for key in keys:
-        quantity = links[key]
-        if not _is_quantity(quantity):
-            return None
-        unit, values = quantity["unit"], quantity["value"]
-        if unit not in UNITS or not isinstance(values, list):
-            return None
-        numbers = [value for value in values if _is_number(value) and value > 0.0]
-        if len(numbers) < len(values):
-            return None
-        in_si[key] = [to_si(value, unit) for value in numbers]
-    return in_si
-
-
-def _short(value: float) -> float:
-    """Without the digits that rounding leaves."""
-    return float(f"{value:.12g}")
-
-
-def _share(shares: list[float]) -> str:
-    return ", ".join(dict.fromkeys(f"{share:.3g}" for share in shares))
-
-
-def _derived(value: Sequence[float], unit: str, words: str) -> Tree:
-    return {"value": [*value], "unit": unit, "source": f"assumed: {words}"}
-
-
-def _refuse(wrong: list[tuple[Location, str]]) -> None:
-    if wrong:
-        raise listed(wrong)
+        if key in taken:
+            tree[key] = completion.taken(tree[key], (key,))
+        else:
+            tree[key] = completion.entry(tree, like, (key,))
+    completion.refuse()

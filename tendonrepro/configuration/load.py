@@ -25,13 +25,16 @@ from tendonrepro.configuration.overrides import Override, Overrides, apply_overr
 from tendonrepro.configuration.strict_model import Model, describe, explain
 from tendonrepro.configuration.strict_yaml import (
     STDIN,
-    Document,
     Key,
-    Node,
+    Location,
+    Map,
+    Parsed,
     Tree,
     dump,
+    entry,
     is_yaml,
     load,
+    place,
     read_text,
     section,
 )
@@ -98,121 +101,122 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     return ConfigSource(read_text(path, hint), origin, path)
 
 
+def files_named(name: str, *folders: Path, shipped: bool = True) -> Iterator[Path]:
+    """Files of a name in folders, then among the shipped ones, there also without its ending."""
+    places = [folder / name for folder in folders]
+    places += [shipped_folder() / own for own in (name, f"{name}.yaml") if shipped]
+    return (path for path in places if path.is_file())
+
+
 class Draft:
-    """A configuration as plain values, complete, and where each came from.
+    """A configuration as plain values, complete, with changes applied; its entries know their places.
 
     `kind` is one of `KINDS`, the `wanted` one unless None. `stand_ins` are shipped files in place of
-    files that the configuration names with their ending, and that are not there.
+    files that the configuration names with their ending, and that are not there. Of an ensemble, changes
+    below ``base`` are `for_base`, the comparison that it names.
     """
 
-    def __init__(self, source: ConfigLike, wanted: str | None, overrides: Sequence[Override] = ()) -> None:
+    def __init__(self, source: ConfigLike, wanted: str | None, changes: Sequence[Override] = ()) -> None:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
         self.stand_ins: list[Path] = []
-        self._follows: Callable[[set[str]], None] | None = None
-        self._document = load(text, str(path or STDIN))
-        tree = self._document.tree
-        if not isinstance(tree, dict):
+        self._name = str(path or STDIN)
+        self.tree: Map = load(text, self._name)
+        self.kind = self._kind(wanted)
+        inner = [change for change in changes if change.path[0] == "base" and len(change.path) > 1]
+        inner = inner if self.kind == "ensemble" else []
+        self.for_base = [change._replace(path=change.path[1:]) for change in inner]
+        self._complete(path, [change for change in changes if change not in inner])
+
+    def _kind(self, wanted: str | None) -> str:
+        tree = self.tree
+        if not isinstance(tree, Map):
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
-            raise ConfigError(message, where=self.where(()))
-        self.tree: Tree = tree
+            raise ConfigError(message, where=str(self.place(())))
         kind = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
-        allowed = [wanted] if wanted else KINDS
         if "base" in tree and "experiment" not in tree and wanted in MODELS:
-            words = (
-                f"missing key: write 'experiment: {wanted}'; a file with a base and no experiment is an arm"
-            )
-            self.refuse(("experiment",), words)
+            needed = f"write 'experiment: {wanted}'; a file with a base and no experiment is an arm"
+            self.refuse(("experiment",), f"missing key: {needed}")
+        allowed = [wanted] if wanted else KINDS
         if kind not in allowed:
             hint = did_you_mean(kind, allowed)
             self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(kind)}{hint}")
-        self.kind = str(kind)
-        base = None
-        if self.kind in MODELS and "base" in tree:
-            base = self._take_from_base(tree.pop("base"))
-        naming = [change for change in overrides if change.path == (MANIPULATOR,)]
-        apply_overrides(self._document, naming)
+        return str(kind)
+
+    def _complete(self, path: Path | None, changes: Sequence[Override]) -> None:
+        """Take what bases have, and make changes; that of the arm's name first, for others are inside it."""
+        tree, naming = self.tree, [change for change in changes if change.path == (MANIPULATOR,)]
+        base = self._take_from_base() if self.kind in MODELS and "base" in tree else None
+        apply_overrides(tree, naming)
+        to_arm: Key = () if self.kind == MANIPULATOR else (MANIPULATOR,)
         if isinstance(name := tree.get(MANIPULATOR), str):
-            arm = self._named_document(name, MANIPULATOR)
-            self._complete_arm(arm, self.files[-1])
-            tree[MANIPULATOR] = arm.tree
-            self._document.places |= {(MANIPULATOR, *key): place for key, place in arm.places.items()}
-        elif self.kind == MANIPULATOR:
-            self._complete_arm(self._document, path)
-        elif isinstance(inside := tree.get(MANIPULATOR), dict):
-            self._complete_arm(Document(inside, self._document.places_below((MANIPULATOR,))), path)
+            arm = self._document(name, MANIPULATOR)
+            path = self.files[-1]
+            tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, place(arm, (), str(path))
+        finish = self._complete_arm(entry(tree, to_arm), path)
         if base:
-            complete_experiment(self._document, *base)
-        changes = [change for change in overrides if change not in naming]
-        apply_overrides(self._document, changes)
-        self._follow_links(changes)
+            complete_experiment(tree, *base)
+        apply_overrides(tree, [change for change in changes if change not in naming])
+        links = (*to_arm, "links")
+        inside = [c.path for c in changes if c.path[: len(links)] == links and len(c.path) > len(links)]
+        finish({str(path[len(links)]) for path in inside})
         self._take_motions_here()
 
-    def _complete_arm(self, arm: Document, path: Path | None, below: tuple[Path, ...] = ()) -> None:
-        """Fill in what an arm in a file leaves to its base, which may have one in turn."""
-        if not isinstance(arm.tree, dict) or "base" not in arm.tree or "experiment" in arm.tree:
-            return
-        where, name = str(arm.place(("base",))), arm.tree.pop("base")
-        if not isinstance(name, str):
-            message = f"base: must be the file of an arm or a shipped one, found {describe(name)}"
-            raise ConfigError(message, where=where)
-        base_path = self._file_beside(name, path)
-        if base_path is None or base_path in (*below, path):
-            message = f"base: {'is itself' if base_path else f'no file {name!r}'}"
-            raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
-        self.files.append(base_path)
-        self._note_stand_in(name, base_path)
-        base = load(read_text(base_path), str(base_path))
-        self._complete_arm(base, base_path, (*below, *([path] if path else [])))
-        try:
-            Manipulator.model_validate(base.tree)
-        except ValidationError:
-            raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
-        stem = path.stem if path else "arm"
-        given = complete_arm(arm, base.tree, base_path.stem, stem)
-        self._follows = lambda more: follow(arm.tree, base.tree, base_path.stem, given | more)
-
-    def _follow_links(self, changes: Sequence[Override]) -> None:
-        """Centres of mass and inertias that follow lengths and masses follow changed ones, too."""
-        links = ("links",) if self.kind == MANIPULATOR else (MANIPULATOR, "links")
-        below = [change.path[len(links) :] for change in changes if change.path[: len(links)] == links]
-        changed = {str(path[0]) for path in below if path}
-        if self._follows and changed & {"length", "mass"}:
-            self._follows(changed)
-
-    def _note_stand_in(self, name: str, path: Path) -> None:
-        """Without its ending a shipped file is named on purpose."""
-        if path.parent == shipped_folder() != self.folder and name.endswith(path.suffix):
-            self.stand_ins.append(path)
-
-    def _file_beside(self, name: str, path: Path | None) -> Path | None:
-        """A file that another names: beside it, else a shipped one, with or without its ending."""
-        folder = path.parent if path else self.folder
-        places = [folder / name, *(shipped_folder() / held for held in (name, f"{name}.yaml"))]
-        return next((place for place in places if place.is_file()), None)
-
-    def _take_from_base(self, name: Node) -> tuple[Tree, str, set[str]]:
+    def _take_from_base(self) -> tuple[Map, str, set[str]]:
         """Fill in the keys that the file leaves to another; its values, its name, and these keys."""
+        name = self.tree.pop("base")
         if not isinstance(name, str) or Path(name).name != name:
             # What it names in turn would be looked for here, and something else found.
             self.refuse(("base",), f"must be a file beside this one or a shipped one, found {describe(name)}")
-        base = self._named_document(name, "base")
-        if not isinstance(base.tree, dict) or base.tree.get("experiment") != self.kind or "base" in base.tree:
+        base = self._document(name, "base")
+        if not isinstance(base, Map) or base.get("experiment") != self.kind or "base" in base:
             self.refuse(("base",), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
-        left = {key: value for key, value in base.tree.items() if key not in self.tree}
-        self._document.places |= {
-            key: place for key, place in base.places.items() if key[:1] and key[0] in left
-        }
-        self.tree |= left
-        return base.tree, Path(name).stem, set(left)
+        left = {key: value for key, value in base.items() if key not in self.tree}
+        self.tree.update(left)
+        self.tree.at |= {key: base.at[key] for key in left}
+        return base, Path(name).stem, set(left)
 
-    def _named_document(self, name: str, key: str) -> Document:
+    def _complete_arm(
+        self, arm: object, path: Path | None, above: Sequence[Path | None] = ()
+    ) -> Callable[[set[str]], None]:
+        """Fill in what an arm in a file leaves to its base, which may have one in turn.
+
+        What is returned is to be called at last, with keys of its links that were changed since.
+        """
+        if not isinstance(arm, Map) or "base" not in arm or "experiment" in arm:
+            return lambda _: None
+        where, name = str(arm.at["base"]), arm.pop("base")
+        if not isinstance(name, str):
+            message = f"base: must be the file of an arm or a shipped one, found {describe(name)}"
+            raise ConfigError(message, where=where)
+        base_path = next(files_named(name, path.parent if path else self.folder), None)
+        if base_path is None or base_path in (*above, path):
+            message = f"base: {'is itself' if base_path else f'no file {name!r}'}"
+            raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
+        self._note(name, base_path)
+        base = load(read_text(base_path), str(base_path))
+        self._complete_arm(base, base_path, (*above, path))(set())
+        try:
+            Manipulator.model_validate(base)
+        except ValidationError:
+            raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
+        given = set(links) if isinstance(links := arm.get("links"), Map) else set()
+        complete_arm(arm, base, base_path.stem, path.stem if path else "arm")
+        return lambda changed: follow(arm, base, base_path.stem, given | changed)
+
+    def _document(self, name: str, key: str) -> Parsed:
+        """What the file that a key names holds; it is the last of `files` then."""
         path = self.named_file(name, key)
-        self.files.append(path)
-        if self._document.place((key,)).name == self._document.place(()).name:
-            self._note_stand_in(name, path)
+        # What a base or an option names stands in for nothing that the file names.
+        self._note(name if self.place((key,)).name == self.tree.here.name else "", path)
         return load(read_text(path), str(path))
+
+    def _note(self, name: str, path: Path) -> None:
+        """Without its ending a shipped file is named on purpose."""
+        self.files.append(path)
+        if path.parent == shipped_folder() != self.folder and name.endswith(path.suffix):
+            self.stand_ins.append(path)
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
         """File that a key names: beside the configuration, or `shipped`.
@@ -220,18 +224,15 @@ class Draft:
         What the command line names is looked for in the current folder first.
         """
         folders = [*([Path.cwd()] if self._is_option(key) else []), self.folder]
-        folders += [shipped_folder()] if shipped else []
-        places = list(dict.fromkeys(folder / name for folder in folders))
-        # A shipped one also without its ending.
-        ways = [*places, *([shipped_folder() / f"{name}.yaml"] if shipped else [])]
-        path = next((place for place in ways if place.is_file() and place not in self.files[:1]), None)
+        path = next(
+            (path for path in files_named(name, *folders, shipped=shipped) if path not in self.files[:1]),
+            None,
+        )
         if path is None:
-            self.refuse(key, f"no file {name!r}", f"Looked for {' and '.join(map(str, places))}.")
+            places = [folder / name for folder in (*folders, *([shipped_folder()] if shipped else []))]
+            looked = " and ".join(map(str, dict.fromkeys(places)))
+            self.refuse(key, f"no file {name!r}", f"Looked for {looked}.")
         return path
-
-    def _is_option(self, key: Key) -> bool:
-        """Whether the command line gave an entry; such a place has no line."""
-        return not self._document.place(key).line
 
     def _take_motions_here(self) -> None:
         """Give the whole path of motions that the command line names and the current folder has.
@@ -239,30 +240,32 @@ class Draft:
         A name that stays as it is begins at the configuration's folder, for whoever reads it later.
         """
         runs = self.tree.get("runs")
-        named = runs if isinstance(runs, dict) else {}
-        for path in (("reference",), *(("runs", run, "reference") for run in named)):
-            node: Node = self.tree
-            for part in path:
-                node = node.get(part) if isinstance(node, dict) else None
-            if isinstance(node, dict) and isinstance(name := node.get("file"), str):
+        inside = [("runs", run) for run in runs] if isinstance(runs, Map) else []
+        for path in ((*above, "reference") for above in ((), *inside)):
+            motion = entry(self.tree, path)
+            if isinstance(motion, Map) and isinstance(name := motion.get("file"), str):
                 here = Path.cwd() / name
                 if here.is_file() and self._is_option((*path, "file")):
-                    node["file"] = str(here)
+                    motion["file"] = str(here)
 
-    def where(self, path: Key) -> str:
-        """Place of an entry: the option that set it, else ``file:line``."""
-        return str(self._document.place(path))
+    def place(self, path: Key) -> Location:
+        """Place of an entry: the option that set it, else file and line."""
+        return place(self.tree, path, self._name)
+
+    def _is_option(self, key: Key) -> bool:
+        """Whether the command line gave an entry; such a place has no line."""
+        return not self.place(key).line
 
     def validate(self, model: type[_M]) -> _M:
         """Make the model, or raise a ConfigError with a line for every mistake."""
         try:
             return model.model_validate(self.tree)
         except ValidationError as error:
-            raise explain(error, self._document) from None
+            raise explain(error, self.tree, self._name) from None
 
     def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
         """Raise a ConfigError about an entry."""
-        raise ConfigError(f"{'.'.join(map(str, path))}: {words}", where=self.where(path), hint=hint)
+        raise ConfigError(f"{'.'.join(map(str, path))}: {words}", where=str(self.place(path)), hint=hint)
 
 
 @dataclass(frozen=True)
@@ -321,8 +324,14 @@ def load_config(
         When the command line asks for something impossible.
     """
     changes = overrides_of(overrides, seed)
+    return checked_config(Draft(source, experiment, changes), changes, controllers)
+
+
+def checked_config(
+    draft: Draft, changes: Sequence[Override], controllers: str | Sequence[int] | None = None
+) -> LoadedConfig:
+    """Validate the draft of an experiment."""
     recorded = [change.text for change in changes]
-    draft = Draft(source, experiment, changes)
     config = draft.validate(MODELS[draft.kind])
     if controllers is not None:
         numbers = numbers_of(controllers)
@@ -349,7 +358,7 @@ def load_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
-        places={".".join(path): draft.where((*path, "amplitude", "value")) for path in references},
+        places={".".join(path): str(draft.place((*path, "amplitude", "value"))) for path in references},
         unread=tuple(_unread(config, changes)),
         stand_ins=tuple(draft.stand_ins),
     )
@@ -386,8 +395,7 @@ def _only(config: Config, tree: Tree, numbers: Sequence[int]) -> CompareConfig:
         message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
-    runs = section(tree, "runs")
-    tree["runs"] = {name: runs[name] for name in kept}
+    tree["runs"] = {name: run for name, run in section(tree, "runs").items() if name in kept}
     return config.model_copy(update={"runs": kept})
 
 

@@ -1,13 +1,23 @@
-"""New values of single keys, put into a document before validation."""
+"""New values of single keys, put into a tree before validation."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, TypeGuard
+from typing import NamedTuple, TypeAlias, TypeGuard
 
-from tendonrepro.configuration.strict_yaml import Document, Key, Location, Node, Tree, holds, load
+from tendonrepro.configuration.strict_yaml import (
+    Key,
+    Location,
+    Map,
+    Node,
+    Parsed,
+    holds,
+    load,
+    located,
+    paths,
+    place,
+)
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 COMMAND_LINE = "assumed: set on the command line"
@@ -22,6 +32,11 @@ class Override(NamedTuple):
     path: Key
     value: Node
     text: str
+
+    @property
+    def option(self) -> str:
+        """What messages call it."""
+        return f"--set {_dotted(self.path)}"
 
 
 Overrides: TypeAlias = Sequence[str | Override] | Mapping[str, object]
@@ -45,15 +60,14 @@ def overrides_of(given: Overrides | None, seed: int | None = None) -> list[Overr
 
 def override(key: str, value: object) -> Override:
     """A value by dotted key; arrays become lists, and paths text."""
-    plain = _plain(value)
-    text = f"{key}={json.dumps(plain)}"
-    return Override(_path(key, text), plain, text)
+    text = json.dumps(value, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
+    return Override(_path(key, f"{key}={text}"), json.loads(text), f"{key}={text}")
 
 
 def _read(text: str) -> Override:
     key, equals, value = text.partition("=")
     path = _path(key if equals else "", text)
-    return Override(path, load(value, _option(path)).tree, text)
+    return Override(path, load(value, f"--set {_dotted(path)}"), text)
 
 
 def _path(key: str, text: str) -> Key:
@@ -64,63 +78,58 @@ def _path(key: str, text: str) -> Key:
     return tuple(int(part) if part.isdecimal() else part for part in parts)
 
 
-def _plain(value: Any) -> Node:
-    """A value as YAML has it."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if isinstance(value, Path):
-        return str(value)
-    plain: Node = value.tolist() if hasattr(value, "tolist") else value
-    return plain
-
-
-def apply_overrides(document: Document, overrides: Iterable[Override]) -> None:
+def apply_overrides(tree: Map, overrides: Iterable[Override]) -> None:
     """Set the values in place; a quantity whose value or unit is set says so in its source.
 
     Only the last part of a key may be new.
     """
     # A source given by hand must outlive the value it belongs to, whatever their order.
-    for path, value, _ in sorted(overrides, key=lambda override: override.path[-1] == "source"):
-        _apply(document, path, value)
+    for change in sorted(overrides, key=lambda override: override.path[-1] == "source"):
+        _apply(tree, change)
 
 
-def _apply(document: Document, path: Key, value: Node) -> None:
-    option = _option(path)
-    if not holds(document.tree, path[0]):
-        _refuse_ending(document, path)
-    nodes: list[Any] = [document.tree]
-    for part in path[:-1]:
-        nodes.append(_below(nodes[-1], part, option))
-    node, last = nodes[-1], path[-1]
+def _apply(tree: Map, change: Override) -> None:
+    if change.path[0] not in tree:
+        _refuse_ending(tree, change)
+    nodes: list[Parsed] = [tree]
+    for part in change.path[:-1]:
+        nodes.append(_below(nodes[-1], part, change))
+    node, last = nodes[-1], change.path[-1]
     if isinstance(node, dict):
         node.setdefault(last, None)
-    current = _below(node, last, option)
-    if _is_quantity(current) and not isinstance(value, dict):
+    current, here = _below(node, last, change), Location(change.option)
+    if _is_quantity(current) and not isinstance(change.value, dict):
         nodes.append(current)
-        current["value"] = _for_all(current["value"], value)
-    else:
-        node[last] = _for_all(current, value)
+        node, last, current = current, "value", current["value"]
+    node[last], node.at[last] = located(_for_all(current, change.value), here), here
     for part in nodes:
-        if _is_quantity(part) and last != "source":
+        if _is_quantity(part) and change.path[-1] != "source":
             part["source"] = COMMAND_LINE
-    kept = {place: at for place, at in document.places.items() if place[: len(path)] != path}
-    document.places = kept | {path: Location(option)}
 
 
-def _refuse_ending(document: Document, path: Key) -> None:
-    """Refuse a path that is only the end of others, and name these."""
-    ending = [place for place in document.paths() if place[-len(path) :] == path]
+def _refuse_ending(tree: Map, change: Override) -> None:
+    """Refuse a path that is only the end of others, and name these; it may lack the value of a quantity."""
+    asked = _without_value(change.path)
+    alike = [path for path in paths(tree) if path[-1] == change.path[-1]]
+    ending = [path for path in alike if _without_value(path)[-len(asked) :] == asked]
     if ending:
-        # Of many, a key inside something that is named after it: the payload of the run with payload.
-        word = str(path[0])
-        ending.sort(key=lambda place: not any(word in str(part) for part in place[: -len(path)]))
-        meant = " or ".join(repr(_dotted(place)) for place in ending[:3])
-        raise ConfigError(f"unknown key {_dotted(path)!r}, did you mean {meant}?", where=_option(path))
+        # First a key inside something that is named after it: the payload of the run with payload. Then those
+        # of the file itself.
+        def order(path: Key) -> tuple[bool, bool]:
+            inside = any(str(asked[0]) in str(part) for part in _without_value(path)[: -len(asked)])
+            return not inside, place(tree, path, "").name != tree.here.name
+
+        ending.sort(key=order)
+        meant = " or ".join(repr(_dotted(path)) for path in ending[:3])
+        message = f"unknown key {_dotted(change.path)!r}, did you mean {meant}?"
+        raise ConfigError(message, where=change.option)
 
 
-def _below(node: Any, part: str | int, option: str) -> Any:
+def _without_value(path: Key) -> Key:
+    return tuple(part for part in path if part != "value") or path
+
+
+def _below(node: Parsed, part: str | int, change: Override) -> Parsed:
     if holds(node, part):
         return node[part]
     if isinstance(node, dict):
@@ -129,7 +138,7 @@ def _below(node: Any, part: str | int, option: str) -> Any:
         message = f"no entry {part} in a list of {len(node)}; they are numbered from 0"
     else:
         message = f"nothing below it can be set: {part!r} is asked of a single value"
-    raise ConfigError(message, where=option)
+    raise ConfigError(message, where=change.option)
 
 
 def _for_all(current: Node, value: Node) -> Node:
@@ -139,12 +148,8 @@ def _for_all(current: Node, value: Node) -> Node:
     return value
 
 
-def _is_quantity(node: object) -> TypeGuard[Tree]:
+def _is_quantity(node: object) -> TypeGuard[Map]:
     return isinstance(node, dict) and "value" in node and node.keys() <= {"value", "unit", "source"}
-
-
-def _option(path: Key) -> str:
-    return f"--set {_dotted(path)}"
 
 
 def _dotted(path: Key) -> str:

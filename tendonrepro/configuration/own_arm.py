@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tendonrepro.configuration.from_base import MOST_JOINTS, extended, extended_matrix
-from tendonrepro.configuration.load import shipped_file
+from tendonrepro.configuration.load import shipped_file, shipped_folder
 from tendonrepro.configuration.strict_yaml import is_yaml, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
@@ -23,68 +23,6 @@ LARGEST_SWING = 120.0
 
 LARGEST_REACH = 80.0
 """The same where no controller corrects what the tendons stretch, deg: six joints stay within 10 deg."""
-
-ARM = """\
-# An arm of your own with {n} joint{s}; joint 1 is at the base, link {n} ends at the tool.
-# What is not here comes from the base and is marked as assumed: tendonrepro config show {file}
-# A number has the unit of the base, which stands behind it here. One number stands for all joints.
-base: {base}
-name: {name}
-joints: {n}
-links:
-  length: {length}  # m
-  mass: {mass}  # kg; centres of mass and inertias follow
-routing:
-  winch_diameter: {winch}  # mm
-  pulley_diameter:  # mm; a row for each joint, a column for each tendon
-{pulley}
-  sign:  # side on which a tendon passes a joint: 1 or -1
-{sign}
-tendons:
-  axial_stiffness: {stiffness}  # N/m
-  damping_factor: {damping}  # on the axial damping; too little makes loops unstable
-"""
-
-COMPARE = """\
-# Controllers 1 to 3 on your arm: tendonrepro compare --config {compare} --out reports/mine
-schema_version: 1
-experiment: compare
-base: plain  # the shipped comparison on the plain arm; what is not here comes from it
-title: Controllers 1 to 3 on {name}
-manipulator: {file}
-joints: {joints}  # these move; the others are held at the posture
-posture: {posture}  # deg; the first from hanging, the others from the link before; 0 to 180 deg for each link
-reference:  # up, hold, down, hold
-  kind: minimum_jerk
-  amplitude: {amplitude}  # deg
-  rise: 2.3  # s
-  hold: 1.5  # s
-  periods: 2
-control:
-  gains: {{M_bar: {M_bar}, alpha: 0.1}}  # kg m2, 1; a list has a number for each moving joint
-"""
-
-DECOUPLE = """\
-# Joint angles from your motors' angles: tendonrepro decouple --config {decouple} --out reports/angles
-schema_version: 1
-experiment: decouple
-base: decouple  # the shipped experiment; what is not here comes from it
-title: Joint angles of {name} from its motors
-manipulator: {file}
-joints: {joints}
-posture: {posture}  # deg; the first from hanging, the others from the link before
-runs:
-  decouple:
-    drives: joints
-    payload: 0  # kg
-    reference:  # up, hold, down, hold; each turn moves other joints
-      kind: minimum_jerk
-      amplitude: {amplitude}  # deg
-      rise: 2.3  # s
-      hold: 1.5  # s
-      periods: 1
-      turns: {turns}
-"""
 
 
 def init_arm(joints: int, out: Path) -> list[Path]:
@@ -124,7 +62,7 @@ def init_arm(joints: int, out: Path) -> list[Path]:
 
 def arm_text(joints: int, path: Path) -> str:
     """File of an arm with the base's numbers, to edit."""
-    base = load(read_text(shipped_file(BASE)), BASE).tree
+    base = load(read_text(shipped_file(BASE)), BASE)
 
     def numbers(group: str, key: str) -> list[float]:
         return extended(base[group][key]["value"], joints)
@@ -133,7 +71,7 @@ def arm_text(joints: int, path: Path) -> str:
         matrix = extended_matrix(base[group][key]["value"], joints)
         return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)
 
-    return ARM.format(
+    return _template("arm").format(
         n=joints,
         s="" if joints == 1 else "s",
         file=path.name,
@@ -151,7 +89,7 @@ def arm_text(joints: int, path: Path) -> str:
 
 def compare_text(joints: int, arm: Path) -> str:
     """The comparison on the arm in a file, all its joints moving."""
-    return COMPARE.format(
+    return _template("compare").format(
         compare="compare.yaml",
         name=title_of(arm),
         file=arm.name,
@@ -165,7 +103,7 @@ def compare_text(joints: int, arm: Path) -> str:
 def decouple_text(joints: int, arm: Path) -> str:
     """The decoupling experiment on the arm in a file: each joint in turn, then all together."""
     each = [[joint] for joint in _all(joints)]
-    return DECOUPLE.format(
+    return _template("decouple").format(
         decouple="decouple.yaml",
         name=title_of(arm),
         file=arm.name,
@@ -174,6 +112,10 @@ def decouple_text(joints: int, arm: Path) -> str:
         amplitude=min(28, int(LARGEST_REACH / joints)),
         turns=each if joints == 1 else [*each, _all(joints)],
     )
+
+
+def _template(name: str) -> str:
+    return read_text(shipped_folder() / "templates" / f"{name}.txt")
 
 
 def _all(joints: int) -> list[int]:

@@ -67,7 +67,7 @@ def load_plants(
         For a spread or ranges of an ensemble, which says itself how far its plants lie apart.
     """
     text = find_source(source, "ensemble")
-    tree = load(text.text, text.origin).tree
+    tree = load(text.text, text.origin)
     if isinstance(tree, dict) and tree.get("experiment") == "compare":
         return load_around(text, spread, ranges, overrides=overrides, seed=seed)
     given = {"--spread": spread is not None, "--range": bool(ranges)}

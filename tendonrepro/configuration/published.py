@@ -169,7 +169,7 @@ class Published:
 def published() -> Published:
     """The shipped numbers, read once."""
     path = shipped("data") / "published.yaml"
-    file = _File.model_validate(load(read_text(path), str(path)).tree)
+    file = _File.model_validate(load(read_text(path), str(path)))
     entries = {entry.id: entry for entry in file.entries}
     judgements = {name: next(rule for rule in file.judged if fnmatchcase(name, rule.ids)) for name in entries}
     return Published(entries, judgements)

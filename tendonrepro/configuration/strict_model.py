@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal, NoReturn, Self, TypeAlias
+from typing import Annotated, Literal, NoReturn, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.strict_yaml import Document, Key, Location, holds
+from tendonrepro.configuration.strict_yaml import Key, Location, Parsed, holds, paths, place
 from tendonrepro.console import count_of
 from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
@@ -82,12 +82,15 @@ def describe(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 
-def explain(error: ValidationError, document: Document) -> ConfigError:
-    """Turn a validation error into one message, a line ``file:line: path: what`` for each mistake."""
-    details = [(detail, _written_path(detail, document.tree)) for detail in error.errors(include_url=False)]
+def explain(error: ValidationError, tree: Parsed, name: str) -> ConfigError:
+    """Turn a validation error into one message, a line ``file:line: path: what`` for each mistake.
+
+    `name` is what messages call a tree without places.
+    """
+    details = [(detail, _written_path(detail, tree)) for detail in error.errors(include_url=False)]
     missing = {path for detail, path in details if detail["type"] == "missing"}
     unknown = dict.fromkeys(path for detail, path in details if detail["type"] == "extra_forbidden")
-    known = missing | set(document.paths()) - unknown.keys() - {()}
+    known = missing | set(paths(tree)) - unknown.keys()
     meant = {path: _meant(path, known) for path in unknown}
     mistakes = []
     for detail, path in details:
@@ -95,9 +98,9 @@ def explain(error: ValidationError, document: Document) -> ConfigError:
         # A misspelt key is missing under its right name; a list with wrong entries counts as empty.
         if (kind == "missing" and path in meant.values()) or (kind == "too_short" and detail["input"]):
             continue
-        name = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
+        shown = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
         words = _words(detail, path, meant.get(path))
-        mistakes.append((document.place(path), f"{name}: {words}" if name else words))
+        mistakes.append((place(tree, path, name), f"{shown}: {words}" if shown else words))
     return listed(mistakes)
 
 
@@ -116,6 +119,8 @@ def _meant(unknown: Key, known: Iterable[Key]) -> Key | None:
 
 def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
     kind, context = detail["type"], detail.get("ctx", {})
+    if kind == "union_tag_not_found" and not isinstance(detail["input"], dict):
+        kind = "dict_type"
     if kind in _WORDS:
         return _WORDS[kind]
     match kind:
@@ -138,7 +143,7 @@ def _words(detail: ErrorDetails, path: Key, meant: Key | None) -> str:
     return f"{words}, found {describe(detail['input'])}"
 
 
-def _written_path(detail: ErrorDetails, tree: Any) -> Key:
+def _written_path(detail: ErrorDetails, tree: Parsed) -> Key:
     """Pydantic's path without what is not in the file: kinds of unions and marks for keys."""
     path: list[str | int] = []
     for key in detail["loc"]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeAlias
+from typing import Any, NamedTuple, NoReturn, Self, TypeAlias
 
 import yaml
 
@@ -20,6 +19,9 @@ Tree: TypeAlias = dict[str, Node]
 Section: TypeAlias = dict[str, Any]
 """Part of a tree that is known to be sound; of many draws, with arrays as values."""
 Key: TypeAlias = tuple[str | int, ...]
+
+Parsed: TypeAlias = Any
+"""What a file holds before it is checked: a `Map`, `Items` or a plain value."""
 
 STDIN = "<stdin>"
 
@@ -41,42 +43,72 @@ class Location(NamedTuple):
         return f"{self.name}:{self.line}" if self.line else self.name
 
 
-@dataclass
-class Document:
-    """A YAML text as plain Python values, with the place of every key and list item.
+Places: TypeAlias = Mapping[Any, Location]
+"""Places of entries, by key or index."""
 
-    The `tree` is whatever a user wrote, most often a `Tree`.
+
+class Branch:
+    """A mapping or a list that knows where it was written, and where each of its entries was.
+
+    What is taken from one tree into another, as from a base, so keeps its place.
     """
 
-    tree: Any
-    places: dict[Key, Location]
+    here: Location
+    at: dict[str | int, Location]
 
-    def place(self, path: Key) -> Location:
-        """Place of an entry, or of its nearest ancestor in the text."""
-        while path not in self.places:
-            path = path[:-1]
-        return self.places[path]
+    def placed(self, here: Location, at: Places) -> Self:
+        """Itself, with its place, and those of its entries by key or index."""
+        self.here, self.at = here, dict(at)
+        return self
 
-    def paths(self) -> list[Key]:
-        """Paths of all entries, first those of the text, then what the tree has from elsewhere, as a base."""
-        return list(dict.fromkeys((*self.places, *_paths(self.tree))))
 
-    def places_below(self, path: Key) -> dict[Key, Location]:
-        """Places of an entry and of what it holds, by the rest of their paths."""
-        below = {at[len(path) :]: place for at, place in self.places.items() if at[: len(path)] == path}
-        return {(): self.place(path)} | below
+class Map(Branch, dict[str, Any]):
+    """A mapping with places."""
+
+
+class Items(Branch, list[Any]):
+    """A list with places."""
+
+
+def located(value: Parsed, here: Location) -> Parsed:
+    """Plain values, all at one place, as those of an option are."""
+    if isinstance(value, dict):
+        inner = {key: located(part, here) for key, part in value.items()}
+        return Map(inner).placed(here, dict.fromkeys(value, here))
+    if isinstance(value, list):
+        items = Items(located(part, here) for part in value)
+        return items.placed(here, dict.fromkeys(range(len(value)), here))
+    return value
+
+
+def place(tree: Parsed, path: Key, name: str) -> Location:
+    """Place of an entry, or of its nearest ancestor that has one; a tree without places has its `name`."""
+    here = tree.here if isinstance(tree, Branch) else Location(name)
+    for key in path:
+        if not isinstance(tree, Branch) or key not in tree.at:
+            break
+        here, tree = tree.at[key], entry(tree, (key,))
+    return here
+
+
+def entry(tree: Parsed, path: Key) -> Parsed:
+    """What stands at a path, None where nothing does."""
+    for key in path:
+        tree = tree[key] if holds(tree, key) else None
+    return tree
+
+
+def paths(node: Parsed, above: Key = ()) -> Iterator[Key]:
+    """Paths of all entries of a tree."""
+    inner = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in inner:
+        yield (*above, key)
+        yield from paths(value, (*above, key))
 
 
 def is_yaml(path: Path) -> bool:
     """Whether a path is named as a file of YAML."""
     return path.suffix in {".yaml", ".yml"}
-
-
-def _paths(node: object, above: Key = ()) -> Iterator[Key]:
-    inner = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
-    for key, value in inner:
-        yield (*above, key)
-        yield from _paths(value, (*above, key))
 
 
 def read_text(path: Path | None, hint: str | None = None) -> str:
@@ -93,7 +125,7 @@ def read_text(path: Path | None, hint: str | None = None) -> str:
         raise ConfigError(f"cannot be read: {reason}", where=name, hint=hint) from None
 
 
-def load(text: str, name: str) -> Document:
+def load(text: str, name: str) -> Parsed:
     """Read one YAML document, which messages call `name`."""
     try:
         root = yaml.compose(text, Loader=_Loader)
@@ -103,8 +135,7 @@ def load(text: str, name: str) -> Document:
         _refuse(f"not valid YAML: {problem}", name, getattr(error, "problem_mark", None), hint)
     if root is None:
         raise ConfigError("is empty", where=name)
-    places: dict[Key, Location] = {(): Location(name, root.start_mark.line + 1)}
-    return Document(_value(root, (), places, name), places)
+    return _value(root, name, _location(name, root))
 
 
 def dump(tree: Node) -> str:
@@ -130,25 +161,27 @@ def holds(node: object, key: str | int) -> bool:
     return is_index or (isinstance(node, dict) and key in node)
 
 
-def _value(node: yaml.Node, path: Key, places: dict[Key, Location], name: str) -> Node:
-    """Plain value of a node; places below it go into `places`."""
+def _value(node: yaml.Node, name: str, here: Location) -> Parsed:
+    """Value of a node at a place, with the places of what it holds."""
     if isinstance(node, yaml.ScalarNode):
         return node.value if node.style else _plain(node.value)
     if isinstance(node, yaml.SequenceNode):
-        for index, item in enumerate(node.value):
-            places[*path, index] = Location(name, item.start_mark.line + 1)
-        return [_value(item, (*path, index), places, name) for index, item in enumerate(node.value)]
-    tree: dict[str, Node] = {}
-    for key_node, item in node.value:
-        key, mark = key_node.value, key_node.start_mark
-        if not isinstance(key_node, yaml.ScalarNode):
-            _refuse("a key must be a word", name, mark)
-        if key in tree:
-            first = places[*path, key].line
-            _refuse(f"key {key!r} is given twice, first on line {first}", name, mark)
-        places[*path, key] = Location(name, mark.line + 1)
-        tree[key] = _value(item, (*path, key), places, name)
+        at = dict(enumerate(_location(name, item) for item in node.value))
+        return Items(_value(item, name, at[index]) for index, item in enumerate(node.value)).placed(here, at)
+    tree: Map = Map().placed(here, {})
+    for key, item in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            _refuse("a key must be a word", name, key.start_mark)
+        if key.value in tree:
+            first = tree.at[key.value].line
+            _refuse(f"key {key.value!r} is given twice, first on line {first}", name, key.start_mark)
+        tree.at[key.value] = _location(name, key)
+        tree[key.value] = _value(item, name, tree.at[key.value])
     return tree
+
+
+def _location(name: str, node: yaml.Node) -> Location:
+    return Location(name, node.start_mark.line + 1)
 
 
 def _plain(text: str) -> Node:
@@ -165,13 +198,15 @@ class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
         return True
 
+    def represent_text(self, text: str) -> yaml.ScalarNode:
+        """As `load` reads it back."""
+        style = None if isinstance(_plain(text), str) else '"'
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
-def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    style = None if isinstance(_plain(text), str) else '"'
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
-
-_Dumper.add_representer(str, _represent_text)
+_Dumper.add_representer(str, _Dumper.represent_text)
+_Dumper.add_representer(Map, _Dumper.represent_dict)
+_Dumper.add_representer(Items, _Dumper.represent_list)
 
 
 def _refuse(message: str, name: str, mark: yaml.Mark | None, hint: str | None = None) -> NoReturn:

@@ -27,7 +27,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
-from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.configuration.strict_yaml import load, place
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.results.records import VARIABLES
 
@@ -187,9 +187,9 @@ def parse_mapping(text: str, name: str) -> MappingFile:
     """
     document = load(text, name)
     try:
-        tree = _Tree.model_validate(document.tree)
+        tree = _Tree.model_validate(document)
     except ValidationError as error:
-        raise explain(error, document) from None
+        raise explain(error, document, name) from None
     runs = {}
     for run, entry in tree.runs.items():
         columns = tree.columns if entry.columns is None else entry.columns
@@ -198,7 +198,7 @@ def parse_mapping(text: str, name: str) -> MappingFile:
             mass = published().number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
         runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
-    places = {run: str(document.place(("runs", run))) for run in runs}
+    places = {run: str(place(document, ("runs", run), name)) for run in runs}
     return MappingFile(tree.title, runs, guesses, places)
 
 

@@ -60,7 +60,7 @@ class Meaning:
 @cache
 def _table() -> Section:
     path = Path(__file__).with_name("words.yaml")
-    return dict(load(read_text(path), str(path)).tree)
+    return dict(load(read_text(path), str(path)))
 
 
 @cache

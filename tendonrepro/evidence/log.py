@@ -67,7 +67,7 @@ def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
     """
     if (file.source, file.experiment) != ("simulated", "compare"):
         return paper
-    own = CompareConfig.model_validate(load(file.config_yaml, "config_yaml").tree)
+    own = CompareConfig.model_validate(load(file.config_yaml, "config_yaml"))
     joints = {joint for trace in file.runs.values() for joint in trace.joint}
     return paper if joints <= set(paper.joints) and is_arm_of_paper(own.manipulator) else own
 

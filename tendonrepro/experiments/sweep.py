@@ -208,7 +208,7 @@ def parse_over(over: SweptValues) -> dict[str, list[Node]]:
 def _parsed(text: str) -> tuple[str, list[Node]]:
     key, equals, listed = text.partition("=")
     key = key.strip()
-    return key, _checked(text, load(f"[{listed}]", f"{OPTION} {key}").tree if equals else None)
+    return key, _checked(text, load(f"[{listed}]", f"{OPTION} {key}") if equals else None)
 
 
 def _checked(text: str, values: Node) -> list[Node]:

@@ -72,7 +72,7 @@ def _side(path: Path) -> _Side:
         return _Side(result.command, config, versions, dict(_values(numbers)), {})
     file = read_traces(path)
     versions = {"tendonrepro": file.tendonrepro_version, **_libraries(file.manifest)}
-    tree = load(file.config_yaml, "config_yaml").tree
+    tree = load(file.config_yaml, "config_yaml")
     return _Side(file.experiment, dict(_values(tree)), versions, {}, file.runs)
 
 

@@ -117,10 +117,10 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
 @cache
 def _motion_of_paper(config_yaml: str) -> bool:
     """Whether the desired motion is that of a shipped comparison, or was fitted to the print."""
-    motion = load(config_yaml, "configuration").tree.get("reference", {})
+    motion = load(config_yaml, "configuration").get("reference", {})
     shipped_texts = (path.read_text(encoding="utf-8") for path in shipped_folder().glob("*.yaml"))
     return re.search(f"'source': '{FITTED}", str(motion)) is not None or motion in [
-        load(text, "configuration").tree.get("reference") for text in shipped_texts
+        load(text, "configuration").get("reference") for text in shipped_texts
     ]
 
 

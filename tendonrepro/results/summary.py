@@ -43,7 +43,7 @@ def fitted_under(file: TraceFile) -> str | None:
         return None
     changed = changed_readings(next(iter(file.runs.values())))
     attributes = [trace.attributes for trace in file.runs.values()]
-    if load(file.config_yaml, "configuration").tree.get("reference", {}).get("kind") == "ramp":
+    if load(file.config_yaml, "configuration").get("reference", {}).get("kind") == "ramp":
         changed.append("motion=ramp")
     if any(np.any(run.get("start_offset", 0.0)) for run in attributes):
         changed.append("starts=apart")

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import checked, shown
@@ -164,12 +166,35 @@ def test_lengths_of_an_experiment_are_told_before_anything_else(folder: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("given", "meant"), [("control.gains.lamb=8", "'lam'"), ("lam=8", "'control.gains.lam'")]
+    ("given", "meant"),
+    [
+        ("control.gains.lamb=8", "'lam'"),
+        ("lam=8", "'control.gains.lam'"),
+        ("pulley_diameter.0.0=3", "did you mean 'manipulator.routing.pulley_diameter.value.0.0'?"),
+        ("winch_diameter.1=3", "did you mean 'manipulator.routing.winch_diameter.value.1'?"),
+    ],
 )
 def test_keys_of_the_base_are_meant_too(folder: Path, given: str, meant: str) -> None:
     (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {alpha: 0.3}}\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=meant):
         load_config(folder / "compare.yaml", "compare", overrides=[given])
+
+
+LINKS = ["mass", "length", "com", "inertia"]
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    key=st.sampled_from(["manipulator.links", *(f"manipulator.links.{name}" for name in LINKS)]),
+    part=st.sampled_from(["", ".value", ".unit", ".source"]),
+    wrong=st.sampled_from([[], [[1, 2], [0, 1]], [1, "x"], [-1, 0], {}, {"a": 1}, "abc", None, True, [None]]),
+)
+def test_links_that_cannot_be_are_told_before_anything_follows_them(
+    folder: Path, key: str, part: str, wrong: Any
+) -> None:
+    with pytest.raises(ConfigError) as raised:
+        load_config(folder / "compare.yaml", "compare", overrides={key + part: wrong})
+    assert f"--set {key}" in str(raised.value)
 
 
 def test_an_experiment_with_a_base_has_to_say_which_it_is(folder: Path) -> None:

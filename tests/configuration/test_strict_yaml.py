@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonrepro.configuration.strict_yaml import Key, Node, dump, load, read_text
+from tendonrepro.configuration.strict_yaml import Key, Node, dump, load, paths, place, read_text
 from tendonrepro.errors import ConfigError
 
 
@@ -25,18 +25,18 @@ from tendonrepro.errors import ConfigError
     ],
 )  # fmt: skip
 def test_scalar_means_what_it_shows(text: str, value: object) -> None:
-    (found,) = load(f"[{text}]", "x").tree
+    (found,) = load(f"[{text}]", "x")
     assert (found, type(found)) == (value, type(value))
 
 
 def test_keys_are_the_text_that_is_written_and_every_entry_has_its_line() -> None:
-    assert load("on: 1\n2: 2\nnull: 3\n'a b': 4\n", "x").tree == {"on": 1, "2": 2, "null": 3, "a b": 4}
+    assert load("on: 1\n2: 2\nnull: 3\n'a b': 4\n", "x") == {"on": 1, "2": 2, "null": 3, "a b": 4}
     document = load("# comment\na: 1\nb:\n  - x\n  - c: {d: [2,\n      3]}\n", "file.yaml")
-    assert {path: place.line for path, place in document.places.items()} == {
+    assert {path: place(document, path, "").line for path in [(), *paths(document)]} == {
         (): 2, ("a",): 2, ("b",): 3, ("b", 0): 4, ("b", 1): 5, ("b", 1, "c"): 5,
         ("b", 1, "c", "d"): 5, ("b", 1, "c", "d", 0): 5, ("b", 1, "c", "d", 1): 6,
     }  # fmt: skip
-    assert str(document.place(("b", 0, "not written", 7))) == "file.yaml:4"
+    assert str(place(document, ("b", 0, "not written", 7), "")) == "file.yaml:4"
 
 
 @pytest.mark.parametrize(
@@ -103,15 +103,17 @@ _trees = st.recursive(
 @given(_trees)
 def test_what_is_written_is_read_back_and_every_entry_has_a_place(tree: Node) -> None:
     document = load(dump({"root": tree}), "x")
-    assert repr(document.tree) == repr({"root": tree})
+    assert repr(document) == repr({"root": tree})
 
-    def paths(node: Node, path: Key) -> set[Key]:
-        entries = (
-            node.items() if isinstance(node, dict) else enumerate(node if isinstance(node, list) else [])
-        )
-        return {path}.union(*(paths(item, (*path, key)) for key, item in entries))
+    def written(node: Node, path: Key = ()) -> None:
+        """Every mapping and list has places of its own, and of just what it holds."""
+        if isinstance(node, dict | list):
+            keys = set(node) if isinstance(node, dict) else set(range(len(node)))
+            assert node.at.keys() == keys  # type: ignore[union-attr]
+            for key in keys:
+                written(node[key], (*path, key))  # type: ignore[index,call-overload]
 
-    assert set(document.places) == paths(document.tree, ())
+    written(document)
 
 
 def test_writing_keeps_order_and_repeats_shared_values() -> None:

@@ -57,7 +57,7 @@ def test_the_shipped_one_is_stable_and_uses_nothing_of_the_paper_s_results() -> 
 @pytest.mark.slow
 def test_the_shipped_one_is_found_again(typical: Any) -> None:
     study = typical.published_study()
-    tree = load(typical.typical_yaml(study, typical.preliminary(study)), "typical").tree
+    tree = load(typical.typical_yaml(study, typical.preliminary(study)), "typical")
     shipped = load_config(None, "compare").tree
     for name in typical.SECTIONS:
         assert without_sources(tree[name]) == without_sources(shipped[name]), name
