@@ -41,12 +41,13 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
     numbers: dict[str, Array] = {}
     if "e" in trace:
         numbers |= _of_the_error(trace["e"], rates, phases)
-    for name in ("s", "epsilon"):
-        if name in trace:
-            # The estimation error of a sample is known one sample later.
-            values = trace[name] if name == "s" else trace[name][:-1]
-            course = _slow(values, float(phases.newest))
-            numbers |= {f"{name}_rms": rmse(values), f"{name}_slow_rms": rmse(course)}
+    if "s" in trace:
+        numbers |= {"s_rms": rmse(trace["s"]), "s_slow_rms": rmse(_slow(trace["s"], float(phases.newest)))}
+    if "epsilon" in trace:
+        # The last sample's is not known yet. Before the first there is no estimate that could err.
+        known = trace["epsilon"][:-1]
+        course = _slow(np.vstack([np.zeros_like(known[:1]), known]), float(phases.newest))[1:]
+        numbers |= {"epsilon_rms": rmse(known), "epsilon_slow_rms": rmse(course)}
     if "tau_m" in trace:
         numbers["torque_step_rms"] = step_rms(trace["tau_m"])
     for name, variable in _SIGNALS.items():

@@ -48,7 +48,11 @@ Values = TypeVar("Values", Array, Numeric)
 
 
 class Sample(NamedTuple, Generic[Values]):
-    """What one sample contributes, each (n,) or of one joint; ``epsilon`` is of the sample before."""
+    """What one sample contributes, each (n,) or of one joint.
+
+    ``epsilon`` is of the sample before, for it needs the acceleration that follows. At the first sample it is
+    zero: before a run there is no estimate that could err.
+    """
 
     e: Values
     de: Values
@@ -102,8 +106,10 @@ half its peak and ``calm`` elsewhere; ``up`` and ``down`` where dq_d is beyond 5
 is the largest error past the target, seen in the direction of the last stroke, while dq_d is within 1 % of
 its peak. ``peak`` is the largest magnitude, ``slow`` the mean magnitude of a signal after a first-order
 low-pass at `SLOW`, ``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the
-same low-pass. ``torque_step_rms`` is of the change from sample to sample, ``saturated`` the share of samples
-at the torque limit, ``fast_share`` the share of the error's power above the ringing frequency.
+same low-pass. It begins with a signal's first sample, but with zero for epsilon: from a cold start the first
+epsilon is a pulse of one sample, no slow course. The last sample's epsilon is not known. ``torque_step_rms``
+is of the change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share``
+the share of the error's power above the ringing frequency.
 """
 
 

@@ -160,23 +160,38 @@ WHOLE_RUN = [name for name in STATISTICS if not name.endswith("_late")]
 """What is after the first period is a window of the table, and ``rate_max`` is of the encoder's own steps."""
 
 
-def test_a_trace_has_the_statistics_of_the_batch() -> None:
-    loaded = load_config("plain", "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
-    name, loop = next(iter(all_loops(loaded).items()))
-    batch = simulate_batch([loop], loaded.config.status, record=True)
+@pytest.mark.parametrize("arm", ["plain", "compare"])
+def test_a_trace_has_the_statistics_of_the_batch(arm: str) -> None:
+    """The shipped arm starts cold, so its first epsilon is 124 rad/s2; that of the plain arm is 0."""
+    loaded = load_config(arm, "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
+    loops = all_loops(loaded)
+    batch = simulate_batch([*loops.values()], loaded.config.status, record=True)
     assert batch.traces is not None
-    variables = dict(batch.traces[0] or {})
-    trace = Trace(name, variables.pop("time"), loaded.config.joints, variables, {})
-    found = statistics(trace)
-    found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
-    shared = set(WHOLE_RUN) & found.keys()
-    assert len(shared) == 30
-    for statistic in shared:
-        # The batch takes the spectrum of the error block by block.
-        near = 2e-2 if statistic == "fast_share" else 1e-9
-        np.testing.assert_allclose(
-            found[statistic], batch.statistics[statistic][0], rtol=near, err_msg=statistic
-        )
+    for k, (name, loop) in enumerate(loops.items()):
+        variables = dict(batch.traces[k] or {})
+        trace = Trace(name, variables.pop("time"), loaded.config.joints, variables, {})
+        found = statistics(trace)
+        found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
+        shared = set(WHOLE_RUN) & found.keys()
+        assert len(shared) == 30
+        for statistic in shared:
+            # The batch takes the spectrum of the error block by block.
+            near = 2e-2 if statistic == "fast_share" else 1e-9
+            np.testing.assert_allclose(
+                found[statistic], batch.statistics[statistic][k], rtol=near, err_msg=f"{name} {statistic}"
+            )
+
+
+@pytest.mark.parametrize("sample", [0, 1, 700])
+def test_a_pulse_of_epsilon_is_as_fast_at_the_start_as_later(sample: int) -> None:
+    """A pulse keeps the same power below 3 Hz wherever it stands: the low-pass's response to a pulse."""
+    epsilon = np.zeros((2000, 2))
+    epsilon[sample] = 5.0, -50.0
+    found = statistics(Trace("mine", np.arange(2000) * 1e-3, (2, 3), {"epsilon": epsilon}, {}))
+    kept = np.exp(-2.0 * np.pi * 3.0 * 1e-3)
+    energy = (1.0 - kept) ** 2 / (1.0 - kept**2)
+    slow = np.array([5.0, 50.0]) * np.sqrt(energy / 1999)
+    assert found["epsilon_slow_rms"] == pytest.approx(slow, rel=1e-9)
 
 
 def test_without_a_motion_there_are_no_phases() -> None:
