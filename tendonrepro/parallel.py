@@ -152,14 +152,25 @@ def as_ready(
 
 @contextmanager
 def _processes(jobs: int) -> Iterator[Executor]:
-    """Start processes, and end them with the block, whatever they are at."""
+    """Start processes, and end them with the block, whatever they are at.
+
+    Raises
+    ------
+    TendonreproError
+        If the system gives them no locks, or one of them dies.
+    """
     from multiprocessing import get_context, resource_tracker
 
     from loky import ProcessPoolExecutor
     from loky.process_executor import TerminatedWorkerError
 
     context = get_context("fork") if _can_fork() else None
-    executor = ProcessPoolExecutor(jobs, context=context, initializer=_end_with, initargs=(os.getpid(),))
+    try:
+        executor = ProcessPoolExecutor(jobs, context=context, initializer=_end_with, initargs=(os.getpid(),))
+    except OSError as error:
+        message = f"worker processes cannot share their locks: {error.strerror or error}"
+        hint = "they lie in /dev/shm on Linux: make it writable, or leave one processor, as taskset -c 0 does"
+        raise TendonreproError(message, hint=hint) from error
     try:
         if sys.platform != "win32":
             # This process of the standard library lifts the block when it starts.

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Annotated, Any, TypeAlias
 
 import typer
@@ -127,7 +128,14 @@ def _keep_settings_of_matplotlib() -> None:
     # Where not even this works, matplotlib says so itself.
     with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        os.environ["MPLCONFIGDIR"] = str(folder)
+        if os.name != "posix" or _is_ones_own(folder):
+            os.environ["MPLCONFIGDIR"] = str(folder)
+
+
+def _is_ones_own(folder: Path) -> bool:
+    """Whether nobody else can write there: matplotlib obeys the settings that lie in it."""
+    found = folder.lstat()
+    return S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
 
 
 def main() -> None:

@@ -122,6 +122,6 @@ def read_hdf5(path: Path) -> Tables:
         else:
             place[f"{last} ({unit})" if unit else last] = node[()]
 
-    with h5py.File(path) as file:
+    with h5py.File(path, locking=False) as file:
         file.visititems(visit)
     return tables_of(tree)

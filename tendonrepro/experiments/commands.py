@@ -154,7 +154,12 @@ def export(
 
 
 @command(REPRODUCE, "tendonrepro diff reports/compare reports/extrapolating")
-def diff(first: Annotated[Path | str, ARGUMENT], second: Annotated[Path | str, ARGUMENT]) -> Answer[Json]:
+def diff(
+    first: Annotated[Path | str, ARGUMENT],
+    second: Annotated[Path | str, ARGUMENT],
+    *,
+    tolerance: float | None = None,
+) -> Answer[Json]:
     """What differs between two results.
 
     Ends with exit code 1 if anything does.
@@ -165,10 +170,12 @@ def diff(first: Annotated[Path | str, ARGUMENT], second: Annotated[Path | str, A
         Results folder or trace file.
     second
         Another one.
+    tolerance
+        Numbers closer than this share of the larger are equal [default: 0; 1e-6 between versions or solvers].
     """
     from tendonrepro.results.difference import difference, difference_text
 
-    rows = difference(Path(first), Path(second))
+    rows = difference(Path(first), Path(second), tolerance)
     return Answer(rows, difference_text(rows), rows, exit_code=0 if rows["same"] else 1)
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import Json
 from tendonrepro.results.on_disk import read_result
@@ -15,6 +17,9 @@ from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
+
+BETWEEN_VERSIONS = 1e-6
+"""Tolerance between results of different versions or solvers, which round differently."""
 
 _OF_ONE_RUN = {"out", "manifest", "created", "experiments_per_second", "resumed_from", "seconds"}
 """Keys of numbers that differ when the same command runs again."""
@@ -34,51 +39,66 @@ class _Side:
     runs: Mapping[str, Trace]
 
 
-def difference(first: Path, second: Path) -> dict[str, object]:
-    """Compare two trace files, or results folders; a DataMissingError where one cannot be read.
+def difference(first: Path, second: Path, tolerance: float | None = None) -> dict[str, object]:
+    """Compare two trace files, or results folders.
+
+    Parameters
+    ----------
+    first, second : Path
+        Trace files, or results folders.
+    tolerance : float, optional
+        Numbers whose difference is at most this share of the larger one are equal; of a trace's variable, of
+        its largest sample. Else 0 where versions and solver are equal, and `BETWEEN_VERSIONS` where not.
 
     Returns
     -------
     dict
-        ``same``, and rows of ``command``, ``config``, ``versions``, ``runs`` (their status), ``metrics`` in
-        degrees, ``traces``: the largest difference, SI, and the time of the first; and ``numbers`` of
-        commands that leave no traces.
+        ``same``, the ``tolerance``, and rows of ``command``, ``config``, ``versions``, ``runs`` (their
+        status), ``metrics`` in degrees, ``traces``: the largest difference, SI, and the time of the first;
+        and ``numbers`` of commands that leave no traces.
+
+    Raises
+    ------
+    DataMissingError
+        Where one of them cannot be read.
     """
     a, b = map(_side, (first, second))
+    versions = list(_unequal(a.versions, b.versions))
+    if tolerance is None:
+        tolerance = BETWEEN_VERSIONS if versions else 0.0
     shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
-    same_command = a.command == b.command
+    statuses = [{name: trace.status for name, trace in side.runs.items()} for side in (a, b)]
     rows = {
         "command": list(_unequal({"command": a.command}, {"command": b.command})),
         "config": list(_unequal(a.config, b.config)),
-        "versions": list(_unequal(a.versions, b.versions)),
-        "runs": list(_unequal(_statuses(a.runs), _statuses(b.runs))),
-        "metrics": [row for pair in shared for row in _metrics(*pair)],
-        "traces": [row for pair in shared for row in _traces(*pair)],
-        "numbers": list(_unequal(a.numbers, b.numbers)) if same_command else [],
+        "versions": versions,
+        "runs": list(_unequal(statuses[0], statuses[1])),
+        "metrics": [row for pair in shared for row in _metrics(*pair, tolerance)],
+        "traces": [row for pair in shared for row in _traces(*pair, tolerance)],
+        "numbers": list(_unequal(a.numbers, b.numbers, tolerance)) if a.command == b.command else [],
     }
-    same = not any(rows.values())
-    return {"schema_version": 1, "first": str(first), "second": str(second), "same": same} | rows
+    about = {"first": str(first), "second": str(second), "tolerance": tolerance}
+    return {"schema_version": 1, **about, "same": not any(rows.values())} | rows
 
 
 def _side(path: Path) -> _Side:
     if path.is_dir() and not (path / TRACES).exists():
         result = read_result(path)
-        config_of_run = result.manifest["config"]
+        of_run = result.manifest["config"]
         # It covers more than the tree: of an ensemble its box, of a validation the measured file.
-        config = {"sha256": config_of_run["sha256"], **dict(_values(config_of_run.get("tree", {})))}
+        config = {"sha256": of_run["sha256"], **dict(_values(of_run.get("tree", {})))}
         numbers = {key: value for key, value in result.data.items() if key != "config"}
-        version = result.manifest.get("tendonrepro_version")
-        versions = {"tendonrepro": version, **_libraries(result.manifest)}
-        return _Side(result.command, config, versions, dict(_values(numbers)), {})
+        return _Side(result.command, config, _versions(result.manifest), dict(_values(numbers)), {})
     file = read_traces(path)
-    versions = {"tendonrepro": file.tendonrepro_version, **_libraries(file.manifest)}
     tree = load(file.config_yaml, "config_yaml")
-    return _Side(file.experiment, dict(_values(tree)), versions, {}, file.runs)
+    return _Side(file.experiment, dict(_values(tree)), _versions(file.manifest), {}, file.runs)
 
 
-def _libraries(manifest: Json) -> dict[str, object]:
-    versions: dict[str, object] = manifest.get("environment", {}).get("versions", {})
-    return versions
+def _versions(manifest: Json) -> dict[str, object]:
+    """Of this program, its libraries and the solver, as far as a manifest says."""
+    libraries = manifest.get("environment", {}).get("versions", {})
+    solver = manifest.get("solver", {}).get("name")
+    return {"tendonrepro": manifest.get("tendonrepro_version"), **libraries, "solver": solver}
 
 
 def _values(node: object, path: str = "") -> Iterator[tuple[str, object]]:
@@ -95,29 +115,43 @@ def _values(node: object, path: str = "") -> Iterator[tuple[str, object]]:
         yield path.removeprefix("."), node
 
 
-def _statuses(runs: Mapping[str, Trace]) -> dict[str, object]:
-    return {name: trace.status for name, trace in runs.items()}
-
-
-def _unequal(first: Mapping[str, object], second: Mapping[str, object]) -> Iterator[dict[str, object]]:
+def _unequal(
+    first: Mapping[str, object], second: Mapping[str, object], tolerance: float = 0.0
+) -> Iterator[dict[str, object]]:
     for key in dict.fromkeys([*first, *second]):
-        if first.get(key) != second.get(key):
-            yield {"key": key, "first": first.get(key), "second": second.get(key)}
+        x, y = first.get(key), second.get(key)
+        if x != y and not _near(x, y, tolerance):
+            yield {"key": key, "first": x, "second": y}
 
 
-def _metrics(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
+def _near(first: object, second: object, tolerance: float) -> bool:
+    """Whether these are numbers, or lists of them, each two equal to a share of the larger one."""
+    a, b = np.asarray(first), np.asarray(second)
+    numeric = a.dtype.kind in "if" and b.dtype.kind in "if" and a.shape == b.shape
+    return numeric and not _apart(a, b, tolerance * np.maximum(np.abs(a), np.abs(b))).any()
+
+
+def _apart(first: Array, second: Array, room: Array | float) -> NDArray[np.bool_]:
+    """Where numbers differ by more than some room; what is missing in both is equal."""
+    # A diverged run may end in infinity.
+    with np.errstate(invalid="ignore"):
+        far = ~(np.abs(first - second) <= room)
+    return np.asarray(far & (first != second) & ~(np.isnan(first) & np.isnan(second)), np.bool_)
+
+
+def _metrics(first: Trace, second: Trace, tolerance: float) -> Iterator[dict[str, object]]:
     if "e" in first and "e" in second and first.joint == second.joint:
         a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
         for name in a:
             for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
-                if not np.array_equal(x, y, equal_nan=True):
+                if not _near(x, y, tolerance):
                     row = {"run": first.name, "joint": joint, "metric": f"{name}_deg"}
                     yield row | {"first": x, "second": y}
 
 
-def _traces(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
+def _traces(first: Trace, second: Trace, tolerance: float) -> Iterator[dict[str, object]]:
     both = [
-        {"time": trace.time[:, np.newaxis], "joint": np.array([trace.joint]), **trace.variables}
+        {"time": trace.time[:, np.newaxis], "joint": np.array([trace.joint], np.float64), **trace.variables}
         for trace in (first, second)
     ]
     for name in dict.fromkeys([*both[0], *both[1]]):
@@ -125,18 +159,22 @@ def _traces(first: Trace, second: Trace) -> Iterator[dict[str, object]]:
         a, b = (arrays.get(name, np.zeros(0)) for arrays in both)
         if a.shape != b.shape:
             yield row | {"shape_first": list(a.shape), "shape_second": list(b.shape)}
-        elif not np.array_equal(a, b, equal_nan=True):
-            apart = ~np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True).all(axis=1)
-            largest = float(np.nanmax(np.abs(a - b), initial=0.0))
-            yield row | {"largest": largest, "from_s": float(first.time[np.argmax(apart)])}
+            continue
+        largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in (a, b))
+        apart = _apart(a, b, tolerance * largest).any(axis=1)
+        if apart.any():
+            size = float(np.nanmax(np.abs(a - b), initial=0.0))
+            yield row | {"largest": size, "from_s": float(first.time[np.argmax(apart)])}
 
 
 def difference_text(differences: Mapping[str, object]) -> str:
     """Words for a terminal."""
     if differences["same"]:
         return "The two results have the same command, configuration, versions, numbers and traces."
-    kinds = {kind: rows for kind, rows in differences.items() if isinstance(rows, list) and rows}
-    return "\n\n".join(_kind_text(kind, rows) for kind, rows in kinds.items())
+    tables = [_kind_text(kind, rows) for kind, rows in differences.items() if isinstance(rows, list) and rows]
+    if differences["tolerance"]:
+        tables.append(f"Differences below a share of {differences['tolerance']:g} are left out.")
+    return "\n\n".join(tables)
 
 
 def _kind_text(kind: str, rows: list[dict[str, object]]) -> str:

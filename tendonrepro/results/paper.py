@@ -124,9 +124,8 @@ def _motion_of_paper(config_yaml: str) -> bool:
     ]
 
 
-def changed_readings(trace: Trace) -> list[str]:
+def changed_readings(readings: Mapping[str, str]) -> list[str]:
     """``axis=value`` of every reading that is not as printed."""
-    readings = trace.attributes["readings"]
     return [
         f"{name}={readings[name]}"
         for name, axis in AXES.items()
@@ -148,7 +147,7 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
     """
     row = row_of(trace.name)
     papers = of_paper(file, trace)
-    as_printed = papers and not changed_readings(trace) and not _differs(trace)
+    as_printed = papers and not changed_readings(trace.attributes["readings"]) and not _differs(trace)
     printed: dict[str, Array] = {}
     plausible: dict[str, Array] = {}
     for metric in METRICS:

@@ -41,13 +41,15 @@ def fitted_under(file: TraceFile) -> str | None:
     """Reading under which the plant was fitted to the print; None where it was not."""
     if not _IDENTIFIED.search(file.config_yaml):
         return None
-    changed = changed_readings(next(iter(file.runs.values())))
-    attributes = [trace.attributes for trace in file.runs.values()]
-    if load(file.config_yaml, "configuration").get("reference", {}).get("kind") == "ramp":
+    # Of the whole experiment, whichever of its runs a figure has.
+    tree = load(file.config_yaml, "configuration")
+    runs = tree.get("runs", {}).values()
+    changed = changed_readings(tree.get("control", {}).get("readings", {}))
+    if tree.get("reference", {}).get("kind") == "ramp":
         changed.append("motion=ramp")
-    if any(np.any(run.get("start_offset", 0.0)) for run in attributes):
+    if any(np.any(run.get("start_offset", {}).get("value", 0.0)) for run in runs):
         changed.append("starts=apart")
-    if any(run.get("friction_scale", 1.0) != 1.0 for run in attributes):
+    if any(run.get("friction_scale", {}).get("value", 1.0) != 1.0 for run in runs):
         changed.append("run_friction=drawn")
     return "+".join(changed) or PRINTED
 

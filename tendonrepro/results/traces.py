@@ -150,7 +150,8 @@ def read_traces(source: Path) -> TraceFile:
     path = source / TRACES if source.is_dir() else source
     _refuse_other(source, path)
     try:
-        with h5netcdf.File(path, "r") as root:
+        # Files take their places whole, so none is read while it is written; some file systems have no locks.
+        with h5netcdf.File(path, "r", locking=False) as root:
             return _file_of(root)
     except Exception as error:
         # What the library says of damage is of any type, and nothing but reading stands in this block.

@@ -445,6 +445,10 @@ def test_a_home_that_cannot_be_written_leaves_one_folder_however_many_commands_r
     assert run("config", "list", cwd=tmp_path).returncode == 0
     (folder,) = (tmp_path / "temporary").iterdir()
     assert os.environ.pop("MPLCONFIGDIR") == str(folder)
+    folder.chmod(0o777)  # as somebody else's is: what lies in it may be anyone's
+    assert run("config", "list", cwd=tmp_path).returncode == 0
+    assert "MPLCONFIGDIR" not in os.environ
+    folder.chmod(0o700)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     assert run("config", "list", cwd=tmp_path).returncode == 0
     assert "MPLCONFIGDIR" not in os.environ

@@ -89,6 +89,26 @@ def test_equal_values_at_other_times_or_of_other_joints_differ(tmp_path, change,
     assert row["variable"] == variable
 
 
+def test_a_tolerance_hides_rounding_alone_and_is_zero_between_equal_versions(tmp_path):
+    def nudged(share):
+        variables = {"e": RUN["e"] * (1.0 + share), "q": RUN["q_d"] * (1.0 + share)}
+        return replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, **variables)})
+
+    base = replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, q=RUN["q_d"])})
+    found = between(tmp_path, base, nudged(1e-9))
+    assert found["tolerance"] == 0.0
+    assert {row["variable"] for row in found["traces"]} == {"e", "q"}
+    assert found["metrics"]
+    assert difference(tmp_path / "a", tmp_path / "b", 1e-8)["same"]
+    assert not difference(tmp_path / "a", tmp_path / "b", 1e-10)["same"]
+    other = {"manifest": {**FILE.manifest, "solver": {"name": "compiled"}}}
+    found = between(tmp_path, base, replace(nudged(1e-9), **other))
+    assert [row["key"] for row in found["versions"]] == ["solver"]
+    assert not found["traces"]
+    assert not found["metrics"]
+    assert between(tmp_path, base, replace(nudged(1e-4), **other))["traces"]
+
+
 def test_exit_code_says_whether_anything_differs(tmp_path):
     write_traces(tmp_path / "traces.h5", FILE)
     assert answer("diff", ".", ".", cwd=tmp_path)["same"] is True

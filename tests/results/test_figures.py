@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from functools import cache
@@ -128,13 +129,10 @@ def apart(first: Bbox, second: Bbox) -> bool:
 
 def fitted(file: TraceFile) -> TraceFile:
     """The same with a plant that was fitted to the print, under two readings."""
-    under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
-    runs = {
-        name: replace(trace, attributes=trace.attributes | {"readings": under})
-        for name, trace in file.runs.items()
-    }
+    under = "{weights: extrapolating, phi_branch: power, start: filled}"
     source = "mass: {value: 1, source: 'identified: Tables 2 and 3, misfit 0.04'}"
-    return replace(file, config_yaml=source, runs=runs)
+    apart = "runs: {controller_2: {start_offset: {value: [0.0, 0.01]}}}"
+    return replace(file, config_yaml=f"{source}\ncontrol: {{readings: {under}}}\n{apart}")
 
 
 def with_a_long_origin(file: TraceFile) -> TraceFile:
@@ -270,7 +268,9 @@ def test_every_picture_says_that_it_is_simulated_and_by_which_configuration(numb
 
 
 def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
-    under_said = "phi_branch=power+weights=extrapolating"
+    under_said = "phi_branch=power+weights=extrapolating+starts=apart"
+    pictures = [draw(name, shown(name, fitted(compare_file()))) for name in available(compare_file())]
+    assert len({picture.origin for picture in pictures}) == 1
     assert under_said in draw(14, fitted(compare_file())).origin
     assert under_said in outcome_of(fitted(compare_file())).text()
     assert "phi_branch" not in outcome_of(compare_file()).text()
@@ -490,6 +490,16 @@ def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() ->
 
 
 @pytest.mark.pictures
+def test_a_date_of_the_environment_changes_no_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = []
+    for date in ("0", "abc"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
+        paths = save_drawing(draw(9, decouple_file()), tmp_path, ("pdf", "svg"))
+        written.append([path.read_bytes() for path in paths])
+        assert os.environ["SOURCE_DATE_EPOCH"] == date
+    assert written[0] == written[1]
+
+
 def test_three_pictures_with_numbered_names_and_a_caption_beside_them(tmp_path: Path) -> None:
     paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures")
     assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png", "fig09.txt"]

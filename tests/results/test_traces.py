@@ -202,6 +202,21 @@ def test_a_full_disk_is_seen_before_anything_is_written(
     write_traces(tmp_path / "traces.h5", COMPARE)
 
 
+def test_a_file_is_read_where_no_lock_can_be_had(tmp_path: Path) -> None:
+    """As on some network file systems; HDF5 asks the system for one, which flock then refuses."""
+    write_traces(tmp_path / "traces.h5", COMPARE)
+    held = (
+        "import fcntl, sys; from pathlib import Path; from tendonrepro.results.traces import read_traces\n"
+        "with open(sys.argv[1], 'rb') as file:\n"
+        "    fcntl.flock(file, fcntl.LOCK_EX)\n"
+        "    print(*read_traces(Path(sys.argv[1])).runs)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", held, str(tmp_path / "traces.h5")], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == list(COMPARE.runs)
+
+
 def test_another_layout_is_named(tmp_path: Path) -> None:
     path = write_traces_to(tmp_path, dataclasses.replace(COMPARE, runs={}))
     with h5py.File(path, "r+") as root:

@@ -5,8 +5,9 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
@@ -192,7 +193,7 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS)
         "png": {"Title": title, "Description": caption},
     }
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in formats]
-    with journal_style():
+    with journal_style(), _without_date():
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
@@ -207,6 +208,17 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS)
     told = folder / f"{drawn.stem}.txt"
     write_atomically(told, "\n\n".join(about(drawn)) + "\n")
     return [*paths, told]
+
+
+@contextmanager
+def _without_date() -> Iterator[None]:
+    """Hide a date of the environment from matplotlib: figures hold none, and it might not be one."""
+    date = os.environ.pop("SOURCE_DATE_EPOCH", None)
+    try:
+        yield
+    finally:
+        if date is not None:
+            os.environ["SOURCE_DATE_EPOCH"] = date
 
 
 def about(drawn: Drawing) -> list[str]:
