@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 import tempfile
 import time
+from itertools import chain
 from pathlib import Path
 
 from bench_common import case, say
@@ -32,19 +33,18 @@ def joints_case():
 
 def batch_of(joints, folder):
     """The runs as a function that gives the most steps a sample; their code is compiled already."""
-    import numpy as np
 
     from tendonrepro.configuration.models.readings import parse_reading
     from tendonrepro.configuration.own_arm import init_arm
     from tendonrepro.configuration.plants import load_around
-    from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
+    from tendonrepro.monte_carlo.around import AroundArm
+    from tendonrepro.monte_carlo.plants import drawn_loops
     from tendonrepro.simulation.batch import simulate_batch
 
     init_arm(joints, folder / str(joints))
     loaded = load_around(folder / str(joints) / "compare.yaml", SPREAD, None)
     arm = AroundArm(loaded, loaded.around)
     cases = [(f"controller_{k}", parse_reading("printed")) for k in (1, 2, 3)]
-    draws = ArmDraws(arm, np.array([arm.sample(1, 0, k, 1)[0] for k in range(ARMS)]), cases)
-    loops = [loop for k in range(ARMS) for loop in draws.loops(k)]
+    loops = [*chain.from_iterable(drawn_loops(loaded.base, arm, arm.sample(1, 0, 0, ARMS), cases))]
     simulate_batch(loops[:3], loaded.compare.status)
     return lambda: int(simulate_batch(loops, loaded.compare.status).steps.max())

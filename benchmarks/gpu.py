@@ -19,6 +19,7 @@ import argparse
 import json
 import platform
 import time
+from itertools import chain
 
 import numpy as np
 from bench_batch import CONTROLLER_2, STEPS_IN_STEEP_FRICTION, different_plants
@@ -28,7 +29,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.monte_carlo.box import scrambled_sobol
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.parallel import processors
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
@@ -196,8 +197,7 @@ def printed(draws, device):
     cases = [case for case in study.cases if "encoder=ideal" in case[1].name]
 
     def loops_of(rows):
-        drawn = Draws(study.loaded.base, box, rows, cases)
-        return [loop for k in range(len(rows)) for loop in drawn.loops(k)]
+        return [*chain.from_iterable(drawn_loops(study.loaded.base, box, rows, cases))]
 
     loops, seconds = timed(lambda: loops_of(values))
     batch, ours = speeds(loops, device)

@@ -18,7 +18,7 @@ from tendonrepro.console import Talk
 from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, BenchExperiment, experiments_on
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box, make_box
-from tendonrepro.monte_carlo.plants import draws_of
+from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -88,11 +88,11 @@ def loops_of_plants(
     if any(experiment.name == "period_doubled" for experiment in experiments):
         slower = Reading(DOUBLED_PERIOD, (*reading.settings, ("sampling_period", "2ms")))
         cases[DOUBLED_PERIOD] = FIRST, slower
-    draws = draws_of(loaded, plants, values, [*cases.values()])
+    drawn = drawn_loops(loaded.base, plants, values, [*cases.values()])
     # What experiments ask of readings, no draw decides.
     readings = under(reading, loaded.compare, plants.named(values[0])).control.readings
-    for k in range(len(values)):
-        loops = dict(zip(cases, draws.loops(k), strict=True))
+    for of_plant in drawn:
+        loops = dict(zip(cases, of_plant, strict=True))
         yield from (loops[run] for run in runs)
         yield from (experiment.change(loops, readings) for experiment in experiments)
 

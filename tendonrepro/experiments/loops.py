@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
 from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun, errors_from
+from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.models.reference import (
     InTurns,
     PerJoint,
@@ -25,10 +27,11 @@ from tendonrepro.configuration.published import published
 from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
-from tendonrepro.experiments.user_law import UserLaw, own_loops
+from tendonrepro.experiments.user_law import UserLaw, on_lanes, own_loops
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
 from tendonrepro.physics.dynamics import Plant
+from tendonrepro.physics.instruments import Actuator
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.metrics import Status, status_of
 from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
@@ -38,6 +41,11 @@ from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController,
 
 RESOLVED_ANGLE = 1e-9
 """Error that counts as resolved with an ideal encoder, rad; see ``Law.power_floor``."""
+
+Case: TypeAlias = tuple[str, Reading]
+"""A run, under a reading."""
+
+Part = TypeVar("Part")
 
 PERIODS = {"one_period": 1, "two_periods": 2, "four_periods": 4}
 """Sampling periods of the delay time under each reading of it."""
@@ -103,7 +111,6 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
 
 def _size(reference: Single, i: int) -> tuple[float, ...]:
     """What distinguishes the shape of joint i, from 0, from that of others: its entry of every list."""
-    # Lists of draws are no vectors of a configuration, see `monte_carlo/plants.py`.
     lists = (getattr(part, "value", None) for _, part in reference)
     return tuple(values[i] for values in lists if isinstance(values, list | tuple))
 
@@ -229,31 +236,101 @@ def check_errors_from(config: CompareConfig, reference: DesiredMotion) -> None:
         raise ConfigError(message, where="errors_from")
 
 
-def build_loops(
-    config: Config, folder: Path, reference: DesiredMotion | None = None
-) -> Iterator[tuple[str, Loop]]:
-    """One closed loop per run, with the run's name.
+class Once:
+    """Builds each part of closed loops once for the sections of a configuration that it depends on.
 
-    A comparison's `reference` may be given, for building it takes most of the time.
+    Configurations of the same plant under other readings share what these leave alone.
     """
-    S, S_inv = rig.coupling(config)
+
+    def __init__(self) -> None:
+        self._built: dict[Hashable, Any] = {}
+
+    def __call__(self, build: Callable[..., Part], depends_on: Hashable, *given: Any) -> Part:
+        """Part that `build` makes of what is given, or made before where it depends on equal sections."""
+        key = build, depends_on
+        part: Part | None = self._built.get(key)  # looked up once, for a hash of sections takes its time
+        if part is None:
+            part = self._built[key] = build(*given)
+        return part
+
+
+def build_loops(config: Config, folder: Path) -> Iterator[tuple[str, Loop]]:
+    """One closed loop per run, with the run's name."""
     if isinstance(config, CompareConfig):
-        reference = reference or build_reference(config.reference, config, folder)
-        check_errors_from(config, reference)
-        cold, lag = config.control.readings.start == "cold", reference_lag(config)
-        for name, run in config.runs.items():
-            plant = rig.build_plant(config, run.payload.si, friction_scale(run))
-            own = _loop(config, plant, TimeDelayController(build_law(config, run.law)), reference)
-            offset = run.start_offset.si if run.start_offset else None
-            yield name, replace(own, cold=cold, start_offset=offset, reference_lag=lag)
+        once, reference = Once(), compared_reference(config, folder)
+        for name in config.runs:
+            yield name, run_loop(config, name, reference, once)
         return
+    S, S_inv = rig.coupling(config)
     loop = config.position_loop
     servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
         plant = rig.build_plant(config, choice.payload.si)
-        yield name, _loop(config, plant, PositionController(servo), reference)
+        yield name, _loop(config, plant, rig.build_actuator(config), PositionController(servo), reference)
+
+
+def compared_reference(config: CompareConfig, folder: Path) -> DesiredMotion:
+    """Desired motion of all runs of a comparison, which its tables do not leave out."""
+    reference = build_reference(config.reference, config, folder)
+    check_errors_from(config, reference)
+    return reference
+
+
+def run_loop(config: CompareConfig, name: str, reference: DesiredMotion, once: Once) -> Loop:
+    """Closed loop of one run of a comparison, following `reference`."""
+    run, arm, control = config.runs[name], config.manipulator, config.control
+    # Sections that parts are built of, without those that the most readings change.
+    moved = tuple(part for key, part in arm if key not in ("encoders", "actuator"))
+    plant_of = moved, config.posture, config.disturbance, config.seed, run.payload, run.friction_scale
+    law_of = (
+        (control.gains, control.readings, control.filter_cutoff, control.laws[run.law]),
+        (arm.routing, arm.winches, arm.encoders.joint, config.sampling_period),
+    )
+    loop = _loop(
+        config,
+        once(rig.build_plant, plant_of, config, run.payload.si, friction_scale(run)),
+        once(rig.build_actuator, arm.actuator, config),
+        TimeDelayController(once(build_law, law_of, config, run.law)),
+        reference,
+    )
+    return replace(
+        loop,
+        cold=control.readings.start == "cold",
+        start_offset=run.start_offset.si if run.start_offset else None,
+        reference_lag=reference_lag(config),
+    )
+
+
+def case_loops(
+    config: CompareConfig,
+    cases: Sequence[Case],
+    draw: Mapping[str, float],
+    folder: Path,
+    motions: Once,
+    laws: Sequence[UserLaw] = (),
+) -> list[Loop]:
+    """Closed loops of one plant by case; parts that readings leave alone are built once and shared.
+
+    `draw` has the numbers that readings may ask for, see `under`. `motions` keeps desired motions, for other
+    plants on the same. Runs of a user's `laws` are on lanes.
+    """
+    once, runs_under = Once(), defaultdict[Reading, list[str]](list)
+    for run, reading in cases:
+        runs_under[reading].append(run)
+    loops: dict[Case, Loop] = {}
+    for reading, runs in runs_under.items():
+        changed = under(reading, config, draw)
+        moves = changed.reference, changed.posture, changed.sampling_period, changed.errors_from
+        reference = motions(compared_reference, moves, changed, folder)
+        # A user's law runs on the plants of configured runs.
+        names = config.runs if laws else runs
+        of_reading = {name: run_loop(changed, name, reference, once) for name in names}
+        for law in laws:
+            of_reading |= own_loops(law, config, of_reading, on_lanes(law))
+        loops |= {(run, reading): of_reading[run] for run in runs}
+    return [loops[case] for case in cases]
 
 
 def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, Loop]:
@@ -291,6 +368,7 @@ def reference_lag(config: CompareConfig) -> float:
 def _loop(
     config: Config,
     plant: Plant,
+    actuator: Actuator,
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
@@ -298,7 +376,7 @@ def _loop(
         plant=plant,
         joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
         motor_encoder=rig.build_encoder(config.manipulator.encoders.motor),
-        actuator=rig.build_actuator(config),
+        actuator=actuator,
         controller=controller,
         reference=reference,
         L=config.sampling_period.si,

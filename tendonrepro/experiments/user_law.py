@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TypeAlias, cast
@@ -160,6 +160,16 @@ def own_loops(
         controller = replace(first, command=command, on_lanes=on_lanes is not None)
         own[name] = replace(loops[plant], controller=controller)
     return own
+
+
+def on_lanes(law: UserLaw) -> CommandFunction | None:
+    """Function of a law for many plants together, the same for all while its file is; none of one alone."""
+    return None if law.alone else _function(law, law.content)
+
+
+@cache
+def _function(law: UserLaw, _content: str) -> CommandFunction:
+    return lane_function(law)
 
 
 def lane_function(law: UserLaw) -> CommandFunction:

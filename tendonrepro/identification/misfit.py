@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -97,8 +98,8 @@ class Bench:
         )
 
     def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        draws = self.space.draws(self.box.values(units), [(run, reading) for run in runs])
-        return [loop for k in range(len(units)) for loop in draws.loops(k)]
+        of_points = self.space.loops(self.box.values(units), [(run, reading) for run in runs])
+        return [*chain.from_iterable(of_points)]
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
         """Short runs in which everything acts, for each branch of the code.

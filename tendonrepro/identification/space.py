@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
@@ -19,13 +19,12 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.strict_yaml import Section, section
-from tendonrepro.monte_carlo.around import ArmDraws, AroundArm, Factor, sobol
+from tendonrepro.experiments.loops import Case
+from tendonrepro.monte_carlo.around import AroundArm, Factor, sobol
 from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
 from tendonrepro.monte_carlo.comparison_values import box_at
-from tendonrepro.monte_carlo.plants import Draws
-
-Cases: TypeAlias = Sequence[tuple[str, Reading]]
-"""Runs, each under a reading."""
+from tendonrepro.monte_carlo.plants import drawn_loops
+from tendonrepro.simulation.loop import Loop
 
 _FOLLOWS = {"links.com": ("links.length",), "links.inertia": ("links.mass", "links.length")}
 """Values of an arm that move with others, too."""
@@ -52,9 +51,9 @@ class PaperSpace:
         """Configuration of values (P,) under a reading."""
         return under(reading, configured(self.base, self.box, values), self.box.named(values))
 
-    def draws(self, values: Array, cases: Cases) -> Draws:
-        """Closed loops of values (N, P)."""
-        return Draws(self.base, self.box, values, cases)
+    def loops(self, values: Array, cases: Sequence[Case]) -> Iterator[list[Loop]]:
+        """Yield the closed loops of each of values (N, P)."""
+        return drawn_loops(self.base, self.box, values, cases)
 
     def acting(self) -> Array:
         """Points at which every effect acts, for each disturbance, with and without torque steps."""
@@ -108,9 +107,9 @@ class ArmSpace:
         """Configuration of factors (P,) under a reading."""
         return under(reading, self.arm.configured(values), {})
 
-    def draws(self, values: Array, cases: Cases) -> ArmDraws:
-        """Closed loops of factors (N, P)."""
-        return ArmDraws(self.arm, values, cases)
+    def loops(self, values: Array, cases: Sequence[Case]) -> Iterator[list[Loop]]:
+        """Yield the closed loops of each of factors (N, P)."""
+        return drawn_loops(self.base, self.arm, values, cases)
 
     def acting(self) -> Array:
         """No points: what an arm has off stays off, so all plants share their code."""

@@ -6,8 +6,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cache, cached_property
-from itertools import product
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +19,8 @@ from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.strict_yaml import section
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.loops import build_loops, build_reference, slow_error_ratio
-from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
+from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.simulation.loop import DesiredMotion, Loop
-from tendonrepro.simulation.sampled import CommandFunction
 
 _DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("run_friction", "drawn")}
 """Settings of readings whose numbers are rows of the box."""
@@ -129,48 +125,6 @@ class AroundArm:
         """Ratio C1/C2 of slowly changing errors under a reading, (n,); it is the same on all arms."""
         config = under(parse_reading(reading), self.loaded.compare, {})
         return slow_error_ratio(config, CONTROLLERS[:2])
-
-    @cached_property
-    def motion(self) -> DesiredMotion:
-        """The comparison's own desired motion, which all arms follow."""
-        config = self.loaded.compare
-        return build_reference(config.reference, config, self.loaded.base.folder)
-
-    def motion_under(self, reading: Reading) -> DesiredMotion | None:
-        """The shared motion; none where a reading samples at another period, and needs one of its own."""
-        return None if "sampling_period" in dict(reading.settings) else self.motion
-
-
-class ArmDraws:
-    """Arms, by factors (N, P), as closed loops of cases: runs, each under a reading."""
-
-    def __init__(
-        self,
-        arm: AroundArm,
-        values: Array,
-        cases: Sequence[tuple[str, Reading]],
-        laws: Sequence[UserLaw] = (),
-    ) -> None:
-        self._arm, self._values, self._cases, self._laws = arm, values, cases, laws
-
-    def loops(self, k: int) -> list[Loop]:
-        """Loops of arm k, from 0, by case; all with the same sampling period share their motion."""
-        config, folder = self._arm.configured(self._values[k]), self._arm.loaded.base.folder
-        readings = dict.fromkeys(reading for _, reading in self._cases)
-        loops = {
-            reading: dict(build_loops(under(reading, config, {}), folder, self._arm.motion_under(reading)))
-            for reading in readings
-        }
-        for law, of_reading in product(self._laws, loops.values()):
-            on_lanes = None if law.alone else _function(law, law.content)
-            of_reading.update(own_loops(law, config, of_reading, on_lanes))
-        return [loops[reading][run] for run, reading in self._cases]
-
-
-@cache
-def _function(law: UserLaw, _content: str) -> CommandFunction:
-    """The same for all arms, so that they share its code; another where the file has changed."""
-    return lane_function(law)
 
 
 def draws_rows(reading: Reading) -> list[str]:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
-from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.loops import Once, build_law, run_loop
 from tendonrepro.experiments.rig import build_plant, start_angles
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.control import Law
@@ -121,7 +120,7 @@ class Performance(NamedTuple):
     stable: NDArray[np.bool_]
 
 
-def posed(loaded: LoadedEnsemble, config: CompareConfig) -> TrialPlants:
+def posed(config: CompareConfig) -> TrialPlants:
     """A configuration with the motions and loads of the tuning; its own motion is not looked at.
 
     Nor is its ``errors_from``, which speaks of that motion: errors are of the whole of these.
@@ -131,7 +130,7 @@ def posed(loaded: LoadedEnsemble, config: CompareConfig) -> TrialPlants:
     motions = [
         _motion(shape(most), period, config.sampling_period.si, n) for shape, period in (TUNING, HELD_OUT)
     ]
-    own = next(loop for _, loop in build_loops(config, loaded.base.folder, motions[0]))
+    own = run_loop(config, next(iter(config.runs)), motions[0], Once())
     payload = max(run.payload.si for run in config.runs.values()) or PAYLOAD
     bare, carrying, other = (build_plant(config, mass) for mass in (0.0, payload, HELD_OUT_SHARE * payload))
     weak = bare._replace(drive=bare.drive._replace(damping=LESS_DAMPING * bare.drive.damping))

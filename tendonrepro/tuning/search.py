@@ -212,7 +212,7 @@ class TuningTask:
         else:
             box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
             config = configured(self.loaded.base, box, box.sample(seed, 0, number, 1)[0])
-        return posed(self.loaded, config)._replace(device=self.device)
+        return posed(config)._replace(device=self.device)
 
     def tuned(self, number: int) -> TunedRow:
         """Tune every law on one draw, as plain values."""

@@ -28,8 +28,9 @@ from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import configured, make_box
+from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -256,7 +257,7 @@ def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path
     arm = AroundArm(loaded, loaded.around)
     slower = Reading(DOUBLED_PERIOD, (("sampling_period", "2ms"),))
     cases = [(FIRST, parse_reading("printed")), (FIRST, slower)]
-    first, doubled = ArmDraws(arm, arm.sample(1, 0, 0, 1), cases).loops(0)
+    ((first, doubled),) = drawn_loops(loaded.base, arm, arm.sample(1, 0, 0, 1), cases)
     assert (first.L, doubled.L) == (0.001, 0.002)
     assert doubled.reference.time == pytest.approx(first.reference.time[::2])
     assert doubled.reference.q_d == pytest.approx(first.reference.q_d[::2], abs=1e-12)

@@ -17,11 +17,12 @@ from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
-from tendonrepro.monte_carlo.around import ArmDraws, AroundArm
+from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.block import compute_blocks, loops_of
 from tendonrepro.monte_carlo.data import Block, read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
+from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.physics.control import command as physics_command
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import TimeDelayController
@@ -145,7 +146,7 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     block = study.blocks(64)[3]
     row = arm.sample(study.seed, block.replicate, block.first, 1)
     (loops,) = loops_of(study, block, row)
-    own = dict(build_loops(arm.configured(row[0]), study.loaded.base.folder, arm.motion))
+    own = dict(build_loops(arm.configured(row[0]), study.loaded.base.folder))
     for loop, (run, reading) in zip(loops, study.cases, strict=True):
         assert loop.plant.arm.a == pytest.approx(own[run].plant.arm.a)
         assert isinstance(loop.controller, TimeDelayController)
@@ -233,7 +234,9 @@ def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> No
     for gain in (3.0, 30.0):
         path.write_text(text.format(gain), "utf-8")
         study = load_study(compare, None, None, "default", 0.2, laws=laws_of([f"{path}:mine"]))
-        short = ArmDraws(study.arm, np.ones((1, len(study.arm.names))), study.cases, study.laws).loops(0)
+        assert study.arm is not None
+        itself = np.ones((1, len(study.arm.names)))
+        (short,) = drawn_loops(study.loaded.base, study.arm, itself, study.cases, study.laws)
         errors.append(simulate_batch([short[study.lookup["mine", "printed"]]], study.loaded.compare.status))
     assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 

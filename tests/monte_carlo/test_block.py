@@ -30,7 +30,7 @@ def test_a_draw_that_cannot_be_run_is_named(monkeypatch):
         message = "no such arm"
         raise TendonreproError(message)
 
-    monkeypatch.setattr("tendonrepro.monte_carlo.plants.build_reference", broken)
+    monkeypatch.setattr("tendonrepro.experiments.loops.build_reference", broken)
     study = small_study()
     block = study.blocks(DRAWS)[0]
     with pytest.raises(TendonreproError, match=f"{block}.*no such arm"):

@@ -1,22 +1,25 @@
-"""Draws as arrays are the loops of the long way by a configuration, to the last bit."""
+"""Loops that share their parts are those of each run alone, to the last bit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 from support.fake_batch import fingerprint
 
-from tendonrepro.configuration.models.readings import Reading, under
+from tendonrepro.configuration.models.readings import Reading, parse_reading, under
+from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.box import Box, configured, scrambled_sobol
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
-from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.plants import drawn_loops
 
 
 @cache
@@ -30,7 +33,7 @@ def drawn(count: int) -> tuple[Box, np.ndarray]:
 
 
 def assert_same(box: Box, row: np.ndarray, cases: Sequence[tuple[str, Reading]]) -> None:
-    loops = Draws(study().loaded.base, box, row[np.newaxis], cases).loops(0)
+    (loops,) = drawn_loops(study().loaded.base, box, row[np.newaxis], cases)
     base = study().loaded.base
     config = configured(base, box, row)
     for (run, reading), loop in zip(cases, loops, strict=True):
@@ -42,7 +45,7 @@ def assert_same(box: Box, row: np.ndarray, cases: Sequence[tuple[str, Reading]])
             np.testing.assert_array_equal(getattr(loop.reference, name), getattr(plain.reference, name))
 
 
-def test_every_reading_on_some_draw_equals_the_long_way() -> None:
+def test_every_reading_on_some_draw_equals_each_run_alone() -> None:
     """One run of each reading, and other draws for others."""
     cases = [*{reading: (run, reading) for run, reading in study().cases}.values()]
     box, values = drawn(8)
@@ -51,7 +54,7 @@ def test_every_reading_on_some_draw_equals_the_long_way() -> None:
 
 
 @pytest.mark.slow
-def test_256_draws_under_every_reading_equal_the_long_way() -> None:
+def test_256_draws_under_every_reading_equal_each_run_alone() -> None:
     """Each draw under a 32nd of all runs, so that every run is seen on eight draws."""
     cases = study().cases
     box, values = drawn(256)
@@ -62,28 +65,36 @@ def test_256_draws_under_every_reading_equal_the_long_way() -> None:
 def test_runs_share_what_is_the_same() -> None:
     box, values = drawn(2)
     printed = load_study(None, (), None, "printed").cases
-    draws = Draws(study().loaded.base, box, values, printed)
-    first, second = (dict(zip([run for run, _ in printed], draws.loops(k), strict=True)) for k in (0, 1))
+    both = drawn_loops(study().loaded.base, box, values, printed)
+    first, second = (dict(zip([run for run, _ in printed], loops, strict=True)) for loops in both)
     assert first["controller_1"].plant is first["controller_3"].plant
     assert first["controller_1"].plant is not first["controller_1_payload"].plant
     assert first["controller_1"].reference is first["controller_1_payload"].reference
     assert (first["controller_1"].plant.arm.b != second["controller_1"].plant.arm.b).any()
 
 
-def test_a_motion_that_no_sampling_period_divides_is_refused_as_the_long_way_does() -> None:
+def test_draws_on_one_motion_share_it(tmp_path: Path) -> None:
+    """Around an arm of one's own all follow its motion, but where a reading samples it otherwise."""
+    init_arm(2, tmp_path)
+    other = load_study(tmp_path / "compare.yaml", None, None, "printed", 0.2)
+    assert other.arm is not None
+    slower = parse_reading("sampling_period=2ms")
+    cases = [*other.cases, ("controller_1", slower)]
+    first, second = drawn_loops(other.loaded.base, other.arm, other.arm.sample(1, 0, 0, 2), cases)
+    assert first[0].reference is second[0].reference is not first[-1].reference
+    assert first[-1].reference is second[-1].reference
+    assert (first[0].plant.arm.b != second[0].plant.arm.b).any()
+
+
+def test_a_motion_that_no_sampling_period_divides_is_refused() -> None:
     """The shipped motion lasts 9500 samples of 1.6 ms, but not every drawn one a whole number."""
     keys = ("base.sampling_period.value=1.6", "base.solver.max_step.value=1.6")
     other = load_study(None, keys, None, "printed")
     box, values = drawn(16)
-    draws = Draws(other.loaded.base, box, values, other.cases)
     fitting = 0
-    for k, row in enumerate(values):
-        try:
-            configured(other.loaded.base, box, row)
-        except (ValidationError, ConfigError) as error:
-            with pytest.raises(type(error)):
-                draws.loops(k)
-        else:
+    for row in values:
+        with suppress(ValidationError, ConfigError):
+            (loops,) = drawn_loops(other.loaded.base, box, row[np.newaxis], other.cases)
+            assert loops[0].reference.time[-1] / loops[0].L == pytest.approx(len(loops[0].reference.time) - 1)
             fitting += 1
-            draws.loops(k)
     assert 0 < fitting < len(values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,7 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.monte_carlo.box import scrambled_sobol
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.plants import Draws
+from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import batch, crowd, device
 from tendonrepro.simulation.batch import Batch, simulate_batch
@@ -110,8 +111,7 @@ def test_draws_of_the_box_end_as_on_lanes(readings: str, edges: int) -> None:
     ideal = readings != "default"
     cases = [case for case in study.cases if "encoder=ideal" in case[1].name] if ideal else study.cases[::3]
     values = box.values(scrambled_sobol(box, 5, 0, 0, 16 if ideal else 2))
-    draws = Draws(study.loaded.base, box, values, cases)
-    loops = [loop for k in range(len(values)) for loop in draws.loops(k)]
+    loops = [*chain.from_iterable(drawn_loops(study.loaded.base, box, values, cases))]
     found, expected = simulate_batch(loops, LIMITS, device="gpu"), simulate_batch(loops, LIMITS)
     assert (found.status != expected.status).sum() <= edges
     if ideal:
@@ -123,13 +123,13 @@ def test_every_reading_has_a_source_without_what_a_gpu_lacks() -> None:
     reading = case_of(parse_reading("feedback=motor+delay_time=two_periods"), "controller_1")
     study = load_study(None, (), None, reading.name)
     box = study.boxes["box"]
-    draws = Draws(study.loaded.base, box, box.nominal[np.newaxis], study.cases)
+    (loops,) = drawn_loops(study.loaded.base, box, box.nominal[np.newaxis], study.cases)
     sources: set[str] = set()
     spy = SimpleNamespace(compiled=sources.add)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(batch, "graphics", lambda: spy)
         patch.setattr(batch, "run_crowd", lambda *_: [])
-        simulate_batch(draws.loops(0), LIMITS, device="gpu")
+        simulate_batch(loops, LIMITS, device="gpu")
     assert sources
     for source in sources:
         assert "np." not in source

@@ -52,7 +52,7 @@ def nominal() -> TrialPlants:
     """The box's middle, with ideal encoders."""
     loaded = load_ensemble(None)
     box = make_box(loaded.config)
-    plants = posed(loaded, configured(loaded.base, box, box.nominal))
+    plants = posed(configured(loaded.base, box, box.nominal))
     ideal = Encoder(0.0, 0.0)
     return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 

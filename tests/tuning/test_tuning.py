@@ -119,7 +119,7 @@ def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None
     init_arm(1, tmp_path)
     asked = ["control.readings.weights=extrapolating", "errors_from=3"]
     loaded = load_around(tmp_path / "compare.yaml", overrides=asked)
-    plants = posed(loaded, loaded.compare)
+    plants = posed(loaded.compare)
     (loop,) = loops_of(plants, as_published(plants)["controller_1"], 1)
     assert isinstance(loop.controller, TimeDelayController)
     assert loop.controller.law.weights[:, 0] == pytest.approx([1.1, -0.1])
