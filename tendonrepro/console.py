@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+
+_CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""All but tabs and ends of lines."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +22,7 @@ class Talk:
     def note(self, text: str) -> None:
         """Say something every user wants to know."""
         if not self.quiet:
-            sys.stderr.write(f"{text}\n")
+            sys.stderr.write(f"{without_controls(text)}\n")
 
     def detail(self, text: str) -> None:
         """Say something only a curious user wants to know."""
@@ -47,6 +51,15 @@ class Talk:
 
 QUIET = Talk(quiet=True)
 """Says nothing but errors."""
+
+
+def without_controls(text: str) -> str:
+    r"""A text in which names cannot speak to a terminal: control characters as in JSON, which stays JSON.
+
+    >>> without_controls("q2 \x1b[31m")
+    'q2 \\u001b[31m'
+    """
+    return _CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 def count_of(number: int, noun: str, plural: str | None = None) -> str:

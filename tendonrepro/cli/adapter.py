@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import typer
 
-from tendonrepro.console import Talk
+from tendonrepro.console import Talk, without_controls
 from tendonrepro.files import to_json
 from tendonrepro.studies.command import Command, word_of
 from tendonrepro.studies.parameters import Telling
@@ -69,9 +69,9 @@ def _answer(command: Command, words: Mapping[str, object], talk: Talk) -> Answer
 def show(answer: Answer[object], *, as_json: bool, quiet: bool) -> None:
     """Print an answer as JSON, or in words; these are on standard output, notes on standard error."""
     if as_json:
-        typer.echo(to_json(dict(answer.data)), nl=False)
+        typer.echo(without_controls(to_json(dict(answer.data))), nl=False)
     elif not quiet:
-        typer.echo(answer.text)
+        typer.echo(without_controls(answer.text))
 
 
 def _is_talk(parameter: inspect.Parameter) -> bool:

@@ -23,6 +23,7 @@ from typer.core import TyperGroup
 from tendonrepro import __version__
 from tendonrepro.cli.adapter import add_command
 from tendonrepro.commands import COMMANDS
+from tendonrepro.console import without_controls
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.configurations import ABOUT
 from tendonrepro.studies.command import EXPLORE
@@ -238,7 +239,7 @@ def _fail(code: int, message: str, where: str | None, hint: str | None) -> int:
     head = f"{where}: {message}" if where else message
     with suppress(OSError):
         if "--json" in sys.argv:
-            typer.echo(json.dumps({"error": error}, ensure_ascii=False))
+            typer.echo(without_controls(json.dumps({"error": error}, ensure_ascii=False)))
         else:
-            typer.echo("\n".join(["error: " + head, *([hint] if hint else [])]), err=True)
+            typer.echo(without_controls("\n".join(["error: " + head, *([hint] if hint else [])])), err=True)
     return code

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,35 @@ def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[s
     if waiting:
         columns_of[first] = waiting + columns_of.get(first, [])
     return columns_of
+
+
+def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[NDArray[np.bool_], list[str]]]:
+    """Columns of one clock by the rows that hold them: all of them together, or some where others have gaps.
+
+    A union of logs has a row for each time of each.
+    """
+    count = len(next(iter(table.values())))
+    every = np.ones(count, dtype=bool)
+    groups: list[tuple[NDArray[np.bool_], list[str]]] = []
+    for column in columns:
+        values = table[column]
+        rows = np.isfinite(values) if values.dtype.kind == "f" else every
+        beside = next((group for group in groups if not _alternate(group[0], rows)), None)
+        if beside is None:
+            groups.append((rows, [column]))
+        else:
+            beside[1].append(column)
+    return groups if len(groups) > 1 else [(every, list(columns))]
+
+
+def _alternate(rows: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+    """Whether rows lie among others, but are seldom the same."""
+    least = min(rows.sum(), others.sum())
+    if not least or 2 * (rows & others).sum() >= least:
+        return False
+    ends = [np.flatnonzero(these)[[0, -1]] for these in (rows, others)]
+    shared = min(end[1] for end in ends) - max(end[0] for end in ends)
+    return bool(2 * shared > min(end[1] - end[0] for end in ends))
 
 
 def starts_again(time: Array) -> NDArray[np.int64]:

@@ -20,14 +20,19 @@ class Unreadable(Exception):
 
 
 class Columns(dict[str, Column]):
-    """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially."""
+    """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially.
+
+    `angle_unit` is that of angles and rates whose names say none, where the file states it.
+    """
 
     def __init__(self, columns: Mapping[str, Column] | Iterable[tuple[str, Column]] = ()) -> None:
         super().__init__(columns)
         self.notes: list[str] = []
+        self.angle_unit = ""
 
     def add(self, name: str, values: Column, unit: str = "") -> None:
         """Add a column; a second of its name is numbered."""
+        name = " ".join(name.split())
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
         number, free = 1, full
         while free in self:

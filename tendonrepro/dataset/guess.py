@@ -12,15 +12,15 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import PAYLOAD
-from tendonrepro.dataset.clocks import by_clock, even_step, starts_again
+from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, starts_again
 from tendonrepro.dataset.columns import Column, SourceTable
 from tendonrepro.dataset.digitised import is_digitised
 from tendonrepro.dataset.mapping import CHECK, JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
+from tendonrepro.dataset.tidy import BY_JOINT
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
-_USUAL = {"rate": "deg/s", "torque": "N m"}
-_OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "N m": "mN m"}
+_OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "rad/s": "deg/s", "N m": "mN m"}
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
@@ -30,7 +30,7 @@ _PLACE = re.compile(r"\[\d+(,\d+)*\]| #\d+$")
 _OF_ARRAY = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")
 _QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
 """What a name around a column may say of its quantity."""
-_DERIVATIVE = re.compile(r"(?:q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
+_DERIVATIVE = re.compile(r"(.*?(?<![a-z]))(q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
 @dataclass
@@ -44,7 +44,7 @@ class _Column:
     values: Column
     said: Meaning
     variable: str | None
-    joint: int
+    joint: int | None
     says: frozenset[str]
     check: str = ""
     doubt: str = ""
@@ -53,6 +53,27 @@ class _Column:
     def is_numbers(self) -> bool:
         """Whether it holds numbers, not words."""
         return self.values.dtype.kind == "f"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it holds numbers, and every word of its name is known."""
+        return self.is_numbers and self.variable is not None and not self.said.unknown
+
+
+@dataclass(frozen=True)
+class _Traits:
+    """What columns of a table share.
+
+    `most` is the largest angle of no unit; `stated`, the unit of angles that the file states for all of them;
+    `of_angles`, theirs as rates beside them have it. `shift` leads from joints of the file, which are counted
+    from `first`, to those of the paper.
+    """
+
+    most: float
+    stated: str
+    of_angles: str
+    shift: int
+    first: int
 
 
 @dataclass(frozen=True)
@@ -69,7 +90,10 @@ def guess_mapping(tables: Sequence[SourceTable], title: str) -> Suggestion:
     runs: dict[str, RunGuess] = {}
     asked: list[ColumnGuess] = []
     left: list[str] = []
-    for guess in chain.from_iterable(map(_of_table, tables)):
+    names = {table.name for table in tables}
+    tables = [table for table in tables if not names & {f"{table.name}{mark}{BY_JOINT}" for mark in ":."}]
+    deciding = _with_loads_inside(tables)
+    for guess in chain.from_iterable(_of_table(table, deciding) for table in tables):
         if guess.asked:
             asked.append(guess)
             continue
@@ -143,7 +167,8 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
                 said = f"no times in {table.name}: write the step in s, as 0.001"
                 run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
                 continue
-            time = uses[clock].to_si * table.columns[clock]
+            (rows, _), *_ = by_rows(table.columns, columns)
+            time = uses[clock].to_si * table.columns[clock][rows]
             if is_digitised(time) or len(by_time) > 2:
                 _ask_reading_error(run, table, uses, columns)
             elif step := even_step(time):
@@ -171,27 +196,54 @@ def _ask_reading_error(
             run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
 
 
-def _of_table(table: SourceTable) -> Iterator[ColumnGuess]:
-    """Guess every column, in each of the runs that it belongs to."""
-    around = [meaning_of(part, around=True) for part in around_of(table.name)]
+def _with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
+    """Tables, files and folders in which a nearer name tells a load, so that their own tells none."""
+    deciding: set[tuple[str, ...]] = set()
+    for table in tables:
+        places = around_of(table.name)
+        if any(meaning_of(_PLACE.sub("", name)).payload for name in table.columns):
+            deciding.add(tuple(places))
+        for depth, place in enumerate(places):
+            if meaning_of(place, around=True).payload or tuple(places[depth:]) in deciding:
+                deciding.add(tuple(places[depth + 1 :]))
+    return deciding
+
+
+def _of_table(table: SourceTable, deciding: set[tuple[str, ...]]) -> Iterator[ColumnGuess]:
+    """Guess every column, in each of the runs that it belongs to.
+
+    A name around the table does not tell the load of its run where a nearer one of `deciding` does.
+    """
+    places = around_of(table.name)
+    around = [meaning_of(part, around=True) for part in places]
+    around = [
+        replace(said, payload=None) if tuple(places[depth:]) in deciding else said
+        for depth, said in enumerate(around)
+    ]
     inside = len(around) - len(table.name.partition(":")[0].split("/"))
     columns = [_column(name, values, around, inside) for name, values in table.columns.items()]
     _take_times(columns)
-    _take_rates(columns)
+    # The comparison moves the paper's joints 2 and 3, which a lab may count from 1 or 0.
+    counted = {column.joint for column in columns if column.is_known and column.variable != "time"}
+    is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
+    first = 0 if 0 in counted else 1
+    shift = 1 - first + (is_compared and counted == {first, first + 1})
+    _take_rates(columns, shift)
     _doubt_arrays(columns)
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
-    angles = [column for column in columns if column.variable in _OF_JOINTS and not column.said.unit]
-    most = max((_largest(column.values) for column in angles if column.is_numbers), default=0.0)
-    # The comparison moves the paper's joints 2 and 3, which a lab may count from 1.
-    counted = {column.joint for column in columns if column.variable not in (None, "time")}
-    is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
-    shift = int(is_compared and counted == {1, 2})
+    angles = [column for column in columns if column.is_known and column.variable in _OF_JOINTS]
+    most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
+    sized = {"rad"} if 0.0 < most <= _MOST_RADIANS else set()
+    in_radians = ({column.said.unit for column in angles} - {None}) or sized
+    stated = table.columns.angle_unit
+    of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
+    traits = _Traits(most, stated, of_angles, shift, first)
     # A column that names no controller belongs to each that another names.
     named = [_run_of(table.name, column.said, around) for column in columns if column.said.controller]
     for column in columns:
         own = [_run_of(table.name, column.said, around)]
         for run, payload in own if column.said.controller else dict.fromkeys(named or own):
-            use, check, asked = _guessed(column, shift, most)
+            use, check, asked = _guessed(column, traits)
             yield ColumnGuess(table, column.name, use, run, payload, check, asked)
 
 
@@ -201,26 +253,30 @@ def _column(name: str, values: Column, around: Sequence[Meaning], inside: int) -
     place = re.search(r"\[(\d+)\]", name)
     joint = next((words.joint for words in (said, *around) if words.joint is not None), None)
     if joint is None:
-        joint = int(place[1]) if place else 0
+        joint = int(place[1]) if place else None
     says = _with_context(said, around, inside)
     return _Column(name, values, said, variable_of(says), joint, says)
 
 
-def _guessed(column: _Column, shift: int, most: float) -> tuple[Use, str, str]:
+def _guessed(column: _Column, traits: _Traits) -> tuple[Use, str, str]:
     """What a column is and what to check; or its line with capitals to fill in, and why it is asked."""
-    said, variable, joint = column.said, column.variable, column.joint + shift
+    said, variable = column.said, column.variable
+    joint = 0 if column.joint is None else column.joint + traits.shift
     problem = "" if column.check else _problem(column, joint)
     if problem or variable is None:
-        return _to_fill(column, joint, most), "", problem
-    unit, sized = _unit(variable, said.unit, column.values, most)
+        return _to_fill(column, joint, traits), "", problem
+    unit, sized = _unit(variable, said.unit, column.values, traits)
     use = Use(variable, 0 if variable == "time" else joint, unit)
     checks = [*filter(None, [column.check]), *_checks(column, use, sized)]
-    if use.joint and (shift or said.joint is None):
-        checks.append(f"joint {column.joint} of the file, taken as {joint}; else {variable} {JOINT} {unit}")
+    if use.joint and (traits.shift or said.joint is None):
+        counted = "" if traits.first else ", counted from 0"
+        checks.append(
+            f"joint {column.joint} of the file{counted}, taken as {joint}; else {variable} {JOINT} {unit}"
+        )
     return use, "; ".join(checks), ""
 
 
-def _to_fill(column: _Column, joint: int, most: float) -> Use:
+def _to_fill(column: _Column, joint: int, traits: _Traits) -> Use:
     """Line of a column that is asked: what is sure, and capitals for the rest."""
     said, variable = column.said, column.variable
     # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
@@ -231,7 +287,7 @@ def _to_fill(column: _Column, joint: int, most: float) -> Use:
     is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
     unit = None if is_other_unit(said.unit or "") else said.unit
     if unit is None and variable is not None and not said.unknown and column.is_numbers:
-        unit = _unit(variable, None, column.values, most)[0]
+        unit = _unit(variable, None, column.values, traits)[0]
     return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT)
 
 
@@ -249,22 +305,24 @@ def _take_times(columns: Sequence[_Column]) -> None:
             column.check = f"times of {quoted(before.name)} are used; to use these delete the line of those"
 
 
-def _take_rates(columns: Sequence[_Column]) -> None:
-    """Take qd2 for a velocity beside qdd2, or beside a reference of joint 2."""
+def _take_rates(columns: Sequence[_Column], shift: int) -> None:
+    """Take qd2 for a velocity where a word says measured, or beside qdd2 or a reference of joint 2."""
     for column in columns:
-        match = _DERIVATIVE.match(_PLACE.sub("", column.name).strip())
-        if not match or column.variable != "q_d" or column.said.unit in FACTORS["angle"]:
+        match = _DERIVATIVE.search(_PLACE.sub("", column.name))
+        if not match or "desired" not in column.says or column.said.unit in FACTORS["angle"]:
             continue
-        second = re.compile(rf"(?:q|theta|θ)dd_?{match[1]}", re.IGNORECASE)
+        head, symbol, number = match.groups()
+        angle = meaning_of(f"{head}{symbol}{number}")
+        second = re.compile(rf"{re.escape(head)}{symbol}dd_?{number}", re.IGNORECASE)
         beside = [other.name for other in columns if second.match(other.name)] + [
             other.name
             for other in columns
-            if (other.variable, other.joint) == ("q_d", column.joint)
-            and not _DERIVATIVE.match(other.name.strip())
+            if (other.variable, other.joint) == ("q_d", column.joint) and not _DERIVATIVE.search(other.name)
         ]
-        if beside:
-            column.variable = "dq"
-            column.check = f"stands beside {quoted(beside[0])}, taken as a velocity; else q_d {match[1]} deg"
+        if beside or "measured" in angle.says:
+            why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
+            column.variable = "dq_d" if variable_of(angle.says) == "q_d" else "dq"
+            column.check = f"{why}, taken as a velocity; else q_d {int(number) + shift} deg"
 
 
 def _doubt_arrays(columns: Sequence[_Column]) -> None:
@@ -343,11 +401,8 @@ def _largest(values: Array) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0))
 
 
-def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[str, str]:
-    """Unit that its name says, else by the size of its numbers, which is told.
-
-    ``most`` is the table's largest angle.
-    """
+def _unit(variable: str, said: str | None, values: Array, traits: _Traits) -> tuple[str, str]:
+    """Unit that its name or table says, else by the size of its numbers, which is told."""
     kind = kind_of(variable)
     if kind is None or said in FACTORS[kind]:
         return said or "", ""
@@ -359,9 +414,12 @@ def _unit(variable: str, said: str | None, values: Array, most: float) -> tuple[
         unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
         return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
     if kind == "angle":
-        most = most if variable in _OF_JOINTS else _largest(values)
-        return "deg" if most > _MOST_RADIANS else "rad", f"no unit, up to {most:.3g}"
-    return _USUAL[kind], "no unit"
+        most = traits.most if variable in _OF_JOINTS else _largest(values)
+        by_size = "deg" if most > _MOST_RADIANS else "rad"
+        return traits.stated or by_size, "" if traits.stated else f"no unit, up to {most:.3g}"
+    if kind == "rate":
+        return f"{traits.of_angles}/s", "" if traits.stated else "no unit"
+    return "N m", "no unit"
 
 
 def _checks(column: _Column, use: Use, sized: str) -> Iterator[str]:

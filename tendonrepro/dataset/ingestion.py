@@ -29,6 +29,8 @@ from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 
+_MOST_LINES = 4
+"""Lines to fill in that are each named."""
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
@@ -126,6 +128,8 @@ def inspect_text(inspected: Inspected) -> str:
 def _to_fill(suggestion: str) -> str:
     """What to fill in before the mapping can be ingested."""
     lines = [number for number, line in enumerate(suggestion.splitlines(), start=1) if "# FILL IN" in line]
+    if len(lines) > _MOST_LINES:
+        return f", and fill in or delete {len(lines)} lines, the first is line {lines[0]}"
     return f", and fill in line {', '.join(map(str, lines))}" if lines else ""
 
 

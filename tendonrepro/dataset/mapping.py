@@ -16,6 +16,7 @@ A value is factor times number plus offset, in the unit of the file.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -27,14 +28,17 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
-from tendonrepro.configuration.strict_yaml import load, place
+from tendonrepro.configuration.strict_yaml import Parsed, entry, load, paths, place
 from tendonrepro.dataset.words import FACTORS
+from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import VARIABLES
 
 CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
 VARIABLE, JOINT, UNIT = "VARIABLE", "JOINT", "UNIT"
 """What stands in a suggested line where a person has to fill something in."""
+_MOST_BLANKS = 4
+"""Lines to fill in that are each named when they are refused."""
 SCHEMA_VERSION = 2
 LOOP_STEPS = 5e-5, 0.1
 """Sampling steps of a control loop, s; beyond them the unit of the times is in doubt."""
@@ -186,20 +190,42 @@ def parse_mapping(text: str, name: str) -> MappingFile:
         With the line of every mistake.
     """
     document = load(text, name)
+    _refuse_to_fill(document, name)
     try:
         tree = _Tree.model_validate(document)
     except ValidationError as error:
         raise explain(error, document, name) from None
     runs = {}
-    for run, entry in tree.runs.items():
-        columns = tree.columns if entry.columns is None else entry.columns
-        mass = entry.payload_mass_kg
+    for run, given in tree.runs.items():
+        columns = tree.columns if given.columns is None else given.columns
+        mass = given.payload_mass_kg
         if mass is None:
             mass = published().number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
-        runs[run] = entry.model_copy(update={"columns": columns, "payload_mass_kg": mass})
+        runs[run] = given.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(place(document, ("runs", run), name)) for run in runs}
     return MappingFile(tree.title, runs, guesses, places)
+
+
+def _refuse_to_fill(document: Parsed, name: str) -> None:
+    """Refuse a mapping with many lines to fill in by one sentence with three of them as examples."""
+    uses = {path: entry(document, path) for path in paths(document) if "columns" in path[:-1]}
+    blanks = {
+        path: use
+        for path, use in uses.items()
+        if isinstance(use, str) and {VARIABLE, JOINT, UNIT} & {*use.split()}
+    }
+    if len(blanks) <= _MOST_BLANKS:
+        return
+    examples = []
+    for (path, use), variable in zip(blanks.items(), ("q_d", "q_encoder", "e"), strict=False):
+        filled = f"{variable} 2 deg" if VARIABLE in use else use.replace(JOINT, "2").replace(UNIT, "deg")
+        examples.append(f"  {json.dumps(path[-1], ensure_ascii=False)}: {filled}")
+    raise ConfigError(
+        f"{len(blanks)} columns are not known: their names do not say what they are",
+        where=str(place(document, next(iter(blanks)), name)),
+        hint="\n".join(["say it of those that you need, as in", *examples, "and delete the other lines"]),
+    )
 
 
 def confirmed(text: str) -> str:

@@ -24,6 +24,7 @@ from tendonrepro.dataset.data_package import packaged, read_package
 from tendonrepro.dataset.labview import is_labview, read_lvm, read_tdms
 from tendonrepro.dataset.nested import read_hdf5
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
+from tendonrepro.dataset.tidy import BY_JOINT, by_joint, with_one_time
 from tendonrepro.dataset.workbook import read_workbook
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
@@ -33,7 +34,7 @@ MOST_BYTES = 2**31
 
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
-_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ""}
+_TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ".mot", ".sto", ""}
 _HDF = b"\x89HDF"
 """First bytes of an HDF5 file."""
 _UNICODE = 0x800
@@ -188,7 +189,9 @@ def read_file(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
     left_out = tables.left_out + [
         f"{inner}: {note}" if inner else note for inner, columns in tables.items() for note in columns.notes
     ]
-    filled = {inner: columns for inner, columns in tables.items() if columns}
+    filled = {inner: with_one_time(columns) for inner, columns in tables.items() if columns}
+    wide = {f"{inner}.{BY_JOINT}".strip("."): by_joint(columns) for inner, columns in filled.items()}
+    filled |= {inner: columns for inner, columns in wide.items() if columns}
     if not filled:
         reasons = f": {'; '.join(left_out)}" if left_out else ""
         raise Unreadable(f"holds no columns of numbers{reasons}"[:400])

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import coupling_of, published, table_1
-from tendonrepro.dataset.clocks import by_clock, rows_of, times_of
-from tendonrepro.dataset.columns import Column, SourceTable
+from tendonrepro.dataset.clocks import by_clock, by_rows, rows_of, times_of
+from tendonrepro.dataset.columns import FEWEST, Column, SourceTable
 from tendonrepro.dataset.digitised import in_order, read_off
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
@@ -25,6 +25,8 @@ from tendonrepro.results.summary import MEASURED
 _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
 """Mean difference of two of these, over the range, beyond which they are in doubt."""
+_ALIKE = 0.8
+"""Least share of a slope, or of its variance, that a rate has to be."""
 _MOST_TURN_DEG = 190.0
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
@@ -150,17 +152,19 @@ def _series_of(
     """Times, s, and values of the columns of one table, SI, and notes on what was left out."""
     series: dict[Use, tuple[Array, Array]] = {}
     rows, notes = rows_of(table, run)
-    for clock, columns in by_clock(table.columns, uses).items():
-        time, of_times = times_of(table, rows, clock, uses, run)
-        notes += of_times
-        has_time = np.isfinite(time)
-        for column in columns:
-            use = uses[column]
-            values = _taken(_in_si(_taken(table.columns[column], rows), use), has_time)
-            curve = time[has_time], values
-            series[use] = in_order(*curve) if run.reading_error_deg else curve
-            if absent := int((~np.isfinite(values)).sum()):
-                notes.append(f"{column}: {absent} of {len(values)} samples missing")
+    for clock, together in by_clock(table.columns, uses).items():
+        for filled, columns in by_rows(table.columns, together):
+            taken = rows & filled
+            time, of_times = times_of(table, taken, clock, uses, run)
+            notes += of_times
+            has_time = np.isfinite(time)
+            for column in columns:
+                use = uses[column]
+                values = _taken(_in_si(_taken(table.columns[column], taken), use), has_time)
+                curve = time[has_time], values
+                series[use] = in_order(*curve) if run.reading_error_deg else curve
+                if absent := int((~np.isfinite(values)).sum()):
+                    notes.append(f"{column}: {absent} of {len(values)} samples missing")
     return series, notes
 
 
@@ -215,7 +219,9 @@ def _named(table: SourceTable, run: RunMapping) -> dict[str, str]:
     """Columns of a table by the names of a run's mapping, with or without the table's."""
     named = {}
     for name in run.columns or {}:
-        place, _, column = name.rpartition(":") if name not in table.columns else ("", "", name)
+        # A name with a line break stands in the table with a blank.
+        plain = " ".join(name.split())
+        place, _, column = plain.rpartition(":") if plain not in table.columns else ("", "", plain)
         if column in table.columns and place in ("", table.name, table.last):
             named[name] = column
     return named
@@ -248,6 +254,26 @@ def doubts_about(trace: Trace) -> Iterator[str]:
             known = np.isfinite(size)
             if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
                 yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"
+    for rate, angle in (("dq", "q_encoder"), ("dq_d", "q_d")):
+        if rate in trace and angle in trace:
+            yield from _doubts_about_rate(trace, rate, angle)
+
+
+def _doubts_about_rate(trace: Trace, rate: str, angle: str) -> Iterator[str]:
+    """Joints whose rate, integrated, is not how far they turn."""
+    moved = np.nanmax(trace[angle], axis=0) - np.nanmin(trace[angle], axis=0)
+    for k, joint in enumerate(trace.joint):
+        known = np.isfinite(trace[angle][:, k]) & np.isfinite(trace[rate][:, k])
+        if known.sum() < FEWEST or not moved[k] > max(_HELD, _FAR * float(np.nanmax(moved))):
+            continue
+        time, q, dq = trace.time[known], trace[angle][known, k], trace[rate][known, k]
+        turned = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (dq[1:] + dq[:-1]))])
+        size, together = float(q.var()), float(np.mean((q - q.mean()) * (turned - turned.mean())))
+        if together**2 < _ALIKE * size * float(turned.var()) or not together:
+            yield f"{rate} of joint {joint} is not the slope of {angle}"
+        elif not _ALIKE < together / size < 1.0 / _ALIKE:
+            times = f"{together / size:.3g} times the slope of {angle}"
+            yield f"{rate} of joint {joint} is {times}: check its unit"
 
 
 def doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:

@@ -6,7 +6,7 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,17 @@ import pandas as pd
 
 from tendonrepro.dataset.cells import add_column, is_number, with_point
 from tendonrepro.dataset.columns import Columns, Tables, Unreadable
-from tendonrepro.dataset.headers import first_numbers, names_of
+from tendonrepro.dataset.headers import angle_unit_of, first_numbers, names_of
 
 COMMENTS = ("#", "%", "//")
 _HEAD, _TAIL = 2**20, 2**16
 """Characters at the beginning, and bytes at the end, that tell how a file is written."""
 _SAMPLED = 60
 """Lines at the end that do."""
+_MOST_BREAKS = 8
+"""Lines over which a quoted name may go."""
+_OPENS = re.compile(r'(?:^|[\t;,|])\s*"')
+"""Quote before a cell, where those that close again are taken off."""
 _CHUNK = 2**20
 _WAYS: tuple[tuple[str | None, bool], ...] = (
     *((separator, False) for separator in ("\t", ";", ",", "|", None)),
@@ -34,7 +38,8 @@ _WAYS: tuple[tuple[str | None, bool], ...] = (
 class Layout:
     """How a text is written: `separator`, None for blanks, `comma` for decimals; `skipped` lines come first.
 
-    `names` are those of its columns; `is_damaged` says that some bytes are not of the encoding.
+    `names` are those of its columns; `is_damaged` says that some bytes are not of the encoding; `angle_unit`,
+    if any, is that of angles and rates by a setting above the table.
     """
 
     encoding: str
@@ -43,6 +48,7 @@ class Layout:
     comma: bool
     skipped: int
     names: list[str]
+    angle_unit: str
 
 
 def read_text_table(path: Path) -> Tables:
@@ -55,6 +61,7 @@ def read_text_table(path: Path) -> Tables:
     """
     layout = layout_of(path)
     columns = Columns()
+    columns.angle_unit = layout.angle_unit
     if layout.is_damaged:
         columns.notes.append("bytes that are no UTF-8 were replaced")
     frame, too_long = _read(path, layout)
@@ -86,15 +93,29 @@ def layout_of(path: Path) -> Layout:
     encoding, is_damaged = encoding_of(path)
     lines, last = _lines(path, encoding)
     separator, comma = _spelling(last)
-    filled = [k for k, line in enumerate(lines) if line.strip() and not _is_aside(line)]
-    rows = [split(lines[k], separator, comma=comma) for k in filled]
+    written = {place: line for place, line in _whole(lines) if line.strip() and not _is_hint(line)}
+    filled = [place for place, line in written.items() if not line.startswith(COMMENTS)]
+    rows = [split(written[place], separator, comma=comma) for place in filled]
     first = first_numbers(rows, [split(line, separator, comma=comma) for line in last])
     if first is None:
         raise Unreadable("a text without a table of numbers")
-    above = [line for line in lines[: filled[first]] if line.strip() and not _is_hint(line)]
+    above = [line for place, line in written.items() if place < filled[first]]
     head = [split(line.lstrip("#%/"), separator, comma=False) for line in above]
     width = max(map(len, rows[first : first + 1000]))
-    return Layout(encoding, is_damaged, separator, comma, filled[first], names_of(head, width))
+    names = names_of(head, width)
+    return Layout(encoding, is_damaged, separator, comma, filled[first], names, angle_unit_of(above))
+
+
+def _whole(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Lines and their places; what breaks off between quotes goes on in the next line."""
+    place = 0
+    while place < len(lines):
+        end = place + 1
+        if _OPENS.search(re.sub('"[^"]*"', "", lines[place])):
+            closing = (k for k in range(end, min(end + _MOST_BREAKS, len(lines))) if lines[k].count('"') % 2)
+            end = next(closing, place) + 1
+        yield place, " ".join(line.strip() for line in lines[place:end]) if end > place + 1 else lines[place]
+        place = end
 
 
 def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
@@ -159,10 +180,6 @@ def _is_hint(line: str) -> bool:
     return line.casefold().startswith("sep=")
 
 
-def _is_aside(line: str) -> bool:
-    return line.startswith(COMMENTS) or _is_hint(line)
-
-
 def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
     """Separator, None for blanks, and decimal comma: what makes most numbers."""
 
@@ -222,24 +239,27 @@ def _note_on(rows: pd.DataFrame) -> list[str]:
 
 def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, list[int]]:
     """Cells below the header, and the numbers of lines that have too many."""
-    with warnings.catch_warnings(record=True) as caught:
+    with (
+        path.open(encoding=layout.encoding, errors="replace") as stream,
+        warnings.catch_warnings(record=True) as caught,
+    ):
         warnings.simplefilter("always")
+        # pandas would count lines of the head by its quotes, which may not close.
+        for _ in range(layout.skipped):
+            next(stream)
         frame = pd.read_csv(
-            path,
+            stream,
             sep=r"\s+" if layout.separator is None else layout.separator,
             decimal="," if layout.comma else ".",
             header=None,
             names=range(len(layout.names)),
             index_col=False,
-            skiprows=layout.skipped,
-            encoding=layout.encoding,
-            encoding_errors="replace",
             skipinitialspace=True,
             on_bad_lines="warn",
             **chosen,
         )
     too_long = [
-        int(number)
+        layout.skipped + int(number)
         for warning in caught
         if issubclass(warning.category, pd.errors.ParserWarning)
         for number in re.findall(r"line (\d+)", str(warning.message))

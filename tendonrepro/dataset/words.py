@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Iterator
@@ -133,7 +134,8 @@ def meaning_of(name: str, *, around: bool = False) -> Meaning:
         others.append("a sum or difference")
     if "load" in says:
         payload = float("nan") if payload is None else payload
-        others += ["load"] if says & (_COUNTED - {"joint"}) else []
+        is_of_run = controllers or not math.isnan(payload)
+        others += ["load"] if says & (_COUNTED - {"joint"}) and not is_of_run else []
     if controllers and "decouple" in says:
         # The title of the paper has both.
         controllers, says = set(), says - {"decouple"}
@@ -148,8 +150,8 @@ def meaning_of(name: str, *, around: bool = False) -> Meaning:
 
 
 def _plain(text: str) -> str:
-    """Letters that look alike in one form, without marks of LaTeX; an ordinal stands for a degree."""
-    return unicodedata.normalize("NFKC", re.sub(r"[\\{}$^]", "", text).replace("º", "°"))
+    """Letters that look alike in one form, without marks of LaTeX; an ordinal or ring is a degree."""
+    return unicodedata.normalize("NFKC", re.sub(r"[\\{}$^]", "", text).replace("º", "°").replace("˚", "°"))
 
 
 def _without_unit(name: str, *, around: bool) -> tuple[str, str | None]:
@@ -208,7 +210,7 @@ def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
             controllers.add(int(word))
         elif before in _COUNTED or (not before and after in _COUNTED):
             joints.add(int(word))
-        elif before not in ("", None, "silent"):
+        elif before not in ("", None, "silent", _OTHER):
             others.append(word)
     return joints, controllers, others
 

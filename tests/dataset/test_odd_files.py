@@ -17,7 +17,7 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
-from support.command import answer
+from support.command import answer, run
 from support.matlab_bytes import classic, record, records
 
 from tendonrepro.console import QUIET
@@ -111,7 +111,75 @@ PREAMBLE = "".join(f"Parameter {k},{1.5 * k}\n" for k in range(70))
 BARE = "time(s),q2 desired(deg),q2 actual(deg),q3_d(deg),q3(deg)\n"
 CHINESE = "时间(s),关节2期望角度(deg),关节2实际角度(deg),关节3期望角度(deg),关节3实际角度(deg)\n"
 NOTED = HEADS.replace("time (s),", 'time (s),"note, operator",')
+ROWS_OF_SCOPE = "".join(
+    "\t".join([label, *(cells if isinstance(cells, list) else [cells] * 4)]) + "\n"
+    for label, cells in {
+        "Name": ["q2_d", "q2", "q3_d", "q3"],
+        "Data-Type": "LREAL",
+        "SymbolName": ["G.a", "G.b", "G.c", "G.d"],
+        "Unit": "deg (Angle)",
+        "Unit Offset": "0",
+    }.items()
+)
+IN_MS = np.column_stack([1e3 * T, NUMBERS[:, 1:]])
+IN_RADIANS = np.column_stack([T, np.deg2rad(NUMBERS[:, 1:])])
+OF_ROS = "%time,field.header.seq,field.want.name0,field.desired.positions0,field.desired.positions1," + (
+    "field.actual.positions0,field.actual.positions1\n"
+)
+
+
+def topics():
+    rows = zip(range(400), NUMBERS[:, [1, 3, 2, 4]], strict=True)
+    angles = ((k, ",".join(f"{np.deg2rad(x):.6f}" for x in row)) for k, row in rows)
+    return OF_ROS + "".join(f"{17 * 10**17 + 10**7 * k},{k},elbow,{told}\n" for k, told in angles)
+
+
+def stamps():
+    rows = ((divmod(98 + k, 100), row) for k, row in enumerate(NUMBERS[:, 1:]))
+    told = (f"{s},{10**7 * cs}," + ",".join(f"{x:.4f}" for x in row) + "\n" for (s, cs), row in rows)
+    return "header.stamp.sec,header.stamp.nanosec," + ",".join(NAMES[1:]) + "\n" + "".join(told)
+
+
+def a_row_a_joint(late=0.0):
+    rows = ((k, joint) for k in range(400) for joint in (2, 3))
+    told = (
+        f"{0.01 * k + late * (j == 3):.3f},axis_{j},{DESIRED[j][k]:.6f},{ACTUAL[j][k]:.6f}\n" for k, j in rows
+    )
+    return "stamp_sec,joint,desired_position,actual_position\n" + "".join(told)
+
+
+def from_zero(number="{}"):
+    joints = (number.format(k) for k in (0, 1))
+    return "t," + ",".join(f"q_d_{k},q_{k}" for k in joints) + "\n" + lines(IN_RADIANS, form="{:.6f}")
+
+
 PLAIN = {
+    "names over several lines": (
+        ".csv",
+        '"Time\n(s)","Soll\nq2_d (deg)",q2 (deg),q3_d (deg),"Ist\r\nq3 (deg)"\n' + lines(),
+        MAE,
+    ),
+    "a quote that nothing closes": (".csv", 'Rod,"5\n' + HEADS + lines(), MAE),
+    "commands above the numbers": (".csv", HEADS + "begin,home,home,home,home\n" + lines(), MAE),
+    "names below the header": (".csv", HEADS + "clock,desired,actual,desired,actual\n" + lines(), MAE),
+    "rows of a scope": (".csv", f"Name\trig\nFile\trig.csv\n\n{ROWS_OF_SCOPE}\n" + lines(IN_MS, "\t"), MAE),
+    "times beside each signal of a scope": (
+        ".csv",
+        "Name\tq2_d\tName\tq2\nUnit\tdeg\tUnit\tdeg\nOffset\t0\tOffset\t0\n"
+        + lines(IN_MS[:, [0, 1, 0, 2]], "\t"),
+        MAE[:1],
+    ),
+    "degrees by a setting": (
+        ".mot",
+        "rig\nversion=1\ninDegrees=yes\nendheader\ntime\tq2_d\tq2\n"
+        + lines(NUMBERS[:, :3] / [1, 20, 20], "\t", "{:.6f}"),
+        [MAE[0] / 20],
+    ),
+    "a ring above as degrees": (".csv", HEADS.replace("deg", "˚") + lines(), MAE),
+    "topics of ROS": (".csv", topics(), MAE),
+    "seconds and nanoseconds": (".csv", stamps(), MAE),
+    "a row a joint": (".csv", a_row_a_joint(), MAE),
+    "joints from 0": (".csv", from_zero(), MAE),
     "quoted header": (".csv", NOTED + lines(np.insert(NUMBERS, 1, 7.0, axis=1)), MAE),
     "no blank before the bracket": (".csv", BARE + lines(), MAE),
     "Chinese, no blank": (".csv", (CHINESE + lines()).encode("gbk"), MAE),
@@ -141,6 +209,154 @@ def test_a_plain_table_however_it_is_written(kind, tmp_path):
     assert found["runs"]["controller_1"]["samples"] == 400
     assert mae(found) == expected
     assert runs["controller_1"].time[-1] == pytest.approx(1.3965 if kind == "thousands" else 3.99)
+
+
+def test_a_first_sample_with_a_time_alone_is_a_sample(tmp_path):
+    """So is one with words in place of numbers."""
+    rows = lines().splitlines(keepends=True)
+    for first in ("0.0000,,,,\n", "0.0000,home,home,home,home\n"):
+        found, runs, _ = ingested(tmp_path, ".csv", HEADS + first + "".join(rows[1:]))
+        assert found["runs"]["controller_1"]["samples"] == 400
+        assert mae(found) == [np.abs(ERROR[joint][1:]).mean() for joint in (2, 3)]
+        assert np.isnan(runs["controller_1"]["e"][0]).all()
+
+
+def test_a_joint_that_is_counted_from_0_is_told(tmp_path):
+    _, _, mapping = ingested(tmp_path, ".csv", from_zero())
+    assert all("CHECK" in line for line in mapping.splitlines() if line.startswith('  "q_'))
+
+
+def test_joints_of_a_row_each_with_times_of_their_own(tmp_path):
+    content = a_row_a_joint(late=0.002)
+    found, runs, _ = ingested(tmp_path, ".csv", content)
+    assert runs["controller_1"].joint == (2, 3)
+    assert found["runs"]["controller_1"]["mae_deg"] == pytest.approx(MAE, rel=0.01)
+
+
+@pytest.mark.parametrize("others", [0, 2])
+def test_desired_and_measured_in_alternate_rows(tmp_path, others):
+    """Other topics between them do not make a figure of it that was read off."""
+    table = pd.DataFrame({"__time": T, "q2_d (deg)": DESIRED[2]})
+    late = T + 0.003
+    angle = 30.0 * np.sin(np.pi * late / 4.0) ** 2 - 0.3 * np.sin(np.pi * late / 2.0)
+    table = pd.concat([table, pd.DataFrame({"__time": late, "q2 (deg)": angle})])
+    for k in range(others):
+        more = pd.DataFrame({"__time": T + 0.0041 + 0.0032 * k, f"tau{2 + k} (Nm)": DESIRED[2]})
+        table = pd.concat([table, more])
+    content = table.sort_values("__time").to_csv(index=False, float_format="%.6f")
+    found, runs, _ = ingested(tmp_path, ".csv", content)
+    assert found["runs"]["controller_1"]["mae_deg"][0] == pytest.approx(MAE[0], abs=1e-3)
+    assert np.diff(runs["controller_1"].time) == pytest.approx(0.01)
+    assert any("interpolated" in note for note in found["notes"])
+    assert not any("gaps" in note or "missing" in note for note in found["notes"])
+
+
+def test_gaps_of_one_signal_stay_gaps(tmp_path):
+    """They are no alternate rows, even where two signals have theirs at different times."""
+    rows = NUMBERS.copy()
+    rows[50:80, 1] = rows[200:230, 2] = np.nan
+    found, runs, _ = ingested(tmp_path, ".csv", HEADS + lines(rows).replace("nan", ""))
+    assert found["runs"]["controller_1"]["samples"] == 400
+    assert np.isnan(runs["controller_1"]["e"][:, 0]).sum() == 60
+
+
+@pytest.mark.parametrize("status", [True, False])
+def test_angles_in_radians_beside_rates_and_a_status(tmp_path, status):
+    """As a robot's controller logs them: a status of 253 is no angle, and target_qd no desired angle."""
+    rows = np.deg2rad(np.column_stack([DESIRED[2], np.gradient(DESIRED[2], 0.01), ACTUAL[2]]))
+    rows = np.column_stack([T, rows, np.gradient(rows[:, 2], 0.01), np.full(400, 253.0)])
+    head = "timestamp target_q_2 target_qd_2 actual_q_2 actual_qd_2 joint_mode_2\n"
+    kept = slice(None) if status else slice(5)
+    content = " ".join(head.split()[kept]) + "\n" + lines(rows[:, kept], " ", "{:.6f}")
+    found, runs, mapping = ingested(tmp_path, ".csv", content)
+    assert mae(found) == MAE[:1]
+    assert set(runs["controller_1"].variables) == {"q_d", "q_encoder", "e", "dq", "dq_d"}
+    assert runs["controller_1"]["dq_d"][:, 0] == pytest.approx(rows[:, 2], abs=1e-4)
+    assert found["doubts"] == []
+    assert all("CHECK" in line for line in mapping.splitlines() if "qd_2" in line)
+
+
+@pytest.mark.parametrize(("factor", "doubts"), [(1.0, 0), (57.3, 1), (-1.0, 1), (0.0, 1)])
+def test_a_rate_that_is_no_slope_is_told(tmp_path, factor, doubts):
+    rate = factor * np.gradient(ACTUAL[2], 0.01)
+    rows = np.column_stack([NUMBERS[:, :3], rate])
+    found, _, _ = ingested(tmp_path, ".csv", ",".join(NAMES[:3]) + ",dq2 (deg/s)\n" + lines(rows))
+    assert len(found["doubts"]) == doubts
+
+
+def test_a_joint_at_rest_has_no_rate_to_doubt(tmp_path):
+    """Noise of its tachometer, summed up, is not how far it turned."""
+    noise = np.random.default_rng(5).normal(0.2, 1.0, 400)
+    rows = np.column_stack([NUMBERS[:, :3], 0.02 * np.sign(noise), noise])
+    head = ",".join(NAMES[:3]) + ",q3 (deg),dq3 (deg/s)\n"
+    found, _, _ = ingested(tmp_path, ".csv", head + lines(rows))
+    assert found["doubts"] == []
+
+
+LOADED = {
+    "columns": ["t (s)", "q2_d (deg)", "C1 q2 (deg)", "C2 q2 (deg)", "C1 with 0.2 kg payload q2 (deg)"],
+    "none but the file": ["t (s)", "q2_d (deg)", "C1 q2 (deg)", "C2 q2 (deg)"],
+}
+
+
+@pytest.mark.parametrize("named", LOADED)
+def test_the_load_of_a_column_goes_before_that_of_its_file(tmp_path, named):
+    columns = [T, DESIRED[2], *(DESIRED[2] - k * ERROR[2] for k in (1, 2, 3))][: len(LOADED[named])]
+    path = tmp_path / "SYNTHETIC_payload.csv"
+    path.write_text(",".join(LOADED[named]) + "\n" + lines(np.column_stack(columns)))
+    run_inspect([path], tmp_path / "m.yaml", force=True)
+    found = run_ingest([path], tmp_path / "m.yaml", tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    if named == "columns":
+        expected = {"controller_1": (1, 0.0), "controller_2": (2, 0.0), "controller_1_payload": (3, 0.2)}
+    else:
+        expected = {"controller_1_payload": (1, 0.2), "controller_2_payload": (2, 0.2)}
+    assert set(found["runs"]) == set(expected)
+    for name, (size, mass) in expected.items():
+        assert mae(found, name) == [size * MAE[0]]
+        assert found["runs"][name]["payload_mass_kg"] == mass
+
+
+def test_the_load_of_a_sheet_goes_before_that_of_its_folder(tmp_path):
+    folder = tmp_path / "SYNTHETIC payload 2026"
+    folder.mkdir()
+    with pd.ExcelWriter(folder / "runs.xlsx") as book:
+        for sheet in ("C1", "C2", "C1 0.5kg"):
+            pd.DataFrame(dict(zip(NAMES, NUMBERS.T, strict=True))).to_excel(
+                book, sheet_name=sheet, index=False
+            )
+    runs = run_inspect([tmp_path], None, force=True)["runs"]
+    assert set(runs) == {"controller_1", "controller_2", "controller_1_payload"}
+
+
+def test_where_nothing_is_known_one_sentence_says_so(tmp_path):
+    rows = np.column_stack([T, *np.random.default_rng(2).normal(size=(50, 400))])
+    content = "time (s)," + ",".join(f"channel {chr(97 + k % 26)}{k}" for k in range(50)) + "\n" + lines(rows)
+    with pytest.raises(ConfigError) as caught:
+        ingested(tmp_path, ".csv", content)
+    said = f"{caught.value}"
+    assert "m.yaml:5" in said
+    assert said.count("channel") == 3
+    examples = [line.strip() for line in said.splitlines() if "channel" in line]
+    found, _, _ = ingested(
+        tmp_path,
+        ".csv",
+        content,
+        lambda _: (
+            "\n  ".join(["columns:", "time (s): time s", *examples, ""])
+            + "\nruns: {controller_1: SYNTHETIC_c1.csv}\n"
+        ),
+    )
+    assert found["runs"]["controller_1"]["joints"] == [2]
+
+
+def test_a_name_does_not_speak_to_the_terminal(tmp_path):
+    for sign in ("\x1b]0;mine\x07", "\x9b31m"):
+        path = tmp_path / "SYNTHETIC_c1.csv"
+        path.write_text(HEADS.replace("q2_d", f"{sign}q2_d") + lines(), encoding="utf-8")
+        for words in ([], ["--json"]):
+            shown = run("inspect", str(path), *words, cwd=tmp_path).stdout
+            assert sign[0] not in shown
+            assert f"{ord(sign[0]):04x}" in shown
 
 
 def test_a_curve_follows_the_times_to_its_left(tmp_path):
