@@ -120,7 +120,7 @@ def tension_with_losses(
         towards its joint, above one where back.
     """
     n = side.shape[0]
-    tension: list[Array] = [*np.empty((n, 1)), np.asarray(force)]
+    tension = {n: np.asarray(force)}
     # Tendon n ends at joint n, so what holds the last joint is known first.
     for p in range(n - 1, -1, -1):
         torque = side[p] * diameter[p] / 2.0
@@ -128,7 +128,7 @@ def tension_with_losses(
         for k in range(p + 1, n + 1):
             rest = rest - torque[k] * passed_on[k] ** p * tension[k]
         tension[p] = rest / (torque[p] * passed_on[p] ** p)
-    return np.stack(tension[:n])
+    return np.stack([tension[p] for p in range(n)])
 
 
 def slack_time(time: Array, tension: Array) -> Array:
