@@ -194,7 +194,7 @@ def one_line() -> str:
     """A line of physics as tape, as instructions for eight experiments, as machine code, as JavaScript."""
     from llvmlite import binding
 
-    from tendonrepro.simulation.codegen import machine, printed, threads
+    from tendonrepro.simulation.codegen import machine, printed
     from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape
 
     def surface(de: Any, beta: Any, e: Any) -> Any:
@@ -221,10 +221,7 @@ def one_line() -> str:
     instructions = [line.strip() for line in assembly.splitlines() if line.startswith("\tv")]
     places = printed.PlacesTape()
     value = surface(*places.places("given", 3))
-    script = printed.function_source(
-        "surface", places.lines, {("found", 0): value}, ("given", "found"), printed.JAVASCRIPT
-    )
-    thread = threads.function("surface", tape, {result: s}, rows).partition("}\n")[2]
+    script = printed.function_source("surface", places.lines, {("found", 0): value}, ("given", "found"))
     return "\n\n".join(
         (
             code_block("", "\n".join(written)),
@@ -235,8 +232,6 @@ def one_line() -> str:
             code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
             "The same tape as JavaScript, for [the page in a browser](live.md):",
             code_block("js", script),
-            "And as CUDA C, for a thread of a GPU. The same text is C++ for a processor:",
-            code_block("c", thread),
         )
     )
 

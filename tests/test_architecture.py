@@ -56,7 +56,6 @@ OWNERS = {
     "filelock": ["results/place.py"],
     "loky": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/ensemble.py"],
-    "cupy": ["simulation/device.py"],
     "cma": ["monte_carlo/box.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/page.py"],

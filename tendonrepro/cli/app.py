@@ -60,6 +60,9 @@ class ByPanel(TyperGroup):
                 formatter.write_dl(rows)
 
 
+RETIRED = {"device": "leave it out: everything runs on processors, and --jobs says on how many"}
+"""Options of the last version that are gone, and what to do instead."""
+
 app = typer.Typer(
     cls=ByPanel,
     help=HELP,
@@ -227,7 +230,9 @@ def _help_for(error: Exception) -> str:
     while context is not None and context.parent is not None:
         names.insert(0, str(context.info_name))
         context = context.parent
-    command = " ".join(names)
+    command, option = " ".join(names), str(getattr(error, "option_name", "")).removeprefix("--")
+    if option in RETIRED:
+        return RETIRED[option]
     return (
         f"tendonrepro {command} --help shows what it takes" if names else "tendonrepro --help lists commands"
     )

@@ -11,7 +11,6 @@ from tendonrepro.studies.parameters import (
     ConfigOption,
     Destination,
     Folder,
-    On,
     RangesOption,
     Seed,
     SpreadOption,
@@ -31,7 +30,6 @@ def predict(
     readings: str | None = None,
     spread: SpreadOption = None,
     ranges: RangesOption = None,
-    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """What experiments on a bench would give, by interpretation.
@@ -47,17 +45,15 @@ def predict(
     """
     from tendonrepro.configuration.plants import load_plants, with_all_controllers
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_outcome
-    from tendonrepro.simulation.device import require
 
     loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
     asked_for(loaded, draws, names)
-    require(device)
     return Study(
         replace(loaded.base, sha256=loaded.sha256, origin=loaded.origin),
-        lambda site: predict_outcome(loaded, draws, names, site.talk, device),
+        lambda site: predict_outcome(loaded, draws, names, site.talk),
         folder,
-        decided_by={"draws": draws, "readings": names, "device": device},
+        decided_by={"draws": draws, "readings": names},
         stored=True,
     )
 

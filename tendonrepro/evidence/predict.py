@@ -22,12 +22,11 @@ from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import Loop
 
 LEAST = 20
 """Stable plants below which no interval is given."""
-AT_ONCE: Mapping[DeviceName, int] = {"cpu": 16, "gpu": 256}
+AT_ONCE = 16
 """Plants simulated together."""
 Gaps: TypeAlias = Mapping[tuple[str, str], float]
 """By pair of readings."""
@@ -54,7 +53,6 @@ def predictions(
     readings: Sequence[Reading],
     draws: int,
     talk: Talk,
-    device: DeviceName = "cpu",
 ) -> Iterator[Prediction]:
     """Yield every experiment's ratio under every reading on every joint."""
     joints, experiments = loaded.compare.joints, experiments_on(loaded)
@@ -65,10 +63,10 @@ def predictions(
         for reading in readings:
             errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
             stable = []
-            for rows in np.split(values, range(AT_ONCE[device], draws, AT_ONCE[device])):
+            for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
                 loops = [*loops_of_plants(loaded, plants, rows, reading)]
                 limits, threads = loaded.compare.status, processors()
-                batch = simulate_batch(loops, limits, threads=threads, device=device)
+                batch = simulate_batch(loops, limits, threads=threads)
                 count = len(base) + len(experiments)
                 for name, parts in errors.items():
                     parts.append(batch.statistics[name].reshape(-1, count, len(joints)))

@@ -22,7 +22,6 @@ from tendonrepro.evidence.predict import (
 from tendonrepro.monte_carlo.around import draws_rows, readings_on
 from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.results.tables import Table
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.studies.outcome import Outcome
 
 SCHEMA_VERSION = 1
@@ -43,9 +42,7 @@ def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
     readings_on(loaded, readings)
 
 
-def predict_outcome(
-    loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk, device: DeviceName = "cpu"
-) -> Outcome:
+def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Outcome:
     """Predict every experiment under interpretations, their names with commas between."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
@@ -59,7 +56,7 @@ def predict_outcome(
         loaded.compare.joints,
         experiments_on(loaded),
     )
-    predicted = list(predictions(loaded, chosen, draws, talk, device))
+    predicted = list(predictions(loaded, chosen, draws, talk))
     names = [reading.name for reading in chosen]
     gaps = gaps_between(predicted, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)

@@ -9,7 +9,6 @@ from tendonrepro.studies.parameters import (
     ConfigOption,
     Folder,
     Jobs,
-    On,
     RangesOption,
     Seed,
     SpreadOption,
@@ -39,7 +38,6 @@ def identify(
     spread: SpreadOption = None,
     ranges: RangesOption = None,
     jobs: Jobs = -1,
-    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Plants closest to the published errors, or to your own.
@@ -84,6 +82,5 @@ def identify(
         rows=rows,
         from_draws=None if from_draws is None else Path(from_draws),
         jobs=jobs,
-        device=device,
         folder=folder,
     )

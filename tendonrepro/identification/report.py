@@ -155,8 +155,6 @@ def _command(goal: Goal, head: Json, search: SearchAnswer) -> str:
     rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []
     if "from_draws_of" in head:
         rows.append("--from-draws reports/ensemble")
-    if "device" in head:
-        rows.append(f"--device {head['device']}")
     changes = [f"--set {shlex.quote(change)}" for change in head["overrides"]]
     lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
     return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])

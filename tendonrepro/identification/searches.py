@@ -51,7 +51,6 @@ from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
@@ -87,7 +86,6 @@ class IdentificationTask:
     bench: Bench
     begins: Mapping[str, Array] = field(default_factory=dict)
     draws_of: str = ""
-    device: DeviceName = "cpu"
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -131,8 +129,6 @@ class IdentificationTask:
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.goal.joints),
-            # Rounding of another device can lead a search elsewhere.
-            **({} if self.device == "cpu" else {"device": self.device}),
             **({"from_draws_of": self.draws_of} if self.draws_of else {}),
         }
 
@@ -166,7 +162,6 @@ def identification(
     rows: str,
     from_draws: Path | None = None,
     jobs: int,
-    device: DeviceName = "cpu",
     folder: Folder,
 ) -> Study:
     """Check and prepare a search.
@@ -187,13 +182,9 @@ def identification(
         Names of the rows that are searched instead, joined by commas.
     from_draws : Path, optional
         Ensemble at whose nearest draws the searches begin; else they begin at the arm of the comparison.
-    device : str
-        ``gpu`` runs one search after the other on a GPU.
 
     Raises
     ------
-    TendonreproError
-        If no GPU can be used.
     UsageError
         For an unknown reading or row, no effort, no numbers to fit, or an ensemble of other ranges.
     DataMissingError
@@ -201,7 +192,6 @@ def identification(
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns)
     check_jobs(jobs)
-    require(device)
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
     task = IdentificationTask(
@@ -213,7 +203,6 @@ def identification(
         rows=_named_rows(rows, space.box),
         seed=int(loaded.config.seed.si),
         bench=Bench(space, window, simulate_batch),
-        device=device,
     )
     if from_draws:
         task = _from_draws(task, from_draws)
@@ -348,9 +337,9 @@ def check_at_least_one(**options: int) -> None:
 def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> Results:
     """Search for every reading, several at once."""
     cases, jobs = list(task.cases()), jobs if jobs > 0 else processors()
-    processes = min(jobs, len(cases)) if task.device == "cpu" else 1
+    processes = min(jobs, len(cases))
     threads = jobs if processes == 1 else 1
-    simulate = partial(simulate_batch, threads=threads, device=task.device)
+    simulate = partial(simulate_batch, threads=threads)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     results: Results = {}
     talk.note(f"at most {work_text(*task.cost().values())}")

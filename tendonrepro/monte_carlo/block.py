@@ -21,11 +21,10 @@ from tendonrepro.monte_carlo.user_laws import Simulate, runs_alone, simulate_mix
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
 from tendonrepro.simulation.batch import Batch, simulate_batch
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.stepper import simulate
 
-DRAWS_AT_ONCE: Mapping[DeviceName, int] = {"cpu": 32, "gpu": 256}
+DRAWS_AT_ONCE = 32
 """Draws simulated together; more fill lanes and threads better; each has motions of some 3 MB."""
 
 IDEAL = Encoder(resolution=0.0, noise=0.0)
@@ -43,7 +42,7 @@ def compute_blocks(
     study: EnsembleStudy, blocks: Sequence[Block], simulate: Simulate = simulate_batch
 ) -> list[Shard]:
     """Simulate every case of every draw of blocks of one population, across blocks together."""
-    drawn_from, most = study.populations[blocks[0].population], DRAWS_AT_ONCE[study.device]
+    drawn_from, most = study.populations[blocks[0].population], DRAWS_AT_ONCE
     values = [drawn_from.sample(study.seed, block.replicate, block.first, block.count) for block in blocks]
     pieces = [
         (block, rows)
@@ -71,7 +70,6 @@ def compute_blocks(
             np.array(json.dumps(spot_check(study, block, drawn, simulate)))
             for block, drawn in zip(blocks, values, strict=True)
         ],
-        "device": [np.array(study.device)] * len(blocks),
     } | {
         name: by_case([batch.statistics[name] for batch in batches], np.float32)
         for name in batches[0].statistics

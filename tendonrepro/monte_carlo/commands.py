@@ -1,6 +1,5 @@
 """The command that runs many plausible plants."""
 
-from dataclasses import replace
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import EXPLORE, study
@@ -10,7 +9,6 @@ from tendonrepro.studies.parameters import (
     Folder,
     Jobs,
     Laws,
-    On,
     RangesOption,
     Seed,
     SpreadOption,
@@ -33,7 +31,6 @@ def ensemble(
     ranges: RangesOption = None,
     laws: Laws = None,
     jobs: Jobs = -1,
-    device: On = "cpu",
     dask: Annotated[str | None, Word(metavar="ADDRESS")] = None,
     **folder: Unpack[Folder],
 ) -> Study:
@@ -54,8 +51,6 @@ def ensemble(
     """
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
-    from tendonrepro.simulation.device import require
 
-    require(device)
-    ensemble = replace(load_study(config, set, seed, readings, spread, ranges, laws_of(laws)), device=device)
+    ensemble = load_study(config, set, seed, readings, spread, ranges, laws_of(laws))
     return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=folder)

@@ -31,7 +31,7 @@ Shard = Mapping[str, ShardArray]
 """Everything kept of one block; B draws of P numbers, C cases, n joints.
 
 ``draws`` (B, P) and ``status`` (C, B); each statistic (C, B, n), SI; ``check`` is JSON of what the spot check
-found; ``device`` is what the block was computed on.
+found.
 """
 
 KEPT_DRAWS = 2**15

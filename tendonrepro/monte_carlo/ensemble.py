@@ -25,9 +25,9 @@ from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
 from tendonrepro.monte_carlo.around import AroundArm, readings_on
-from tendonrepro.monte_carlo.block import DRAWS_AT_ONCE, make_blocks
+from tendonrepro.monte_carlo.block import make_blocks
 from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.data import PLAN, SHARDS, Block, read_ensemble, shard_files
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
@@ -108,7 +108,7 @@ def ensemble_study(
     *,
     jobs: int = 1,
     dask: str | None = None,
-    simulate: Simulate | None = None,
+    simulate: Simulate = simulate_batch,
     folder: Folder,
 ) -> Study:
     """Prepare an ensemble: missing blocks are computed, then come tables and figures of all.
@@ -118,11 +118,11 @@ def ensemble_study(
     draws : int
         A power of two.
     jobs : int
-        Processes; -1 is one for each processor. A GPU serves this one.
+        Processes; -1 is one for each processor.
     dask : str, optional
         Address of a dask.distributed scheduler.
-    simulate : callable, optional
-        As `simulate_batch` on the study's device, which is the default.
+    simulate : callable
+        As `simulate_batch`.
 
     Raises
     ------
@@ -132,8 +132,7 @@ def ensemble_study(
     check_jobs(jobs)
     draws = min(draws, MOST_DRAWS_ALONE) if study.alone else draws
     blocks = study.blocks(draws)
-    together = simulate or partial(simulate_batch, device=study.device)
-    make, processes = partial(make_blocks, study, simulate=together), jobs if study.device == "cpu" else 1
+    make = partial(make_blocks, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(site: Site) -> Outcome:
@@ -149,8 +148,8 @@ def ensemble_study(
         resumed, ahead = len(blocks) - len(missing), study.cost(missing)
         if resumed:
             talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
-        parts = _parts(study, missing)
-        stream = on_cluster(make, parts, dask) if dask else as_ready(make, parts, processes)
+        parts = [[block] for block in missing]
+        stream = on_cluster(make, parts, dask) if dask else as_ready(make, parts, jobs)
         if missing:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
@@ -184,13 +183,6 @@ def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
         "blocks": len(blocks),
         "text": f"ensemble: {draws} draws{arms}, {readings}: {cost_text(cost)}",
     }
-
-
-def _parts(study: EnsembleStudy, blocks: Sequence[Block]) -> list[list[Block]]:
-    """Blocks that are computed together: one, or as many of a population as fill a GPU."""
-    each = 1 if study.device == "cpu" else max(1, DRAWS_AT_ONCE[study.device] // study.block_draws)
-    of_population = [[block for block in blocks if block.population == name] for name in study.populations]
-    return [alike[k : k + each] for alike in of_population for k in range(0, len(alike), each)]
 
 
 def on_cluster(
@@ -271,7 +263,7 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
 
 def _manifest(study: EnsembleStudy) -> dict[str, object]:
     """What only an ensemble's manifest says."""
-    solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE, "device": study.device}
+    solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
     if study.alone:
         solver["by_scipy"] = [law.name for law in study.alone]
     return {

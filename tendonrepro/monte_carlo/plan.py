@@ -21,7 +21,6 @@ from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import Block, CaseName
 from tendonrepro.results.paper import base_of_paper
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.streaming import STATISTICS
 
 SCHEMA_VERSION = 1
@@ -89,7 +88,6 @@ class EnsembleStudy:
     replicates: int
     block_draws: int
     check_every: int = CHECK_EVERY
-    device: DeviceName = "cpu"
     arm: AroundArm | None = None
     laws: tuple[UserLaw, ...] = ()
 
@@ -146,9 +144,7 @@ class EnsembleStudy:
             "cases": [[run, case.name] for run, case in self.cases],
             "statistics": STATISTICS,
         }
-        # Numbers of another device differ by rounding, and encoder steps make more of it.
-        of_device = {} if self.device == "cpu" else {"device": self.device}
-        return digest_of(content | of_device)
+        return digest_of(content)
 
     def blocks(self, draws: int) -> list[Block]:
         """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
@@ -180,7 +176,6 @@ class EnsembleStudy:
             "draws": draws,
             "replicates": self.replicates,
             "seed": self.seed,
-            "device": self.device,
             "populations": {name: self.draws_of(name, draws) for name in self.populations},
             "of_paper": not around and base_of_paper(self.loaded.compare),
             "joints": list(self.loaded.compare.joints),

@@ -10,23 +10,20 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.parallel import processors
 from tendonrepro.physics.control import SIDE_BY_SIDE, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.machine import LANES
-from tendonrepro.simulation.crowd import run_crowd
-from tendonrepro.simulation.device import DeviceName, graphics
 from tendonrepro.simulation.loop import Loop, TimeDelayController, trace_variables
 from tendonrepro.simulation.pack import Ended, run_pack
-from tendonrepro.simulation.parts import ForEach, Part, Rest, experiment_part, plant_needs, thread_part
+from tendonrepro.simulation.parts import CompiledPart, ForEach, Rest, experiment_part, plant_needs
 from tendonrepro.simulation.resolution import TOLERANCE
 
 PACK = 1536
@@ -34,11 +31,6 @@ PACK = 1536
 
 The processor's cache sets no limit, for a bundle of lanes goes through a slice of time alone.
 """
-
-CROWD = 2**17
-"""Most experiments that a GPU runs at once; what its memory does not hold runs in parts."""
-
-AnyPart = TypeVar("AnyPart", bound=Part)
 
 LINES_PER_RINGING = 32
 """Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
@@ -97,7 +89,6 @@ def simulate_batch(
     threads: int = 1,
     record: bool = False,
     tolerance: float = TOLERANCE,
-    device: DeviceName = "cpu",
 ) -> Batch:
     """Run many closed loops.
 
@@ -114,17 +105,13 @@ def simulate_batch(
     tolerance
         The default leaves q mostly within 1e-6 rad of the truth, and within a tenth of an encoder count as
         long as no count differs. With ideal encoders 1e-8 gives 1e-9 rad.
-    device
-        ``gpu`` takes one thread of a GPU for a run. The numbers are the same but for rounding.
 
     Raises
     ------
     TendonreproError
-        If there is no loop, a law does not run on lanes, or there is no GPU that can be used.
+        If there is no loop, or a law does not run on lanes.
     """
     _refuse_others(loops)
-    if device == "gpu":
-        return _on_graphics(loops, limits, progress or (lambda _: None), tolerance)
     report, block = progress or (lambda _: None), partial(_block, frequency=limits.ringing_frequency.si)
 
     def run(places: Sequence[int]) -> int:
@@ -135,30 +122,10 @@ def simulate_batch(
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
     with ThreadPoolExecutor(threads) as pool:
-        make = partial(experiment_part, record=record)
-        parts, steps = _parts(loops, tolerance, pool.map, block, make)
+        parts, steps = _parts(loops, tolerance, pool.map, block, record=record)
         batch = _unresolved(loops, steps, record=record)
         for done in pool.map(run, _packs(loops, parts, steps, size)):
             report(done)
-    return batch
-
-
-def _on_graphics(
-    loops: Sequence[Loop], limits: Limits, report: Callable[[int], None], tolerance: float
-) -> Batch:
-    gpu, block = graphics(), partial(_block, frequency=limits.ringing_frequency.si)
-    with ThreadPoolExecutor(processors()) as pool:
-        parts, steps = _parts(loops, tolerance, pool.map, block, thread_part)
-        # Side by side, for each takes seconds.
-        list(pool.map(gpu.compiled, {part.source for part in parts.values()}))
-    batch = _unresolved(loops, steps, record=False)
-    for places in _packs(loops, parts, steps, CROWD):
-        pack, done = {place: loops[place] for place in places}, 0
-        for ended in run_crowd(pack, parts[places[0]], block(loops[places[0]].L), gpu):
-            members = places[done : done + ended.count.size]
-            _keep(batch, {place: loops[place] for place in members}, ended, limits)
-            done += len(members)
-        report(done)
     return batch
 
 
@@ -179,10 +146,11 @@ def _parts(
     tolerance: float,
     for_each: ForEach,
     block: Callable[[float], int],
-    make: Callable[..., AnyPart],
-) -> tuple[dict[int, AnyPart], NDArray[np.int64]]:
+    *,
+    record: bool,
+) -> tuple[dict[int, CompiledPart], NDArray[np.int64]]:
     """Code by place, and steps per sample, (N, levels)."""
-    parts: dict[int, AnyPart] = {}
+    parts: dict[int, CompiledPart] = {}
     steps: dict[int, NDArray[np.int64]] = {}
     rest: dict[int, Rest] = {}
     for alike in _alike(loops, _shape):
@@ -190,7 +158,7 @@ def _parts(
         steps |= needed
         rest |= at_rest
     for alike in _alike(loops, _branches):
-        parts |= dict.fromkeys(alike, make(alike, rest, steps, block))
+        parts |= dict.fromkeys(alike, experiment_part(alike, rest, steps, block, record=record))
     return parts, np.array([steps[place] for place in range(len(loops))])
 
 
@@ -216,7 +184,7 @@ def _branches(loop: Loop) -> Hashable:
 
 
 def _packs(
-    loops: Sequence[Loop], parts: Mapping[int, Part], steps: NDArray[np.int64], size: int
+    loops: Sequence[Loop], parts: Mapping[int, CompiledPart], steps: NDArray[np.int64], size: int
 ) -> Iterator[list[int]]:
     """Places of each pack, of one code and sampling period, sorted by motion and steps."""
     groups: dict[tuple[int, float], list[int]] = {}

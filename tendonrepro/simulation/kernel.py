@@ -16,7 +16,7 @@ from tendonrepro.physics.control import Law, Memory, Servo
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
-from tendonrepro.simulation.codegen import machine, threads
+from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.callback import on_array_code
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, Written, lane_code, remembered
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
@@ -94,20 +94,6 @@ def experiment_code(numbers: tuple[Plant, LawNumbers], record: bool, command: Co
 
 
 @remembered
-def thread_code(numbers: tuple[Plant, LawNumbers], command: CommandFunction) -> Written:
-    """Source in C of ``experiments``, for one thread an experiment, and its rows."""
-    plant, law = numbers
-    rows = experiment_rows(plant.preload.shape[0])
-    begin, step = write_advance(plant, rows)
-    law_code = Writer(rows)
-    write_sample(law_code, law, command, statistics=True, record=False)
-    writers = {"begin": begin, "step": step, "sample": law_code}
-    functions = [threads.function(name, code.tape, code.written, rows) for name, code in writers.items()]
-    sizes = {"desired": 3 * plant.preload.shape[0], "block": plant.preload.shape[0]}
-    return {"experiments": threads.source(functions, [*writers], rows, sizes)}, rows
-
-
-@remembered
 def sample_code(numbers: LawNumbers, command: CommandFunction) -> Written:
     """Source of ``sample`` for a run by SciPy, and its rows."""
     code = Writer(experiment_rows(numbers.hardware.S.shape[0]))
@@ -163,24 +149,13 @@ def experiment_tape(
 
 
 def advance_source(plant: Plant, rows: LaneRows) -> str:
-    """Source of ``advance``, of :func:`write_advance`."""
-    begin, step = write_advance(plant, rows)
-    started = {row: as_operand(value) for row, value in begin.written.items()}
-    first = machine.vector_code("begin", begin.tape.lines, started)
-    return "\n".join(
-        (first, step.source("step"), machine.repeated("advance", "begin", "step", rows.named["left"]))
-    )
+    """Source of ``advance``: plants from a sample at a time to the next one, torque held.
 
-
-def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
-    """Write plants from a sample at a time to the next one, torque held: a beginning, and a step.
-
-    The step is repeated while row ``left`` is positive.
-
-    Rows ``steps`` and ``length`` hold number and length, s, of steps at each level of demand. A period
-    begins with the level that the last one met. Where a plant meets a higher one, its steps were too long to
-    be stable there (up to 32 times, in the box of plants), so it goes back to the period's start. That costs
-    2 % of the ensemble's time. Row ``ddq`` receives the acceleration at the start.
+    A beginning is followed by steps while row ``left`` is positive. Rows ``steps`` and ``length`` hold number
+    and length, s, of steps at each level of demand. A period begins with the level that the last one met.
+    Where a plant meets a higher one, its steps were too long to be stable there (up to 32 times, in the box
+    of plants), so it goes back to the period's start. That costs 2 % of the ensemble's time. Row ``ddq``
+    receives the acceleration at the start.
     """
     n, begin, step = plant.preload.shape[0], Writer(rows), Writer(rows)
 
@@ -214,7 +189,11 @@ def write_advance(plant: Plant, rows: LaneRows) -> tuple[Writer, Writer]:
     step.write("done", [choose(is_last, 0.0, done + busy)])
     step.write("h", [choose(again, of_level(step, "length", met), h)])
     step.write("demand", [choose(busy, choose(again, 0.0, met), most)])
-    return begin, step
+    started = {row: as_operand(value) for row, value in begin.written.items()}
+    first = machine.vector_code("begin", begin.tape.lines, started)
+    return "\n".join(
+        (first, step.source("step"), machine.repeated("advance", "begin", "step", rows.named["left"]))
+    )
 
 
 def runge_kutta(

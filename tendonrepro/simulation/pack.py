@@ -114,26 +114,17 @@ class Signals:
         self._noise = np.array([place.get(noise_source(loop), len(place)) for loop in loops])
         self.names = ("desired", "noise") if seeds else ("desired",)
 
-    def slices(self, first: int, span: int) -> tuple[Array, Array]:
-        """Motions and noises (number, samples, 3 n) from a sample on; the last noise is none."""
+    def starts(self, first: int, span: int) -> NDArray[np.int64]:
+        """Addresses of sample 0 by signal and experiment, (signals, M), of arrays that begin at `first`."""
         motions = np.zeros((len(self._motions), span, 3 * self._n))
         for kept, motion in zip(motions, self._motions, strict=True):
             for k, part in enumerate((motion.q_d, motion.dq_d, motion.ddq_d)):
                 given = part[first : first + span]
                 kept[: len(given), k * self._n : (k + 1) * self._n] = given
         silence = np.zeros((span, 3 * self._n))
-        return motions, np.stack([*(noise(span) for noise in self._noises), silence])
-
-    @property
-    def of_each(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Numeric of each experiment's motion and noise, (M,)."""
-        return self._motion, self._noise
-
-    def starts(self, first: int, span: int) -> NDArray[np.int64]:
-        """Addresses of sample 0 by signal and experiment, (signals, M), of arrays that begin at `first`."""
         # Kept until the next slice: machine code reads them by their addresses.
-        self._arrays = self.slices(first, span)
-        both = zip(self._arrays, self.of_each, strict=True)
+        self._arrays = motions, np.stack([*(noise(span) for noise in self._noises), silence])
+        both = zip(self._arrays, (self._motion, self._noise), strict=True)
         return np.stack([_starts(values, first)[places] for values, places in both])[: len(self.names)]
 
 

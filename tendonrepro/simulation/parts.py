@@ -16,10 +16,10 @@ from tendonrepro.physics.dynamics import Plant, holding_torque, rest_state
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import LaneRows, Written, bundled, columns, part_of, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code, of_one_lane
-from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code, thread_code
+from tendonrepro.simulation.kernel import LawNumbers, experiment_code, sample_code, slope_code
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import HIGHEST, plant_modes, steps_needed
-from tendonrepro.simulation.sampled import CommandFunction, Hardware, longest, measure, start
+from tendonrepro.simulation.sampled import Hardware, longest, measure, start
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""
@@ -41,18 +41,23 @@ def rest_at(q: Array, plant: Plant) -> Rest:
 
 
 @dataclass(frozen=True)
-class Part:
-    """Rows that loops share, and their numbers.
+class CompiledPart:
+    """Compiled code that loops share, and their numbers.
 
-    ``start`` holds first values by name, (rows, N); ``column`` a loop's column by its place in the batch.
+    ``start`` holds first values of rows by name, (rows, N); ``column`` a loop's column by its place in the
+    batch. ``code`` has the addresses of functions by name, and ``prepare`` those to be run once before any
+    of them. They work on so many `lanes`: a bundle, or one run by SciPy.
     """
 
     rows: LaneRows
     start: dict[str, Array]
     column: dict[int, int]
+    code: Mapping[str, int]
+    prepare: Sequence[int]
+    lanes: int = LANES
 
-    def numbers(self, places: Sequence[int]) -> Array:
-        """Rows at the start, (rows, M), but for what is worked out of parameters."""
+    def filled(self, places: Sequence[int]) -> Array:
+        """Rows at the start, (rows, M)."""
         own = [self.column[place] for place in places]
         values = np.zeros((self.rows.count, len(places)))
         for row, numbers in self.rows.constants.items():
@@ -61,35 +66,11 @@ class Part:
             if name in self.rows.named:
                 first = self.rows.named[name]
                 values[first : first + numbers.shape[0]] = numbers[:, own]
-        return values
-
-
-@dataclass(frozen=True)
-class CompiledPart(Part):
-    """Compiled code that loops share.
-
-    ``code`` has the addresses of functions by name, and ``prepare`` those to be run once before any of them.
-    They work on so many `lanes`: a bundle, or one run by SciPy.
-    """
-
-    code: Mapping[str, int]
-    prepare: Sequence[int]
-    lanes: int = LANES
-
-    def filled(self, places: Sequence[int]) -> Array:
-        """Rows at the start, (rows, M)."""
-        bundles = bundled(self.numbers(places), self.lanes)
+        bundles = bundled(values, self.lanes)
         for address in self.prepare:
             for bundle in bundles:
                 callable_code(address)(bundle.ctypes.data, 0.0, 0.0)
         return columns(bundles)[:, : len(places)]
-
-
-@dataclass(frozen=True)
-class ThreadPart(Part):
-    """Code of loops as C, for one thread each."""
-
-    source: str
 
 
 Chunk: TypeAlias = tuple[Plant, Array]
@@ -150,34 +131,6 @@ def experiment_part(
 
     Errors are summed up over ``block(L)`` samples.
     """
-    numbers, command, first = _experiment(loops, rest, steps, block)
-    return _compiled(experiment_code(numbers, record, command), first, _columns(loops))
-
-
-def thread_part(
-    loops: Mapping[int, Loop],
-    rest: Mapping[int, Rest],
-    steps: Mapping[int, NDArray[np.int64]],
-    block: Callable[[float], int],
-) -> ThreadPart:
-    """Law and plant of loops as :func:`experiment_part`, as C for the threads of a GPU."""
-    numbers, command, first = _experiment(loops, rest, steps, block)
-    sources, rows = thread_code(numbers, command)
-    (source,) = sources.values()
-    return ThreadPart(rows, first, _columns(loops), source)
-
-
-def _columns(loops: Mapping[int, Loop]) -> dict[int, int]:
-    return {place: k for k, place in enumerate(loops)}
-
-
-def _experiment(
-    loops: Mapping[int, Loop],
-    rest: Mapping[int, Rest],
-    steps: Mapping[int, NDArray[np.int64]],
-    block: Callable[[float], int],
-) -> tuple[tuple[Plant, LawNumbers], CommandFunction, dict[str, Array]]:
-    """Numbers of plants and laws, the law's function, and first values of rows, (rows, N)."""
     ordered = [(loop, rest[place]) for place, loop in loops.items()]
     numbers = law_numbers(ordered, block)
     command = next(iter(loops.values())).controller.command or control.command
@@ -190,7 +143,8 @@ def _experiment(
         "steps": counts,
         "length": length,
     }
-    return (plants, numbers), command, first | _start(ordered, numbers)
+    written = experiment_code((plants, numbers), record, command)
+    return _compiled(written, first | _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
 
 
 def sample_part(loop: Loop, rest: Rest) -> CompiledPart:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple, TypeAlias, TypedDict
+from typing import Annotated, NamedTuple, TypeAlias, TypedDict
 
 from tendonrepro.console import Talk
 
@@ -57,9 +57,6 @@ RangesOption: TypeAlias = Annotated[
     ),
 ]
 Jobs: TypeAlias = Annotated[int, Word(help="Processes, 1 or more; -1 is one for each processor.")]
-On: TypeAlias = Annotated[
-    Literal["cpu", "gpu"], Word(help="What runs the simulations; gpu needs one of NVIDIA's, and CuPy.")
-]
 Traces: TypeAlias = Annotated[
     Path | str, Word(positional=True, help="Trace file, or a results folder with one.")
 ]

@@ -25,7 +25,6 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
@@ -88,7 +87,6 @@ class TrialPlants(NamedTuple):
     newest: float
     known: Known
     limits: StatusLimits
-    device: DeviceName = "cpu"
 
     @property
     def law(self) -> Law:
@@ -211,7 +209,7 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 def measure(plants: TrialPlants, candidates: Sequence[Candidate], runs: int = TUNED) -> Performance:
     """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
-    batch = simulate_batch(loops, plants.limits, device=plants.device)
+    batch = simulate_batch(loops, plants.limits)
     shape = len(candidates), runs, -1
     names = ("mae", "rmse", "fast_share", "torque_step_rms")
     mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in names)

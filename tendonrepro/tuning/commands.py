@@ -9,7 +9,6 @@ from tendonrepro.studies.parameters import (
     Folder,
     Jobs,
     Laws,
-    On,
     RangesOption,
     Seed,
     SpreadOption,
@@ -35,7 +34,6 @@ def tune(
     set: Changes = None,
     seed: Seed = None,
     jobs: Jobs = -1,
-    device: On = "cpu",
     **folder: Unpack[Folder],
 ) -> Study:
     """Controllers at their best: each one tuned, then compared.
@@ -74,7 +72,6 @@ def tune(
         any_plant=any_plant,
         seed=seed or 0,
         jobs=jobs,
-        device=device,
         only=only,
         folder=folder,
     )

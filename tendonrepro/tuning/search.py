@@ -22,7 +22,6 @@ from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.box import configured, evolution, make_box
 from tendonrepro.results.paper import compares_as_paper
-from tendonrepro.simulation.device import DeviceName
 from tendonrepro.tuning.bench import (
     ALL_RUNS,
     CLASSES,
@@ -197,7 +196,6 @@ class TuningTask:
     laws: Mapping[str, TunedLaw]
     effort: TuningEffort
     seed: int
-    device: DeviceName = "cpu"
 
     @property
     def gains_told(self) -> str:
@@ -212,7 +210,7 @@ class TuningTask:
         else:
             box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
             config = configured(self.loaded.base, box, box.sample(seed, 0, number, 1)[0])
-        return posed(config)._replace(device=self.device)
+        return posed(config)
 
     def tuned(self, number: int) -> TunedRow:
         """Tune every law on one draw, as plain values."""

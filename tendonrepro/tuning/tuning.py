@@ -24,7 +24,6 @@ from tendonrepro.experiments.user_law import (
 from tendonrepro.files import digest_of, read_json, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
-from tendonrepro.simulation.device import DeviceName, require
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
@@ -50,18 +49,13 @@ def tuning_study(
     any_plant: bool,
     seed: int,
     jobs: int,
-    device: DeviceName,
     only: str,
     folder: Folder,
 ) -> Study:
     """Check and prepare a tuning of every law, or `only` of some, and of a user's.
 
-    A GPU takes one plant after the other.
-
     Raises
     ------
-    TendonreproError
-        If no GPU can be used.
     UsageError
         For too little effort, impossible jobs, or a law that has no bounds or cannot run on lanes.
     """
@@ -70,17 +64,16 @@ def tuning_study(
         if asked[name] < least:
             raise UsageError(f"must be at least {least}, found {asked[name]}", where=f"--{name}")
     check_jobs(jobs)
-    require(device)
     own = [user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = TuningTask(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed, device)
+    task = TuningTask(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
     base = with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest(*ROOMS, "tuning")
-    others = [*([] if device == "cpu" else [device]), *([sorted(task.laws)] if only else [])]
+    others = [sorted(task.laws)] if only else []
     inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, *others]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
@@ -89,7 +82,7 @@ def tuning_study(
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
         numbers = _usable(task, plants, every=any_plant)
-        drawn = _tuned(task, numbers, site.files / states, jobs if device == "cpu" else 1, site.talk)
+        drawn = _tuned(task, numbers, site.files / states, jobs, site.talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": seed, "solver": solver, "ensemble_sha256": loaded.sha256}
         return replace(outcome(task, drawn), manifest=head)

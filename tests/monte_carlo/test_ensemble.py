@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from support.command import answer
@@ -123,20 +122,6 @@ def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
     with pytest.raises(UsageError):
         run_ensemble_of(unbroken, replace(small_study(), seed=77))
     assert contents(unbroken) == before
-
-
-def test_shards_say_their_device_and_devices_do_not_mix(unbroken, tmp_path):
-    """Blocks that a GPU makes together hold what a processor makes one by one."""
-    study = replace(small_study(), device="gpu")
-    run_ensemble_of(tmp_path, study)
-    pairs = zip(contents(unbroken).items(), contents(tmp_path).items(), strict=True)
-    for (name, of_cpu), (other, of_gpu) in pairs:
-        assert name.rpartition("-")[0] == other.rpartition("-")[0]
-        assert of_gpu.pop("device") == np.array("gpu").tobytes()
-        assert of_cpu.pop("device") == np.array("cpu").tobytes()
-        assert of_cpu == of_gpu
-    with pytest.raises(UsageError):
-        run_ensemble_of(unbroken, study)
 
 
 def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):

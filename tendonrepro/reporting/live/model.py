@@ -25,7 +25,6 @@ from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.trajectory import at_rest
 from tendonrepro.simulation.codegen.lanes import mapped
 from tendonrepro.simulation.codegen.printed import (
-    JAVASCRIPT,
     Place,
     PlacesTape,
     function_source,
@@ -223,8 +222,8 @@ def _code(tape: PlacesTape, once: Function, often: Function) -> Code:
     first: dict[Place, Operand] = {**kept, **{(out, k): value for k, value in enumerate(results)}}
     then = {(run_out, k): value for k, value in enumerate(run_results)}
     return Code(
-        function_source(name, tape.lines, first, (*arrays, "kk", out), JAVASCRIPT),
-        function_source(run_name, lines, then, ("kk", *run_arrays, run_out), JAVASCRIPT),
+        function_source(name, tape.lines, first, (*arrays, "kk", out)),
+        function_source(run_name, lines, then, ("kk", *run_arrays, run_out)),
         len(kept),
         len(results),
         _inputs_read(tape, first.values()),

@@ -1,14 +1,13 @@
-"""Recorded operations as source of the C family: JavaScript for a browser, C for g++ and CUDA.
+"""Recorded operations as source of JavaScript, for a browser.
 
-The two differ in small things, so one printer has two dialects. A function reads numbers from arrays, whose
-places are lines ``input`` of a tape, and writes its results to others.
+A function reads numbers from arrays, whose places are lines ``input`` of a tape, and writes its results to
+others. A page is sent, so a long number stands once.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -39,62 +38,6 @@ RANKS = {"+": 1, "-": 1, "*": 2, "/": 2}
 ALPHABET = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
-@dataclass(frozen=True)
-class Dialect:
-    """What languages of the family write differently.
-
-    ``head`` begins a function, ``read`` and ``written`` are its array parameters. ``truth`` makes a number of
-    a comparison. ``names`` are of functions that are called otherwise than on a tape. Where `short` is true,
-    a long number stands once: pages are sent.
-    """
-
-    head: str
-    read: str
-    written: str
-    constant: str
-    call: str
-    truth: str
-    infinity: str
-    decimal_point: bool
-    short: bool
-    names: Mapping[str, str]
-
-
-JAVASCRIPT = Dialect(
-    head="function {name}({arrays}){{",
-    read="{array}",
-    written="{array}",
-    constant="const {names};",
-    call="Math.{function}({arguments})",
-    truth="+{comparison}",
-    infinity="Infinity",
-    decimal_point=False,
-    short=True,
-    names={"**": "pow"},
-)
-C = Dialect(
-    head="DEVICE void {name}({arrays}){{",
-    read="const double *{array}",
-    written="double *{array}",
-    constant="const double {names};",
-    call="{function}({arguments})",
-    truth="(double){comparison}",
-    infinity="INFINITY",
-    decimal_point=True,
-    short=False,
-    names={"**": "pow", "abs": "fabs"},
-)
-C_BEGINNING = """#ifdef __CUDACC__
-#define DEVICE __device__
-#else
-#include <cmath>
-#define DEVICE
-using std::floor;
-#endif
-"""
-"""What precedes functions in C: the same text is for CUDA and, as C++, for a processor."""
-
-
 class PlacesTape(Tape):
     """Tape whose symbols begin as places of arrays."""
 
@@ -115,7 +58,6 @@ def function_source(
     lines: Mapping[str, Line],
     results: Mapping[Place, Operand],
     arrays: Sequence[str],
-    dialect: Dialect,
 ) -> str:
     """Source of a function that computes results from places of arrays.
 
@@ -127,26 +69,21 @@ def function_source(
         The function's parameters, in order; names of two letters or more.
     """
     values = {place: as_operand(value) for place, value in results.items()}
-    written = {array for array, _ in values}
     order = needed(lines, values.values())
     uses = Counter(part for x in order for part in lines[x][1] if isinstance(part, str))
     uses.update(value for value in values.values() if isinstance(value, str))
-    printer = _Printer(lines, dialect)
-    if dialect.short:
-        used = [part for x in order if lines[x][0] != "input" for part in lines[x][1]]
-        printer.name_numbers([*used, *values.values()])
+    printer = _Printer(lines)
+    used = [part for x in order if lines[x][0] != "input" for part in lines[x][1]]
+    printer.name_numbers([*used, *values.values()])
     for x in order:
         operation, operands = lines[x]
         overwritten = operation == "input" and (operands[0], operands[1]) in values
         printer.add(x, shared=uses[x] > 1 or overwritten)
-    parameters = ",".join(
-        (dialect.written if array in written else dialect.read).format(array=array) for array in arrays
-    )
     constants = ",".join(printer.definitions)
     return "\n".join(
         (
-            dialect.head.format(name=name, arrays=parameters),
-            *([dialect.constant.format(names=constants)] if constants else []),
+            f"function {name}({','.join(arrays)}){{",
+            *([f"const {constants};"] if constants else []),
             *(f"{array}[{place}]={_bare(printer.value(value))};" for (array, place), value in values.items()),
             "}",
         )
@@ -156,8 +93,8 @@ def function_source(
 class _Printer:
     """Expressions of lines; what is used once stands where it is used."""
 
-    def __init__(self, lines: Mapping[str, Line], dialect: Dialect) -> None:
-        self._lines, self._dialect = lines, dialect
+    def __init__(self, lines: Mapping[str, Line]) -> None:
+        self._lines = lines
         self._names: dict[str, str] = {}
         self._texts: dict[str, str] = {}
         self._numbers: dict[str, str] = {}
@@ -197,9 +134,8 @@ class _Printer:
     def _plain(self, size: float) -> str:
         """Digits of a number that is not negative."""
         if size == float("inf"):
-            return self._dialect.infinity
-        text = repr(size)
-        return text if self._dialect.decimal_point else text.removesuffix(".0")
+            return "Infinity"
+        return repr(size).removesuffix(".0")
 
     def _expression(self, operation: str, operands: tuple[str | float, ...]) -> str:
         if operation == "input":
@@ -209,14 +145,17 @@ class _Printer:
             condition, then, otherwise = operands
             return f"({self._condition(condition)}?{self._part(then, 1)}:{self._part(otherwise, 1)})"
         if operation in COMPARISONS:
-            return f"({self._dialect.truth.format(comparison=self._compared(operation, operands))})"
+            return f"(+{self._compared(operation, operands)})"
         if operation in RANKS:
             first, second = operands
             rank = RANKS[operation]
             return f"({self._part(first, rank)}{operation}{self._part(second, rank + 1)})"
         if operation == "negative":
             return f"(-{self.value(*operands)})"
-        return self._call(operation, [self._part(operand, 1) for operand in operands])
+        words = [self._part(operand, 1) for operand in operands]
+        if operation == "exp2":
+            operation, words = "**", [self._number(2.0), *words]
+        return f"Math.{'pow' if operation == '**' else operation}({','.join(words)})"
 
     def _part(self, operand: str | float, rank: int) -> str:
         """Text of an operand, without parentheses where it binds as tightly as a rank: pages are sent."""
@@ -238,15 +177,6 @@ class _Printer:
             if operation in COMPARISONS:
                 return self._compared(operation, operands)
         return f"{self.value(operand)}!=0"
-
-    def _call(self, operation: str, words: list[str]) -> str:
-        """Elementary function of the language's library, or an argument of the function itself."""
-        if not words:
-            return operation
-        if operation == "exp2" and operation not in self._dialect.names:
-            operation, words = "pow", [self._number(2.0), *words]
-        function = self._dialect.names.get(operation, operation)
-        return self._dialect.call.format(function=function, arguments=",".join(words))
 
 
 def _bare(text: str) -> str:
