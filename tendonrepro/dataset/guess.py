@@ -11,6 +11,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, starts_again
 from tendonrepro.dataset.columns import Column, SourceTable
@@ -284,7 +285,7 @@ def _to_fill(column: _Column, joint: int, traits: _Traits) -> Use:
     if column.doubt or is_bare or not _fits(said.unit, variable):
         variable = None
     # A place in an array tells a joint only where the array is known.
-    is_told = joint in (1, 2, 3) and (variable is not None or said.joint is not None)
+    is_told = 1 <= joint <= MOST_JOINTS and (variable is not None or said.joint is not None)
     unit = None if is_other_unit(said.unit or "") else said.unit
     if unit is None and variable is not None and not said.unknown and column.is_numbers:
         unit = _unit(variable, None, column.values, traits)[0]
@@ -378,8 +379,8 @@ def _problem(column: _Column, joint: int) -> str:
         return _unsaid(column)
     if not _fits(said.unit, variable):
         return f"its name says {variable}, its unit {said.unit}"
-    is_joint = variable == "time" or joint in (1, 2, 3)
-    return column.doubt or ("" if is_joint else "its name has no joint from 1 to 3")
+    is_joint = variable == "time" or 1 <= joint <= MOST_JOINTS
+    return column.doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
 
 
 def _unsaid(column: _Column) -> str:

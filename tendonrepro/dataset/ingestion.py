@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypedDict
@@ -11,13 +12,13 @@ from typing import Literal, TypedDict
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.published import coupling_of, published, table_1
+from tendonrepro.configuration.published import COMPARED, coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
-from tendonrepro.dataset.motion import beginning, starts_of
+from tendonrepro.dataset.motion import beginning, joints_with_motion, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.dataset.windows import Timing, spans
@@ -212,16 +213,19 @@ def _trace_file(
         source="measured",
         title=title,
         runs=runs,
-        plant=_coupling_record(),
+        plant=_plant_record(runs),
         config_yaml=mapping,
         config_sha256=digest,
         manifest=manifest,
     )
 
 
-def _coupling_record() -> PlantRecord:
-    """All that is known of a measured plant: the printed coupling."""
+def _plant_record(runs: Mapping[str, Trace]) -> PlantRecord:
+    """All that is known of a measured plant: the printed coupling, unless it has more joints."""
     S, S_inv = coupling_of(table_1(published()))
+    joints = max(joint for trace in runs.values() for joint in trace.joint)
+    if joints > len(S):
+        return PlantRecord({}, {"arm": f"one with {joints} joints"})
     coupling = {
         "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
         "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
@@ -231,10 +235,11 @@ def _coupling_record() -> PlantRecord:
 
 def _starts(file: TraceFile) -> dict[str, float]:
     """When the motion of each run of the comparison begins, s, as `validate` finds it; else nothing."""
-    try:
-        return starts_of(file, beginning(file))
-    except DataMissingError:
-        return {}
+    others = [joints_with_motion(trace) for trace in file.part("compare").runs.values()]
+    for joints in filter(None, (COMPARED, max(others, key=len, default=()))):
+        with suppress(DataMissingError):
+            return starts_of(file, beginning(file, joints))
+    return {}
 
 
 def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:

@@ -25,6 +25,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
+from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
@@ -96,8 +97,8 @@ def _use(text: object) -> Use:
     units = FACTORS.get(kind_of(variable) or "")
     if units and unit not in units:
         refuse(f"the unit of {variable} is one of {', '.join(units)}, found {unit!r}")
-    if variable != "time" and joint not in (1, 2, 3):
-        refuse(f"{variable} needs the number of its joint, 1 to 3, found {joint}")
+    if variable != "time" and not 1 <= joint <= MOST_JOINTS:
+        refuse(f"{variable} needs the number of its joint, 1 to {MOST_JOINTS}, found {joint}")
     offset = float((match["offset"] or "0").replace(" ", ""))
     return Use(variable, joint, unit, float(match["factor"] or 1.0), offset)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,41 +177,44 @@ def noise_peak(record: RecordedMotion) -> float:
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
 
-def recover_reference(file: TraceFile) -> Reference:
-    """Recover the reference from the first run with both joints' desired angles.
+def recover_reference(file: TraceFile, joints: Sequence[int] = COMPARED) -> Reference:
+    """Recover the reference from the first run with the desired angles of these joints.
 
     Raises
     ------
     DataMissingError
         If there is none, or they do not move.
     """
-    begun = beginning(file)
+    begun = beginning(file, joints)
     end = float(begun.record.time[begun.record.moving()[1]])
     knots, period = thinned(begun.record), repeat_after(begun.record)
     return Reference(begun.run, begun.record, begun.begin, period, knots, end)
 
 
-def beginning(file: TraceFile) -> Beginning:
-    """Find where the motion begins in the first run with both joints' desired angles.
+def beginning(file: TraceFile, joints: Sequence[int]) -> Beginning:
+    """Find where the motion begins in the first run with the desired angles of these joints.
 
     Raises
     ------
     DataMissingError
         If there is none, or they do not move.
     """
-    holding = [trace for trace in file.part("compare").runs.values() if _complete(trace)]
+    runs = file.part("compare").runs.values()
+    holding = [trace for trace in runs if {*joints} <= {*joints_with_motion(trace)}]
     if not holding:
-        raise DataMissingError("no run holds the desired angles q_d of both joints 2 and 3")
+        named = f"joints {', '.join(map(str, joints))}" if len(joints) > 1 else f"joint {joints[0]}"
+        raise DataMissingError(f"no run holds the desired angles q_d of {named}")
     trace = min(holding, key=lambda trace: trace.name not in CONTROLLERS)
-    record = recorded(trace.of_joints(COMPARED))
+    record = recorded(trace.of_joints(joints))
     return Beginning(trace.name, record, onset(record))
 
 
-def _complete(trace: Trace) -> bool:
-    """Whether a run recorded q_d of joints 2 and 3."""
-    if "q_d" not in trace or not {*COMPARED} <= {*trace.joint}:
-        return False
-    return bool(np.isfinite(trace.of_joints(COMPARED)["q_d"]).any(axis=0).all())
+def joints_with_motion(trace: Trace) -> list[int]:
+    """Joints of which a run recorded the desired angle."""
+    if "q_d" not in trace:
+        return []
+    columns = zip(trace.joint, trace["q_d"].T, strict=True)
+    return [joint for joint, column in columns if np.isfinite(column).any()]
 
 
 def onset(record: RecordedMotion) -> float:
@@ -262,7 +265,7 @@ def zero_of(trace: Trace, reference: Beginning) -> float:
     from scipy.optimize import minimize_scalar
 
     other, first = reference.record, float(trace.time[0])
-    if trace.name == reference.run or not _complete(trace):
+    if trace.name == reference.run or not {*other.joint} <= {*joints_with_motion(trace)}:
         return first
     ours = recorded(trace.of_joints(other.joint))
 

@@ -121,6 +121,10 @@ class PrintedTables:
         )
 
 
+NO_TABLES = PrintedTables((Tried("whole", False, {}, ()),), {}, 1.0)
+"""Where nothing can be compared."""
+
+
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in RUNS if name in file.runs and "e" in file.runs[name]}
@@ -129,7 +133,7 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
         for way_tried in (_tried(runs, paper, *way) for way in _ways(runs, timing))
         if way_tried.sizes
     ]
-    tried = tried or [Tried("whole", False, {}, ())]
+    tried = tried or [*NO_TABLES.tried]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
     most = max(len(way_tried.agree) for way_tried in tried)
     chance = min(1.0, len(tried) * chance_of_at_least(paper, tried[0].sizes, most))

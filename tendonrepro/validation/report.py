@@ -26,6 +26,7 @@ _ROWS: Mapping[str, Mapping[str, str]] = {
 }
 """Rows of each table, and how the ids of their measured numbers begin."""
 _WHAT = ("measured", "printed", "agree")
+OTHER_ARM = "The arm is not the paper's, so nothing is judged by the paper's numbers and claims."
 RARE = 0.01
 """Chance below which a window that gives some of the printed numbers is told of."""
 
@@ -44,13 +45,14 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
     measurement, rulings = validation.measurement, validation.rulings
     file, known = measurement.file, measurement.file.manifest
     closest = closest_window(measurement.tables)
-    windows = measurement.tables.as_dict()
+    windows = measurement.tables.as_dict() if validation.of_paper else None
     motion = measurement.reference.as_dict() if measurement.reference else None
     told = [{name: row.get(name) for name in _CONTROLLERS} for row in validation.controllers]
     status = {name: model.status for name, model in validation.models.items()}
     diverged = "diverged" in status.values()
     data = {
         "schema_version": 1,
+        "of_paper": validation.of_paper,
         "measured": str(path),
         "runs": list(file.runs),
         "experiment": file.experiment,
@@ -78,11 +80,11 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
     columns = _columns_of(validation.residuals)
     parts: list[Table | str] = [
         _about(path, known),
-        *measured_tables(measurement, str(path)),
-        str(windows["remark"]),
+        *(measured_tables(measurement, str(path)) if windows else ()),
+        str(windows["remark"]) if windows else OTHER_ARM,
         *shown("motion", "The desired motion, sampled to run again.", [motion] if motion else [], _MOTION),
         *shown("starts", "Desired less measured angle where motions begin.", validation.starts, _STARTS),
-        claims_table(rulings),
+        *([claims_table(rulings)] if windows else ()),
         *shown("residuals", "Measured less simulated.", validation.residuals, columns),
         *shown("coupling", "Angles through the coupling.", validation.coupling, ()),
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
@@ -116,6 +118,7 @@ def claims_data(rulings: Mapping[str, Ruling]) -> list[dict[str, object]]:
             "evidence": rulings[name].evidence,
         }
         for name in JUDGED
+        if name in rulings
     ]
 
 

@@ -17,6 +17,7 @@ from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero
 from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.parallel import workers
+from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.traces import write_traces
@@ -103,19 +104,22 @@ def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folde
 def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
     """Do the same for the decoupling run; its motors drive the rerun, else the joints' encoders.
 
-    If `base` is of the comparison, the shipped model takes over its manipulator and seed.
+    If `base` is of the comparison on the paper's arm, the shipped model takes over its manipulator and seed.
 
     Raises
     ------
     DataMissingError
-        If joints 1 to 3 were not recorded.
+        If the joints of the model were not recorded, or it is another arm's comparison.
     """
-    trace = measurement.file.part("decouple").runs.get("decouple")
-    if trace is None or trace.joint != (1, 2, 3):
-        raise DataMissingError("joints 1 to 3 of the run decouple")
     if base.config.experiment != "decouple":
+        if not is_arm_of_paper(base.config.manipulator):
+            hint = "validate its file of these runs alone, with --config decouple.yaml of this arm"
+            raise DataMissingError("the configuration is of a comparison", hint=hint)
         both = [change for change in base.changes if change.path[0] in {"manipulator", "seed"}]
         base = load_config(None, "decouple", overrides=both)
+    trace, joints = measurement.file.part("decouple").runs.get("decouple"), base.config.joints
+    if trace is None or trace.joint != joints:
+        raise DataMissingError(f"joints {', '.join(map(str, joints))} of the run decouple")
     motors = "q_motor_encoder" in trace
     drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
     tree = dict(base.tree)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.dataset.motion import Reference, recover_reference, timing_of
-from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
+from tendonrepro.dataset.windows import NO_TABLES, PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import read_traces
@@ -62,12 +62,13 @@ class Measurement:
         return self.file.part("compare")
 
 
-def measurement_of(file: TraceFile, paper: Published) -> Measurement:
-    """Recover the reference of a file and try every averaging window."""
+def measurement_of(file: TraceFile, paper: Published | None, joints: Sequence[int] = COMPARED) -> Measurement:
+    """Recover the reference of these joints; try every averaging window, where a paper prints errors."""
     reference, unrecovered = None, ""
     try:
-        reference = recover_reference(file)
+        reference = recover_reference(file, joints)
     except DataMissingError as error:
         unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
     timing = timing_of(file, reference)
-    return Measurement(file, try_windows(file.part("compare"), paper, timing), reference, unrecovered, timing)
+    tables = try_windows(file.part("compare"), paper, timing) if paper else NO_TABLES
+    return Measurement(file, tables, reference, unrecovered, timing)

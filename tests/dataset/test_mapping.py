@@ -48,7 +48,7 @@ def test_a_confirmed_guess_is_none():
         ("q_encoder 2 deg", "q_encoder 2 furlong", 5),
         ("q_encoder 2 deg", "q_measured 2 deg", 5),
         ("q_encoder 2 deg", "q_encoder deg", 5),
-        ("q_encoder 2 deg", "q_encoder 4 deg", 5),
+        ("q_encoder 2 deg", "q_encoder 7 deg", 5),
         ("time ms", "time", 4),
         ("e 2 deg * -1", "[e, 2]", 6),
         ("title:", "titel:", 2),

@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+import pandas as pd
 import pytest
 from support.command import answer
 from support.measured_synthetic import LOADED, measured_trace, printed_file
@@ -12,6 +14,7 @@ from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.published import published
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.windows import PrintedTables, Tried
@@ -25,6 +28,9 @@ from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.report import closest_window, measured_tables, table_data
 from tendonrepro.verdicts.measurement import Measurement, measurement_of
 
+SHORT_TURNS = [
+    word for name in ("rise=1.2", "hold=0.2") for word in ("--set", f"runs.decouple.reference.{name}")
+]
 SHORT = ("reference.periods=2", "reference.rise=0.5", "reference.hold=0.2")
 
 FOUND = [
@@ -213,6 +219,68 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path):
     claims = {claim["id"]: claim["verdict"] for claim in found["claims"]}
     assert claims["K3"] in {"reproduced", "not_reproduced"}
     assert claims["C1"] == "not_testable"
+
+
+@pytest.fixture(scope="module", name="config")
+def _config(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mine")
+    init_arm(4, folder)
+    text = (folder / "compare.yaml").read_text().replace("joints: [1, 2, 3, 4]", "joints: [3, 4]")
+    (folder / "compare.yaml").write_text(text)
+    return folder / "compare.yaml"
+
+
+@pytest.fixture(scope="module", name="own")
+def _own(config):
+    loaded = load_config(config, "compare", overrides=SHORT, controllers=[1])
+    (traces,) = begin_all([prepared(loaded)], QUIET)
+    table = {"t (s)": traces[0].time}
+    for k, joint in enumerate(traces[0].joint):
+        table[f"q{joint}_d (deg)"] = np.rad2deg(traces[0]["q_d"][:, k])
+        table[f"q{joint} (deg)"] = np.rad2deg(traces[0]["q_encoder"][:, k])
+    folder = config.parent
+    pd.DataFrame(table).to_csv(folder / "controller_1.csv", index=False)
+    answer("inspect", "controller_1.csv", "--mapping", "m.yaml", cwd=folder)
+    answer("ingest", "controller_1.csv", "--mapping", "m.yaml", "--confirm", "--out", "o.h5", cwd=folder)
+    return tr.validate(folder / "o.h5", config, set=SHORT, out=folder / "out", figures=False).data
+
+
+class TestAnArmOfOnesOwn:
+    """Joints 3 and 4 of four, as the model itself moves them."""
+
+    def test_its_joints_are_rerun_and_explained(self, own):
+        assert own["reference"]["joints"] == [3, 4]
+        rows = own["residuals"]["rows"]
+        assert [(row["run"], row["joint"]) for row in rows] == [("controller_1", 3), ("controller_1", 4)]
+        assert max(abs(row["q_max_deg"]) for row in rows) < 0.03
+
+    def test_nothing_is_judged_by_the_paper(self, own):
+        assert own["of_paper"] is False
+        assert [own[key] for key in ("table2", "table3", "claims", "numbers")] == [{}, {}, [], {}]
+        assert [own[key] for key in ("window", "windows", "best")] == [None, None, None]
+        assert "the run decouple" not in own["missing"]
+        assert not list(Path(own["out"]).glob("tables/claims.*"))
+
+    def test_its_motors_are_laid_beside_its_own_coupling(self, config, tmp_path):
+        words = ("--config", str(config.with_name("decouple.yaml")), "--no-figures", "--out", "simulated")
+        answer("decouple", *words, *SHORT_TURNS, cwd=tmp_path)
+        file = read_traces(tmp_path / "simulated")
+        runs = {"decouple": measured_trace(file.runs["decouple"])}
+        # What ingest knows and calculates is of the paper's arm.
+        variables = {**runs["decouple"].variables, "q_calculated": runs["decouple"]["q_motor_encoder"]}
+        runs["decouple"] = replace(runs["decouple"], variables=variables)
+        plant = PlantRecord({}, {"arm": "one with 4 joints"})
+        write_traces(tmp_path / "o.h5", replace(file, source="measured", runs=runs, plant=plant))
+        found = tr.validate(
+            tmp_path / "o.h5", config.with_name("decouple.yaml"), out=tmp_path / "out", figures=False
+        ).data
+        assert [row["number"] for row in found["residuals"]["coupling"]] == [1, 2, 3, 4] * 2
+        rows = found["residuals"]["rows"]
+        assert [row["joint"] for row in rows] == [1, 2, 3, 4]
+        for row in rows:
+            assert row["measured_calculated_mae_deg"] == pytest.approx(
+                row["simulated_calculated_mae_deg"], rel=0.1
+            )
 
 
 def test_the_window_closest_to_the_print_is_shown_beside_the_one_that_decides():
