@@ -64,7 +64,7 @@ report: $(VENV)/.run  ## one HTML file for a reviewer, of what lies under report
 	$(BIN)/tendonrepro report $(ARGS)
 
 data: $(VENV)/.run  ## the paper's data set from its repository, into data/zenodo; uses the network
-	$(BIN)/tendonrepro fetch $(ARGS)
+	$(BIN)/tendonrepro data fetch $(ARGS)
 
 findings: $(VENV)/.run  ## docs/results, and from it the made parts of findings.md and tables.md, and their pictures
 	$(BIN)/python docs/generate.py reports

@@ -1,4 +1,4 @@
-"""How often `tendonrepro recover` is right: readings x records, on plants drawn from the parameter ranges.
+"""How often `tendonrepro data recover` is right: readings x records, on plants of the parameter ranges.
 
 Prints the tables of docs/recover.md. ``python benchmarks/recovery.py 10`` takes ten plants and some hours.
 """

@@ -116,16 +116,23 @@ def fields(
         yield ".".join(path), ": ".join(filter(None, (about, choices))), unit or "–"
 
 
-def tree_of_commands() -> Any:
+def shown_commands() -> dict[str, Any]:
+    """Commands by the words that call them, those of a group behind the others."""
     from typer.main import get_command
 
     from tendonrepro.cli.app import app
 
-    return get_command(app)
+    tree: Any = get_command(app)
+    top = {name: command for name, command in tree.commands.items() if not command.hidden}
+    groups = {name: top.pop(name) for name in [*top] if hasattr(top[name], "commands")}
+    inner = {
+        f"{name} {word}": command for name, group in groups.items() for word, command in group.commands.items()
+    }
+    return top | inner
 
 
 def commands() -> str:
-    held = tree_of_commands().commands
+    held = shown_commands()
     wide = max(map(len, held))
     lines = [f"tendonrepro {name:{wide}}  {command.get_short_help_str(200)}" for name, command in held.items()]
     return "\n".join(["```", *lines, "```"])
@@ -133,7 +140,7 @@ def commands() -> str:
 
 def options() -> str:
     """Every option of every command; what many have in common stands once."""
-    tree = tree_of_commands().commands
+    tree = shown_commands()
     held: dict[tuple[str, str], list[str]] = {}
     for name, command in tree.items():
         for option in command.params:
@@ -142,6 +149,8 @@ def options() -> str:
 
     def of(names: Sequence[str]) -> str:
         others = [name for name in tree if name not in names]
+        if not others:
+            return "all"
         few = len(others) < len(names) / 2
         return "all but " * few + ", ".join(f"`{name}`" for name in (others if few else names))
 

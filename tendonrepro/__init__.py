@@ -29,6 +29,8 @@ def __getattr__(name: str) -> object:
         return Result
     if name in commands.PUBLIC:
         return getattr(commands, name)
+    if name in commands.FORMER_FUNCTIONS:
+        raise AttributeError(f"{__name__}.{name} is gone: use {commands.FORMER_FUNCTIONS[name]}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

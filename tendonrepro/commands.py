@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 
 from tendonrepro.reporting.reproduction import *
 from tendonrepro.experiments.commands import *
-import tendonrepro.experiments.configurations
-import tendonrepro.experiments.doctor  # noqa: F401
-from tendonrepro.monte_carlo.commands import *
-from tendonrepro.identification.commands import *
-from tendonrepro.evidence.commands import *
-from tendonrepro.tuning.commands import *
 from tendonrepro.analysis.commands import *
+from tendonrepro.monte_carlo.commands import *
 from tendonrepro.verdicts.commands import *
-from tendonrepro.reporting.commands import *
+from tendonrepro.identification.commands import *
 from tendonrepro.dataset.commands import *
 from tendonrepro.validation.commands import *
+from tendonrepro.evidence.commands import *
+from tendonrepro.tuning.commands import *
+from tendonrepro.reporting.commands import *
 from tendonrepro.studies.command import COMMANDS as COMMANDS
 
 if TYPE_CHECKING:
@@ -26,8 +24,30 @@ if TYPE_CHECKING:
     from tendonrepro.studies.parameters import Changes
     from tendonrepro.studies.result import Result
 
-PUBLIC = sorted({"config", "open"} | (COMMANDS.keys() & globals().keys()))
+PUBLIC = sorted({"config", "open"} | ({command.word for command in COMMANDS.values()} & globals().keys()))
 """Names of the functions of ``import tendonrepro``; commands of the shell alone are none of them."""
+
+AT_THE_TOP = ("fetch", "ingest", "validate")
+"""Commands of a group that work without its name, too."""
+
+FORMER = {
+    "inspect": "data inspect",
+    "recover": "data recover",
+    "animate": "result animate",
+    "export": "result export",
+    "diff": "result diff",
+    "figures": "result redraw",
+    "tables": "result redraw --no-figures",
+    "doctor": "--version --verbose",
+}
+"""Commands by the words that called them before, which go with the next version."""
+
+FORMER_FUNCTIONS = {
+    "figures": "tendonrepro.redraw",
+    "tables": "tendonrepro.redraw, with figures=False",
+    "doctor": "`tendonrepro --version --verbose` of the shell",
+}
+"""The same of Python."""
 
 
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:

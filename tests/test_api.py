@@ -20,11 +20,13 @@ from PIL import Image
 from support import ROOT
 
 import tendonrepro as tr
+from tendonrepro.commands import COMMANDS, FORMER_FUNCTIONS
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest, replaced
 from tendonrepro.results.traces import read_traces
+from tendonrepro.studies.command import CONFIG
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
@@ -174,16 +176,25 @@ def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_every_command_of_the_command_line_is_a_function() -> None:
     from tendonrepro.cli.app import app
 
-    commands = typer.main.get_command(app).commands
-    assert len(commands) > 20
-    assert commands.keys() - set(tr.__all__) == {"doctor"}
-    for name, held in commands.items():
+    shell: Any = typer.main.get_command(app)
+    functions = {name: command for name, command in COMMANDS.items() if command.under != CONFIG}
+    assert len(functions) > 20
+    for name, command in functions.items():
+        held = shell
+        for word in name.split():
+            held = held.commands[word]
         options = {option.name: option.default for option in held.params}
-        own = inspect.signature(getattr(tr, name)).parameters if name != "doctor" else {}
+        own = inspect.signature(getattr(tr, command.word)).parameters
         for key, parameter in own.items():
             if key in options and isinstance(parameter.default, int | float):
                 # An option takes away what holds by default: --no-figures.
                 assert parameter.default == (options[key] or parameter.default is True), (name, key)
+
+
+@pytest.mark.parametrize("name", FORMER_FUNCTIONS)
+def test_a_former_function_names_the_new_one(name: str) -> None:
+    with pytest.raises(AttributeError, match=r"redraw|--version"):
+        getattr(tr, name)
 
 
 def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path, tmp_path: Path) -> None:
@@ -191,9 +202,9 @@ def test_tables_are_those_of_the_folder_named_and_of_no_folder_in_it(saved: Path
     inner.mkdir()
     for folder in (tmp_path, inner):
         shutil.copy(saved / "traces.h5", folder)
-    assert {path.parent.parent for path in tr.tables(tmp_path)} == {tmp_path}
+    assert {path.parent.parent for path in tr.redraw(tmp_path, figures=False)} == {tmp_path}
     (tmp_path / "traces.h5").unlink()
-    assert {path.parent.parent for path in tr.tables(tmp_path)} == {inner}
+    assert {path.parent.parent for path in tr.redraw(tmp_path, figures=False)} == {inner}
 
 
 @pytest.mark.parametrize(
@@ -212,7 +223,7 @@ def test_a_result_is_saved_in_the_formats_asked_for(
     assert drawn == {*suffixes, *(["txt"] if suffixes else [])}
     assert read_manifest(folder)["figure_formats"] == suffixes
     assert tr.open(folder).manifest["config"] == alone.manifest["config"]
-    tr.figures(folder, ["14"], formats=["svg"])
+    tr.redraw(folder, ["14"], formats=["svg"])
     assert (folder / "figures" / "fig14.svg").exists()
     assert read_manifest(folder)["figure_formats"] == (suffixes or ["svg"])
 
@@ -229,9 +240,9 @@ def test_formats_that_are_not_there_are_refused(
 
 
 def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:
-    drawn = tr.figures(saved, ["14"])
+    drawn = tr.redraw(saved, ["14"])
     assert drawn
-    assert all(path.is_file() for path in [*drawn, *tr.tables(saved), tr.export(saved, "csv")])
+    assert all(path.is_file() for path in [*drawn, *tr.redraw(saved, figures=False), tr.export(saved, "csv")])
     assert tr.diff(saved, saved)["same"]
     assert tr.report(saved.parent).read_bytes().startswith(b"<!doctype html>")
 

@@ -54,7 +54,7 @@ def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None
 
     run = partial(python, "-m", "tendonrepro")
     assert python("-c", "import tendonrepro; print(tendonrepro.__file__)").startswith(str(site))
-    assert json.loads(run("doctor", "--json"))["environment"]["git"] is None
+    assert "not a checkout" in run("--version", "--verbose")
     assert json.loads(run("claims", "C2", "--json"))["ensemble"]["source"] == "shipped"
     data = json.loads(
         run(

@@ -2,14 +2,14 @@
 
 from typing import Unpack
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import ONE_ARM, study
 from tendonrepro.studies.parameters import Changes, ConfigOption, Controllers, Folder, Seed
 from tendonrepro.studies.study import Study
 
 __all__ = ["explain"]
 
 
-@study(EXPLORE, "tendonrepro explain --set manipulator.actuator.output_delay=1")
+@study(ONE_ARM, "tendonrepro explain --set manipulator.actuator.output_delay=1")
 def explain(
     config: ConfigOption = None,
     *,

@@ -26,7 +26,7 @@ TERMINAL: dict[str, object] = {
 """Options of every command."""
 
 
-def add_command(app: typer.Typer, command: Command) -> None:
+def add_command(app: typer.Typer, command: Command, *, hidden: bool = False) -> None:
     """Give a command to the command line: parse, call its function, print the answer."""
     own, about = command.signature.parameters, command.help
     options = [_option(given, about.get(name, "")) for name, given in own.items() if not _is_talk(given)]
@@ -42,8 +42,8 @@ def add_command(app: typer.Typer, command: Command) -> None:
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in options}
     run.__doc__ = command.about
-    name = command.name.rpartition(" ")[2]
-    app.command(name, epilog=f"Example: {command.example}", rich_help_panel=command.panel)(run)
+    epilog = f"Example: {command.example}"
+    app.command(command.word, epilog=epilog, rich_help_panel=command.under, hidden=hidden)(run)
 
 
 def _answer(command: Command, words: Mapping[str, object], talk: Talk) -> Answer[object]:

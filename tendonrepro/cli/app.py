@@ -11,7 +11,6 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.resources import files
 from pathlib import Path
 from stat import S_ISDIR
 from typing import Annotated, Any, TypeAlias
@@ -22,14 +21,15 @@ from typer.core import TyperGroup
 
 from tendonrepro import __version__
 from tendonrepro.cli.adapter import add_command
-from tendonrepro.commands import COMMANDS
+from tendonrepro.commands import AT_THE_TOP, COMMANDS, FORMER
 from tendonrepro.console import without_controls
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.configurations import ABOUT
-from tendonrepro.studies.command import EXPLORE
+from tendonrepro.studies.command import FILES, GROUPS, ONE_ARM
 
 Formatter: TypeAlias = Any
-"""Writes help: of Click, or of the copy of Click that newer versions of Typer bring along."""
+Context: TypeAlias = Any
+Resolved: TypeAlias = Any
+"""What writes help, a call, its command: of Click, or of the copy of it in newer versions of Typer."""
 
 INTERRUPTED = 130
 """Exit code into which Typer turns an interrupt, without a word."""
@@ -44,76 +44,84 @@ HELP = """Reproduce Yan et al., Actuators 2026, 15(5), 271: kinematic decoupling
 Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on what the paper says."""
 
 
-class ByPanel(TyperGroup):
-    """Lists commands by panels."""
+class FirstScreen(TyperGroup):
+    """Lists commands by panels, and says what became of those that went."""
 
     def format_commands(self, ctx: object, formatter: Formatter) -> None:
-        """Write a section for each."""
+        """Write a section for each panel."""
         del ctx
-        widest = formatter.width - 6 - max(map(len, self.commands))
+        shown = {name: entry for name, entry in self.commands.items() if not entry.hidden}
+        widest = formatter.width - 6 - max(map(len, shown))
         panels: dict[str, list[tuple[str, str]]] = {}
-        for name, entry in self.commands.items():
+        for name, entry in shown.items():
             panel: str = entry.rich_help_panel  # type: ignore[attr-defined]
             panels.setdefault(panel, []).append((name, entry.get_short_help_str(widest)))
         for panel, rows in panels.items():
             with formatter.section(panel):
                 formatter.write_dl(rows)
 
+    def resolve_command(self, ctx: Context, args: list[str]) -> Resolved:
+        """Refuse the words of a command that has others now."""
+        if args[0] in FORMER and not ctx.resilient_parsing:
+            message = f"{args[0]!r} is now {FORMER[args[0]]!r}"
+            raise UsageError(message, hint=f"type tendonrepro {FORMER[args[0]]}")
+        return super().resolve_command(ctx, args)
+
 
 RETIRED = {"device": "leave it out: everything runs on processors, and --jobs says on how many"}
 """Options of the last version that are gone, and what to do instead."""
 
 app = typer.Typer(
-    cls=ByPanel,
+    cls=FirstScreen,
     help=HELP,
     epilog=EPILOG,
-    rich_help_panel="Reproduce the paper",
+    rich_help_panel=ONE_ARM,
     invoke_without_command=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-config_app = typer.Typer(help=ABOUT, invoke_without_command=True)
-app.add_typer(config_app, name="config", rich_help_panel=EXPLORE)
-for entry in COMMANDS.values():
-    add_command(config_app if entry.name.startswith("config ") else app, entry)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(__version__)
-        raise typer.Exit
-
-
-def _print_citation(wanted: bool) -> None:
-    if wanted:
-        text = files("tendonrepro.cli").joinpath("citation.bib").read_text(encoding="utf-8")
-        typer.echo(text.rstrip().replace("VERSION", __version__))
-        raise typer.Exit
-
-
-@config_app.callback()
-def _config(context: typer.Context) -> None:
-    _help_if_alone(context)
-
-
-@app.callback()
-def _root(
-    context: typer.Context,
-    version: Annotated[
-        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
-    ] = False,
-    cite: Annotated[
-        bool,
-        Option("--cite", callback=_print_citation, is_eager=True, help="Print BibTeX of paper and software."),
-    ] = False,
-) -> None:
-    del version, cite
-    _help_if_alone(context)
 
 
 def _help_if_alone(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+
+
+def _add_commands() -> None:
+    """Commands on the first screen, groups behind them."""
+    groups = {name: typer.Typer(help=about, invoke_without_command=True) for name, about in GROUPS.items()}
+    for entry in COMMANDS.values():
+        add_command(groups.get(entry.under, app), entry)
+    for name, group in groups.items():
+        group.callback()(_help_if_alone)
+        app.add_typer(group, name=name, rich_help_panel=FILES)
+    for entry in COMMANDS.values():
+        if entry.word in AT_THE_TOP:
+            add_command(app, entry, hidden=True)
+
+
+_add_commands()
+
+
+@app.callback()
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, Option("--version", help="Print the version.")] = False,
+    verbose: Annotated[bool, Option("--verbose", "-v", help="With --version: the environment, too.")] = False,
+    cite: Annotated[bool, Option("--cite", help="Print BibTeX of paper and software.")] = False,
+) -> None:
+    from tendonrepro.cli import version as versions
+
+    if version and verbose:
+        well, text = versions.examined()
+        typer.echo(text)
+        raise typer.Exit(0 if well else 1)
+    if version or cite:
+        typer.echo(__version__ if version else versions.citation())
+        raise typer.Exit
+    if verbose:
+        raise UsageError("--verbose stands behind a command, or after --version")
+    _help_if_alone(context)
 
 
 def _keep_settings_of_matplotlib() -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tendonrepro.dataset.ingestion import Ingested, Inspected
 
 
-@command(DATA, "tendonrepro fetch --out data/zenodo")
+@command(DATA, "tendonrepro data fetch --out data/zenodo")
 def fetch(
     record: Annotated[str, ARGUMENT] = "19467931",
     out: Path | str = Path("data/zenodo"),
@@ -52,7 +52,7 @@ def fetch(
     return Answer(lock, fetch_text(lock), lock)
 
 
-@command(DATA, "tendonrepro inspect data/zenodo --suggest")
+@command(DATA, "tendonrepro data inspect data/zenodo --suggest")
 def inspect(
     *paths: Measured, suggest: bool = False, mapping: Path | str | None = None, force: bool = False
 ) -> Answer["Inspected"]:
@@ -75,7 +75,7 @@ def inspect(
     return Answer(contents, inspect_text(contents), contents)
 
 
-@command(DATA, "tendonrepro ingest data/zenodo --mapping data/mapping.yaml")
+@command(DATA, "tendonrepro data ingest data/zenodo --mapping data/mapping.yaml")
 def ingest(
     *paths: Measured,
     mapping: Mapping = MAPPING,

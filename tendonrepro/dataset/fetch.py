@@ -1,4 +1,4 @@
-"""What ``tendonrepro fetch`` does: bring the paper's data set here."""
+"""What ``tendonrepro data fetch`` does: bring the paper's data set here."""
 
 from __future__ import annotations
 

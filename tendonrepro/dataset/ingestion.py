@@ -1,4 +1,4 @@
-"""What ``tendonrepro inspect`` and ``ingest`` do: from files to a mapping, and by it to measured runs."""
+"""What ``data inspect`` and ``data ingest`` do: from files to a mapping, and by it to measured runs."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def run_ingest(
     """
     if not dry_run:
         refuse_existing(out, force=force, inputs=[mapping, *paths])
-    text = read_text(mapping, "tendonrepro inspect FILES --suggest writes one")
+    text = read_text(mapping, "tendonrepro data inspect FILES --suggest writes one")
     text = confirmed(text) if confirm else text
     loaded = parse_mapping(text, str(mapping))
     contents = read_files(paths)

@@ -61,7 +61,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
     """
     for path in paths:
         if not path.exists():
-            hint = "tendonrepro fetch gets the record"
+            hint = "tendonrepro data fetch gets the record"
             if is_yaml(path):
                 hint = f"to write a mapping there, say --mapping {path}"
             raise DataMissingError("is not there", where=str(path), hint=hint)

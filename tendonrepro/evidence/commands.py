@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import DATA, MANY_ARMS, study
 from tendonrepro.studies.parameters import (
     ARGUMENT,
     Changes,
@@ -20,7 +20,7 @@ from tendonrepro.studies.study import Study
 __all__ = ["predict", "recover"]
 
 
-@study(EXPLORE, "tendonrepro predict --readings printed,Delta_unit=deg")
+@study(MANY_ARMS, "tendonrepro predict --readings printed,Delta_unit=deg")
 def predict(
     draws: int = 256,
     *,
@@ -58,7 +58,7 @@ def predict(
     )
 
 
-@study(EXPLORE, "tendonrepro recover data/measured.h5")
+@study(DATA, "tendonrepro data recover data/measured.h5")
 def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Destination]) -> Study:
     """Which controller made a log, or why that cannot be told.
 

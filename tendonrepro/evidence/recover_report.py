@@ -1,4 +1,4 @@
-"""What ``tendonrepro recover`` shows: JSON, tables and sentences."""
+"""What ``tendonrepro data recover`` shows: JSON, tables and sentences."""
 
 from __future__ import annotations
 

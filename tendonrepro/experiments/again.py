@@ -1,4 +1,4 @@
-"""Figures and tables made again from stored traces."""
+"""Figures and tables made again from stored traces, without simulation."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from tendonrepro.studies.outcome import figure_formats
 
 
 def redraw(
-    out: Path, figures: Sequence[str] | None, *, force: bool = False, formats: Sequence[str] = FORMATS
+    out: Path, figures: Sequence[str] = (), *, formats: Sequence[str] = FORMATS, force: bool = False
 ) -> list[Path]:
-    """Draw figures from stored traces again, and return the files.
+    """Draw figures and write tables from stored traces again, and return the files.
 
     Parameters
     ----------
     out : Path
         Results folder, or the one above several.
-    figures : sequence of str, optional
-        Names, or the paper's numbers; all if not given.
+    figures : sequence of str
+        Names, or the paper's numbers, of the only ones to make; all, and the tables, if none is given.
+    formats : sequence of str
+        Those to draw, or none; files of others stay as they are.
     force : bool
         Keep a user's own files, and make changed ones again.
-    formats : sequence of str
-        Those to write; files of others stay as they are.
     """
     from tendonrepro.results.figures.catalogue import available, begin_drawing, name_of
 
@@ -44,20 +44,13 @@ def redraw(
             raise DataMissingError(message, where=str(out), hint=hint)
 
     def make(file: TraceFile, path: Path) -> list[Path]:
-        figures = [(file, path / "figures", name) for name in available(file) if name in asked]
-        return [drawn for paths in begin_drawing(figures, formats, start) for drawn in paths]
+        drawings = [(file, path / "figures", name) for name in available(file) if name in asked and formats]
+        tables = [] if figures else made_tables(file)
+        drawn = [drawn for paths in begin_drawing(drawings, formats, start) for drawn in paths]
+        return drawn + [file for table in tables for file in table.write(path / "tables")]
 
     with workers(len(asked)) as start:
         return _make_again(files, make, force=force)
-
-
-def rewrite_tables(out: Path, *, force: bool = False) -> list[Path]:
-    """Make tables from stored traces again, as `redraw` does figures."""
-
-    def make(file: TraceFile, path: Path) -> list[Path]:
-        return [one for table in made_tables(file) for one in table.write(path / "tables")]
-
-    return _make_again(_stored(out), make, force=force)
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:

@@ -1,17 +1,19 @@
-"""The commands around the paper's experiments: what each asks for, and what it does."""
+"""The commands around the paper's experiments, results and configurations: what each asks for, and does."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, Unpack
 
+from tendonrepro.errors import UsageError
 from tendonrepro.files import Json
-from tendonrepro.studies.command import EXPLORE, REPRODUCE, command, study
+from tendonrepro.studies.command import CONFIG, ONE_ARM, RESULT, command, study
 from tendonrepro.studies.parameters import (
     ARGUMENT,
     TALK,
     Changes,
     ConfigOption,
     Controllers,
+    Drawn,
     Folder,
     Formats,
     Laws,
@@ -23,13 +25,13 @@ from tendonrepro.studies.parameters import (
 )
 from tendonrepro.studies.study import Answer, Study, written
 
-__all__ = ["animate", "compare", "decouple", "diff", "export", "figures", "statics", "sweep", "tables"]
+__all__ = ["animate", "compare", "decouple", "diff", "export", "redraw", "statics", "sweep"]
 
 Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one above several.")]
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
 
 
-@study(REPRODUCE, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha')
+@study(ONE_ARM, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha')
 def compare(
     config: ConfigOption = None,
     *,
@@ -58,7 +60,7 @@ def compare(
     return experiment_study(prepared(loaded, laws_of(laws), solver), folder)
 
 
-@study(REPRODUCE, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
+@study(ONE_ARM, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
 def decouple(
     config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
@@ -70,39 +72,75 @@ def decouple(
     return experiment_study(prepared(load_config(config, "decouple", overrides=set, seed=seed)), folder)
 
 
-@command(REPRODUCE, "tendonrepro figures 14 15")
-def figures(
+@study(ONE_ARM, "tendonrepro statics --set manipulator.tensioner.force=30")
+def statics(
+    config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
+) -> Study:
+    """Tension of every tendon over the working half-plane.
+
+    The configuration may be of either experiment: its arm and posture alone matter.
+    """
+    from tendonrepro.configuration.load import load_config
+    from tendonrepro.experiments.statics import survey
+    from tendonrepro.experiments.statics_report import statics_outcome
+
+    loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
+    return Study(loaded, lambda _: statics_outcome(survey(loaded)), folder)
+
+
+Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word(metavar="KEY=A,B,C")]
+
+
+@study(ONE_ARM, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"')
+def sweep(
+    over: Over,
+    config: ConfigOption = None,
+    *,
+    set: Changes = None,
+    seed: Seed = None,
+    controllers: Controllers = None,
+    **folder: Unpack[Folder],
+) -> Study:
+    """The comparison over values of one or two keys.
+
+    Parameters
+    ----------
+    over
+        A key and its values; once or twice.
+    """
+    from tendonrepro.experiments.sweep import load_grid, simulate
+    from tendonrepro.experiments.sweep_report import sweep_outcome
+
+    grid = load_grid(over, config, overrides=set, seed=seed, controllers=controllers)
+    return Study(grid.base, lambda site: sweep_outcome(simulate(grid, site.talk)), folder)
+
+
+@command(RESULT, "tendonrepro result redraw 14 15")
+def redraw(
     out: Above = Path("reports"),
     names: Annotated[Sequence[str], ARGUMENT] = (),
     *,
     formats: Formats = None,
+    figures: Drawn = True,
     force: Again = False,
     talk: Telling = TALK,
 ) -> Answer[list[Path]]:
-    """Draw figures again from stored traces.
+    """Draw figures and write tables again, from stored traces.
 
     Parameters
     ----------
     names
-        The paper's numbers, or names [default: all].
+        Figures alone, by name or the paper's number [default: all, and the tables].
     """
-    from tendonrepro.experiments.again import redraw
+    from tendonrepro.experiments import again
     from tendonrepro.results.formats import formats_of
 
-    paths = redraw(Path(out), names, force=force, formats=formats_of(formats))
+    kinds = formats_of(formats, figures=figures)
+    paths = again.redraw(Path(out), names, formats=kinds, force=force)
     return written(paths, paths, talk)
 
 
-@command(REPRODUCE, "tendonrepro tables --out reports/compare")
-def tables(out: Above = Path("reports"), *, force: Again = False, talk: Telling = TALK) -> Answer[list[Path]]:
-    """Write tables again from stored traces."""
-    from tendonrepro.experiments.again import rewrite_tables
-
-    paths = rewrite_tables(Path(out), force=force)
-    return written(paths, paths, talk)
-
-
-@command(REPRODUCE, "tendonrepro animate reports/decouple --speed 2")
+@command(RESULT, "tendonrepro result animate reports/decouple --speed 2")
 def animate(
     file: Traces,
     out: Path | str | None = None,
@@ -129,7 +167,7 @@ def animate(
     return Answer(made, "\n".join(made["files"]), list(made["files"]))
 
 
-@command(REPRODUCE, "tendonrepro export reports/compare --format mat")
+@command(RESULT, "tendonrepro result export reports/compare --format mat")
 def export(
     file: Traces,
     form: Annotated[str, Word(option="--format")] = "csv",
@@ -153,7 +191,7 @@ def export(
     return written([path], path, talk)
 
 
-@command(REPRODUCE, "tendonrepro diff reports/compare reports/extrapolating")
+@command(RESULT, "tendonrepro result diff reports/compare reports/extrapolating")
 def diff(
     first: Annotated[Path | str, ARGUMENT],
     second: Annotated[Path | str, ARGUMENT],
@@ -179,44 +217,91 @@ def diff(
     return Answer(rows, difference_text(rows), rows, exit_code=0 if rows["same"] else 1)
 
 
-Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word(metavar="KEY=A,B,C")]
+Named: TypeAlias = Annotated[
+    str, Word(positional=True, help="Configuration file, - for standard input, or a shipped name.")
+]
 
 
-@study(EXPLORE, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"')
-def sweep(
-    over: Over,
-    config: ConfigOption = None,
+@command(CONFIG, "tendonrepro config list")
+def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
+    """Names of the shipped configurations."""
+    from tendonrepro.configuration.load import shipped_folder, shipped_names
+
+    names = shipped_names()
+    talk.detail(f"in {shipped_folder()}")
+    return Answer({"schema_version": 1, "configs": names}, "\n".join(names), names)
+
+
+@command(CONFIG, "tendonrepro config show compare")
+def config_show(config: Named, *, set: Changes = None) -> Answer[Json]:
+    """A configuration as it is used: complete, changes applied."""
+    from tendonrepro.configuration.any_kind import shown
+
+    tree, text = shown(config, set or ())
+    return Answer(tree, text.rstrip(), tree)
+
+
+@command(CONFIG, "tendonrepro config init --joints 2 --out mine/my_arm.yaml")
+def config_init(
+    name: Annotated[str | None, ARGUMENT] = None,
     *,
-    set: Changes = None,
-    seed: Seed = None,
-    controllers: Controllers = None,
-    **folder: Unpack[Folder],
-) -> Study:
-    """The comparison over values of one or two keys.
+    joints: int | None = None,
+    out: Path = Path(),
+    talk: Telling = TALK,
+) -> Answer[list[Path]]:
+    """Begin an arm of your own, or copy a shipped configuration.
 
     Parameters
     ----------
-    over
-        A key and its values; once or twice.
+    name
+        A shipped configuration; what it names is copied too.
+    joints
+        Write an arm with so many joints, compare.yaml and decouple.yaml.
+    out
+        Folder, or the file to write, with the others beside it.
     """
-    from tendonrepro.experiments.sweep import load_grid, simulate
-    from tendonrepro.experiments.sweep_report import sweep_outcome
+    from tendonrepro.configuration.any_kind import init_config
+    from tendonrepro.configuration.own_arm import init_arm
 
-    grid = load_grid(over, config, overrides=set, seed=seed, controllers=controllers)
-    return Study(grid.base, lambda site: sweep_outcome(simulate(grid, site.talk)), folder)
+    if (name is None) == (joints is None):
+        message = "either the name of a shipped configuration, or --joints"
+        raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
+    paths = init_arm(joints, out) if joints is not None else init_config(str(name), out)
+    return written(paths, paths, talk)
 
 
-@study(EXPLORE, "tendonrepro statics --set manipulator.tensioner.force=30")
-def statics(
-    config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
-) -> Study:
-    """Tension of every tendon over the working half-plane.
+@command(CONFIG, "tendonrepro config check my_experiment/compare.yaml")
+def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[Json]:
+    """Check a configuration, and list all its mistakes."""
+    from tendonrepro.configuration.any_kind import checked
+    from tendonrepro.configuration.ensemble import LoadedEnsemble
+    from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.experiments.loops import all_loops
+    from tendonrepro.studies.lifecycle import remarks
 
-    The configuration may be of either experiment: its arm and posture alone matter.
+    read = checked(config, set or ())
+    known: Json = {"schema_version": 1, "config": config, "kind": "manipulator"}
+    if isinstance(read, LoadedEnsemble):
+        known |= {"kind": "ensemble", "config_sha256": read.sha256}
+    elif isinstance(read, LoadedConfig):
+        for sentence in remarks(read):
+            talk.note(sentence)
+        runs = list(all_loops(read))
+        known |= {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
+    return Answer(known, f"{config}: valid {known['kind']}", known)
+
+
+@command(CONFIG, "tendonrepro config schema > schema.json")
+def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[Json]:
+    """JSON schema of configuration files, for editors.
+
+    Parameters
+    ----------
+    kind
+        compare, decouple, ensemble or manipulator [default: any].
     """
-    from tendonrepro.configuration.load import load_config
-    from tendonrepro.experiments.statics import survey
-    from tendonrepro.experiments.statics_report import statics_outcome
+    from tendonrepro.configuration.any_kind import json_schema
+    from tendonrepro.files import to_json
 
-    loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
-    return Study(loaded, lambda _: statics_outcome(survey(loaded)), folder)
+    schema = json_schema(kind)
+    return Answer(schema, to_json(schema).rstrip(), schema)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal, Unpack
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import MANY_ARMS, study
 from tendonrepro.studies.parameters import (
     Changes,
     ConfigOption,
@@ -19,7 +19,7 @@ from tendonrepro.studies.study import Study
 __all__ = ["identify"]
 
 
-@study(EXPLORE, "tendonrepro identify --readings printed,weights=extrapolating")
+@study(MANY_ARMS, "tendonrepro identify --readings printed,weights=extrapolating")
 def identify(
     fit: Literal["controller_2", "all"] = "controller_2",
     *,

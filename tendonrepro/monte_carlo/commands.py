@@ -2,7 +2,7 @@
 
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import MANY_ARMS, study
 from tendonrepro.studies.parameters import (
     Changes,
     ConfigOption,
@@ -19,7 +19,7 @@ from tendonrepro.studies.study import Study
 __all__ = ["ensemble"]
 
 
-@study(EXPLORE, "tendonrepro ensemble --draws 1024 --jobs 4")
+@study(MANY_ARMS, "tendonrepro ensemble --draws 1024 --jobs 4")
 def ensemble(
     draws: int = 1024,
     *,

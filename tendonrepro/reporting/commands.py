@@ -3,38 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonrepro.studies.command import EXPLORE, command
+from tendonrepro.studies.command import PAGES, command
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption
 from tendonrepro.studies.study import Answer
 
 __all__ = ["live", "report"]
 
 
-@command(EXPLORE, "tendonrepro report --out review.html")
-def report(
-    results: Annotated[Path | str, ARGUMENT] = Path("reports"),
-    out: Path | str | None = None,
-    *,
-    force: bool = False,
-) -> Answer[Path]:
-    """One HTML file for a reviewer, of all that was run.
-
-    Parameters
-    ----------
-    results
-        Folder above the results, or a result.
-    out
-        HTML file to write [default: report.html in that folder, or NAME.html beside a result].
-    force
-        Overwrite a file that is no report.
-    """
-    from tendonrepro.reporting.page import report_text, run_report
-
-    page = run_report(Path(results), None if out is None else Path(out), force=force)
-    return Answer(page, report_text(page), Path(page["path"]))
-
-
-@command(EXPLORE, "tendonrepro live --config mine.yaml --out mine.html")
+@command(PAGES, "tendonrepro live --config mine.yaml --out mine.html")
 def live(
     config: ConfigOption = None,
     out: Path | str = Path("live.html"),
@@ -60,3 +36,27 @@ def live(
     loaded = load_config(config, "compare", overrides=set) if is_own else None
     page = write_page(Path(out), loaded, force=force)
     return Answer(page, live_text(page), Path(page["path"]))
+
+
+@command(PAGES, "tendonrepro report --out review.html")
+def report(
+    results: Annotated[Path | str, ARGUMENT] = Path("reports"),
+    out: Path | str | None = None,
+    *,
+    force: bool = False,
+) -> Answer[Path]:
+    """One HTML file for a reviewer, of all that was run.
+
+    Parameters
+    ----------
+    results
+        Folder above the results, or a result.
+    out
+        HTML file to write [default: report.html in that folder, or NAME.html beside a result].
+    force
+        Overwrite a file that is no report.
+    """
+    from tendonrepro.reporting.page import report_text, run_report
+
+    page = run_report(Path(results), None if out is None else Path(out), force=force)
+    return Answer(page, report_text(page), Path(page["path"]))

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tendonrepro.studies.command import REPRODUCE, command
+from tendonrepro.studies.command import ONE_ARM, command
 from tendonrepro.studies.parameters import TALK, Changes, Folder, Formats, Seed, Telling
 from tendonrepro.studies.study import Answer
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["reproduce"]
 
 
-@command(REPRODUCE, "tendonrepro reproduce --out reports")
+@command(ONE_ARM, "tendonrepro reproduce --out reports")
 def reproduce(
     out: Path | str = Path("reports"),
     *,

@@ -175,7 +175,7 @@ def _refuse_other(source: Path, path: Path) -> None:
         return
     hint = f"name a results folder or its {TRACES}"
     if path.suffix not in _OTHERS:
-        hint = f"{hint}; tendonrepro inspect and ingest make one of measured files"
+        hint = f"{hint}; tendonrepro data inspect and ingest make one of measured files"
     raise DataMissingError("is no trace file", where=str(path), hint=hint)
 
 

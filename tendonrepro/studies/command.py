@@ -33,19 +33,28 @@ P = ParamSpec("P")
 V = TypeVar("V")
 Prepared = TypeVar("Prepared", bound="Answer[object] | Study")
 
-REPRODUCE, EXPLORE, DATA = "Reproduce the paper", "Explore", "Your data, or the paper's"
-"""Panels of the list of commands."""
+ONE_ARM, MANY_ARMS, PAGES, FILES = "One arm", "Many plausible arms", "Pages", "Files"
+"""Panels of the first screen, in their order; the last one has the groups."""
+
+DATA, RESULT, CONFIG = "data", "result", "config"
+GROUPS = {
+    DATA: "Measured data: fetch, inspect, ingest, validate, recover.",
+    RESULT: "Stored results: redraw, animate, export, diff.",
+    CONFIG: "Configurations: list, show, copy, check, schema.",
+}
+"""Groups of commands, and what is in them."""
 
 
 @dataclass(frozen=True)
 class Command:
     """An entry of the registry.
 
-    `function` gives an `Answer`, or a `Study`, which the lifecycle carries out.
+    `name` is the words that call it, such as ``compare`` or ``result diff``; `under` is its panel on the
+    first screen, or its group. `function` gives an `Answer`, or a `Study`, which the lifecycle carries out.
     """
 
     name: str
-    panel: str
+    under: str
     example: str
     function: Callable[..., Answer[object] | Study]
     has_dry_run: bool = False
@@ -53,7 +62,12 @@ class Command:
     def prepare(self, *args: object, **kwargs: object) -> Answer[object] | Study:
         """Call the function; a study then knows of which command it is."""
         prepared = self.function(*args, **kwargs)
-        return replace(prepared, command=self.name) if isinstance(prepared, Study) else prepared
+        return replace(prepared, command=self.word) if isinstance(prepared, Study) else prepared
+
+    @property
+    def word(self) -> str:
+        """Last word of its name, by which a study's results are known."""
+        return self.name.rpartition(" ")[2]
 
     @cached_property
     def signature(self) -> inspect.Signature:
@@ -88,12 +102,14 @@ COMMANDS: dict[str, Command] = {}
 
 
 def study(
-    panel: str, example: str, *, has_dry_run: bool = True
+    under: str, example: str, *, has_dry_run: bool = True
 ) -> Callable[[Callable[P, Study]], Callable[P, Result]]:
     """Make a function that checks and prepares a study a command; for Python it gives a result."""
 
     def register(function: Callable[P, Study]) -> Callable[P, Result]:
-        return _public(Command(function.__name__, panel, example, function, has_dry_run), function, _result)
+        return _public(
+            Command(_name(function, under), under, example, function, has_dry_run), function, _result
+        )
 
     return register
 
@@ -104,14 +120,20 @@ def _result(study: Study) -> Result:
     return result_of(study)
 
 
-def command(panel: str, example: str, name: str = "") -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
-    """Make a function that answers a command; `name` is the words that call it, such as ``config list``."""
+def command(under: str, example: str) -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
+    """Make a function that answers a command."""
 
     def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
-        entry = Command(name or function.__name__, panel, example, function)
+        entry = Command(_name(function, under), under, example, function)
         return _public(entry, function, lambda answer: answer.value)
 
     return register
+
+
+def _name(function: Callable[P, object], under: str) -> str:
+    """Words that call a function: its name, behind that of its group."""
+    word = function.__name__.removeprefix(f"{under}_")
+    return f"{under} {word}" if under in GROUPS else word
 
 
 def _public(

@@ -40,7 +40,7 @@ Formats: TypeAlias = Annotated[
     str | Sequence[str] | None,
     Word(metavar="png,pdf,svg", help="Formats of figures [default: all three]."),
 ]
-
+Drawn: TypeAlias = Annotated[bool, Word(help="Draw no figures.")]
 
 Laws: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, Callable[..., object]] | None, Word(option="--law", metavar="FILE:NAME")
@@ -76,7 +76,7 @@ class Folder(Destination, total=False):
     """Where the results of a study go, and its figures."""
 
     formats: Formats
-    figures: Annotated[bool, Word(help="Draw no figures.")]
+    figures: Drawn
 
 
 FOLDER: Folder = {"out": None, "formats": None, "figures": True, "force": False}

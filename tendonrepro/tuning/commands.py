@@ -2,7 +2,7 @@
 
 from typing import Unpack
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import MANY_ARMS, study
 from tendonrepro.studies.parameters import (
     Changes,
     ConfigOption,
@@ -18,7 +18,7 @@ from tendonrepro.studies.study import Study
 __all__ = ["tune"]
 
 
-@study(EXPLORE, "tendonrepro tune --plants 24")
+@study(MANY_ARMS, "tendonrepro tune --plants 24")
 def tune(
     plants: int = 16,
     *,

@@ -11,7 +11,7 @@ from tendonrepro.studies.study import Study
 __all__ = ["validate"]
 
 
-@study(DATA, "tendonrepro validate data/measured.h5")
+@study(DATA, "tendonrepro data validate data/measured.h5")
 def validate(
     measured: Annotated[Path | str, ARGUMENT] = MEASURED,
     config: ConfigOption = None,

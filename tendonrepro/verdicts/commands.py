@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonrepro.studies.command import EXPLORE, study
+from tendonrepro.studies.command import MANY_ARMS, study
 from tendonrepro.studies.parameters import Folder, Formats, Word
 from tendonrepro.studies.study import Study
 
 __all__ = ["claims"]
 
 
-@study(EXPLORE, "tendonrepro claims C2", has_dry_run=False)
+@study(MANY_ARMS, "tendonrepro claims C2", has_dry_run=False)
 def claims(
     *ids: Annotated[str, Word(metavar="[ID]...")],
     out: Path | str = Path("reports"),

@@ -44,11 +44,11 @@ def test_every_command_has_help_with_an_example(tmp_path: Path) -> None:
     assert top.stdout.count("...") == 1, "a summary is cut"  # the other one is ARGS...
     assert max(map(len, top.stdout.splitlines())) <= 80
     panels = [line for line in top.stdout.splitlines() if line.endswith(":") and not line.startswith(" ")]
-    assert panels == ["Options:", "Reproduce the paper:", "Explore:", "Your data, or the paper's:"]
+    assert panels == ["Options:", "One arm:", "Many plausible arms:", "Pages:", "Files:"]
     assert top.stdout.index("tendonrepro reproduce") < top.stdout.index("Options:")
     groups = [(group.name, group.typer_instance) for group in app.registered_groups]
     for name, held in [(None, app), *groups]:
-        for one in held.registered_commands:
+        for one in [entry for entry in held.registered_commands if not entry.hidden]:
             words = [*filter(None, [name]), one.name]
             text = CliRunner().invoke(app, [*words, "--help"])
             assert text.exit_code == 0
@@ -117,7 +117,7 @@ def test_a_second_run_gives_identical_numbers_and_figures(compared: tuple[Path, 
 def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "traces.h5").write_text("without a manifest")
-    cases = {("compare", "--out", "out"): 2, ("figures",): 4}
+    cases = {("compare", "--out", "out"): 2, ("result", "redraw"): 4}
     for words, code in cases.items():
         error = answer(*words, *(SHORT if code < 4 else ()), cwd=tmp_path, code=code)["error"]
         assert "out" in error["where"] or "traces.h5" in error["where"] + error["message"]
@@ -229,12 +229,12 @@ def test_figures_and_tables_are_made_again_from_traces(compared: tuple[Path, Any
     out = folder / "out"
     before = (out / "figures" / "fig14.svg").read_bytes()
     (out / "figures" / "fig14.svg").unlink()
-    made = answer("figures", "14", "--out", "out", cwd=folder)
+    made = answer("result", "redraw", "14", "--out", "out", cwd=folder)
     assert {Path(name).suffix for name in made["files"]} == {".pdf", ".png", ".svg", ".txt"}
     assert (out / "figures" / "fig14.svg").read_bytes() == before
-    assert answer("tables", "--out", ".", cwd=folder)["files"]
-    assert run("figures", "9", "--out", "out", cwd=folder).returncode == 4
-    assert run("figures", "99", "--out", "out", cwd=folder).returncode == 2
+    assert answer("result", "redraw", "--no-figures", "--out", ".", cwd=folder)["files"]
+    assert run("result", "redraw", "9", "--out", "out", cwd=folder).returncode == 4
+    assert run("result", "redraw", "99", "--out", "out", cwd=folder).returncode == 2
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of POSIX")
@@ -295,7 +295,7 @@ def test_a_run_needs_no_stream_and_no_backend_of_a_notebook(command: str, tmp_pa
     assert done.returncode == 0
     assert (tmp_path / "out" / "figures" / "fig14.png").stat().st_size > 1000
     other = subprocess.run(
-        [command, "figures", "13", "--out", "out"],
+        [command, "result", "redraw", "13", "--out", "out"],
         cwd=tmp_path,
         env=os.environ | {"MPLBACKEND": "module://not_installed.backend"},
         capture_output=True,
@@ -320,7 +320,7 @@ def test_usage_errors_are_one_message_and_code_2(tmp_path: Path) -> None:
 
 def test_an_empty_word_is_not_the_current_folder(tmp_path: Path) -> None:
     (tmp_path / "q.csv").write_text("time,q\n0,1\n1,2\n")
-    for words in (["inspect", ""], ["compare", "--out="], ["tables", "--out", ""]):
+    for words in (["data", "inspect", ""], ["compare", "--out="], ["result", "redraw", "--out", ""]):
         done = run(*words, cwd=tmp_path)
         assert done.returncode == 2
         assert "is empty\n" in done.stderr
@@ -413,15 +413,17 @@ def test_a_law_of_the_users_own_runs_beside_the_others(tmp_path: Path) -> None:
     assert (done.returncode, "no function" in done.stderr) == (2, True)
 
 
-def test_version_citation_and_doctor(command: str, tmp_path: Path) -> None:
+def test_version_environment_and_citation(command: str, tmp_path: Path) -> None:
     from tendonrepro import __version__
 
     shown = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == __version__
     assert "10.3390/act15050271" in run("--cite", cwd=tmp_path).stdout
-    found = answer("doctor", cwd=tmp_path)
-    assert {*found["checks"].values()} == {"ok"}
-    assert found["environment"]["versions"]["h5py"]
+    done = run("--version", "--verbose", cwd=tmp_path)
+    rows = dict(line.split(maxsplit=1) for line in done.stdout.splitlines() if len(line.split()) == 2)
+    assert (done.returncode, rows["tendonrepro"], rows["compiler"]) == (0, __version__, "ok")
+    assert {"h5py", "configurations"} <= rows.keys()
+    assert run("--verbose", cwd=tmp_path).returncode == 2
 
 
 def test_a_home_that_cannot_be_written_leaves_one_folder_however_many_commands_run(

@@ -15,22 +15,22 @@ from tendonrepro.files import shipped
 from tendonrepro.results.traces import write_traces
 
 ARGUMENTS = {
-    "animate": ["runs.h5"],
+    "result animate": ["runs.h5"],
     "config init": ["compare"],
-    "export": ["runs.h5"],
-    "ingest": ["data.csv"],
+    "result export": ["runs.h5"],
+    "data ingest": ["data.csv"],
     "live": [],
-    "recover": ["runs.h5"],
+    "data recover": ["runs.h5"],
     "report": ["."],
     "sweep": ["--over", "control.gains.lam=4,5"],
-    "validate": ["measured.h5"],
+    "data validate": ["measured.h5"],
 }
 """What a command cannot do without."""
 
 FILES = {
-    "animate": "mine.gif",
-    "export": "mine.csv",
-    "ingest": "mine.h5",
+    "result animate": "mine.gif",
+    "result export": "mine.csv",
+    "data ingest": "mine.h5",
     "live": "mine.html",
     "report": "mine.html",
 }
@@ -76,7 +76,7 @@ def test_a_file_where_the_results_should_go_is_refused(place: Path, name: str, o
 def test_a_folder_where_a_file_should_go_is_refused(place: Path, name: str, force: list[str]) -> None:
     (place / FILES[name]).mkdir()
     before = contents(place)
-    found = answer(name, *ARGUMENTS[name], "--out", FILES[name], *force, cwd=place, code=2)
+    found = answer(*name.split(), *ARGUMENTS[name], "--out", FILES[name], *force, cwd=place, code=2)
     assert found["error"]["where"] == FILES[name]
     assert contents(place) == before
     (place / FILES[name]).rmdir()
@@ -88,7 +88,7 @@ def test_a_file_that_is_there_is_refused(place: Path, name: str, below: str) -> 
     path = place / FILES[name]
     path.write_text("mine")
     before = contents(place)
-    found = answer(name, *ARGUMENTS[name], "--out", below + FILES[name], cwd=place, code=2)
+    found = answer(*name.split(), *ARGUMENTS[name], "--out", below + FILES[name], cwd=place, code=2)
     assert found["error"]["where"] == (below.strip("/") or FILES[name])
     assert contents(place) == before
     path.unlink()
@@ -97,10 +97,10 @@ def test_a_file_that_is_there_is_refused(place: Path, name: str, below: str) -> 
 @pytest.mark.parametrize(
     ("words", "lost"),
     [
-        ("ingest data.csv --out data.csv", "data.csv"),
-        ("ingest data.csv --mapping my.yaml --out my.yaml", "my.yaml"),
-        ("inspect data.csv --suggest --mapping data.csv", "data.csv"),
-        ("export runs.csv --format csv", "runs.csv"),
+        ("data ingest data.csv --out data.csv", "data.csv"),
+        ("data ingest data.csv --mapping my.yaml --out my.yaml", "my.yaml"),
+        ("data inspect data.csv --suggest --mapping data.csv", "data.csv"),
+        ("result export runs.csv --format csv", "runs.csv"),
         ("statics --config decouple.yaml --out decouple.yaml", "decouple.yaml"),
     ],
 )
@@ -120,4 +120,9 @@ def test_a_result_in_python_is_not_saved_over_a_file(place: Path) -> None:
 
 
 def test_there_are_commands_of_both_kinds() -> None:
-    assert COMMANDS.keys() >= FILES.keys() | ARGUMENTS.keys() | {"decouple", "reproduce", "fetch", "statics"}
+    assert COMMANDS.keys() >= FILES.keys() | ARGUMENTS.keys() | {
+        "decouple",
+        "reproduce",
+        "data fetch",
+        "statics",
+    }

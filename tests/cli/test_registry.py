@@ -6,19 +6,19 @@ import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import pytest
 from support import ROOT
-from support.command import SMALL, answer
+from support.command import SMALL, answer, run
 from support.synthetic import FEW, make_compare_file
 from typer.main import get_command
 
 import tendonrepro as tr
 from tendonrepro.cli.app import app
-from tendonrepro.commands import COMMANDS
+from tendonrepro.commands import COMMANDS, FORMER
 from tendonrepro.results.traces import write_traces
-from tendonrepro.studies.command import word_of
+from tendonrepro.studies.command import CONFIG, word_of
 from tendonrepro.studies.lifecycle import DIVERGED
 from tendonrepro.studies.parameters import Telling
 from tendonrepro.studies.study import Study
@@ -34,9 +34,23 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_there_are_commands() -> None:
+def test_the_first_screen_has_seventeen_commands_at_most_and_all_can_be_called() -> None:
     assert len(STUDIES) >= 2
-    assert get_command(app).commands.keys() >= {name.split()[0] for name in COMMANDS}  # type: ignore[attr-defined]
+    held = get_command(app).commands  # type: ignore[attr-defined]
+    shown = {name for name, command in held.items() if not command.hidden}
+    assert shown == {name.split()[0] for name in COMMANDS}
+    assert len(shown) <= 17
+    assert {"decouple", "compare", "reproduce", "fetch", "ingest", "validate", "claims"} <= held.keys()
+
+
+@pytest.mark.parametrize("name", FORMER)
+def test_a_former_command_names_the_new_one(tmp_path: Path, name: str) -> None:
+    for words in ([], ["--help"], ["14", "--out", "x"]):
+        told = answer(name, *words, cwd=tmp_path, code=2)["error"]
+        assert f"tendonrepro {FORMER[name]}" in told["hint"]
+    done = run(*FORMER[name].split(), *([] if name == "doctor" else ["--help"]), cwd=tmp_path)
+    assert done.returncode == 0
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -54,8 +68,9 @@ def test_every_parameter_is_an_option_with_help_and_a_parameter_of_python(name: 
     assert given.keys() <= options.keys()
     assert all(command.help[key] for key in given)
     assert all(option.help for option in options.values())  # type: ignore[attr-defined]
-    if " " not in name and name != "doctor":
-        assert inspect.signature(getattr(tr, name)).parameters.keys() == command.signature.parameters.keys()
+    if command.under != CONFIG:
+        function = getattr(tr, command.word)
+        assert inspect.signature(function).parameters.keys() == command.signature.parameters.keys()
     for key, parameter in given.items():
         is_argument = word_of(parameter.annotation).positional or parameter.kind is parameter.VAR_POSITIONAL
         assert is_argument == (options[key].param_type_name == "argument")
@@ -63,19 +78,19 @@ def test_every_parameter_is_an_option_with_help_and_a_parameter_of_python(name: 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_docstring_of_python_tells_of_every_parameter(name: str) -> None:
-    if " " in name or name == "doctor":
+    if COMMANDS[name].under == CONFIG:
         return
-    text = getattr(tr, name).__doc__
+    text = getattr(tr, COMMANDS[name].word).__doc__
     for key, parameter in COMMANDS[name].signature.parameters.items():
         assert parameter.annotation == Telling or re.search(rf"\n{key} : .+\n    \S", text)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_dry_run_checks_and_writes_nothing(place: Path, name: str) -> None:
-    plan = answer(name, *SMALL.get(name, []), "--dry-run", cwd=place)
+    plan = answer(*name.split(), *SMALL.get(name, []), "--dry-run", cwd=place)
     assert plan["dry_run"]
     assert len(plan["config_sha256"]) == 64
-    assert Path(plan["out"]) == Path("reports") / name
+    assert Path(plan["out"]) == Path("reports") / COMMANDS[name].word
     assert plan["schema_version"] >= 1
     assert [path.name for path in place.iterdir()] == ["measured.h5"]
 
@@ -88,10 +103,10 @@ NOT_SIMULATED = {"explain"}
 
 
 def with_another_value(name: str) -> Iterator[str]:
-    """For each parameter that is a study's own, and plain: its command with another value."""
+    """For each parameter that is a study's own, and plain: words for another value."""
     for key, parameter in COMMANDS[name].signature.parameters.items():
         kind, default = parameter.annotation, parameter.default
-        option = f"{name} --{(word_of(kind).option or key).lstrip('-').replace('_', '-')}"
+        option = f"--{(word_of(kind).option or key).lstrip('-').replace('_', '-')}"
         if kind is bool:
             yield option
         elif kind in (int, float):
@@ -102,7 +117,9 @@ def with_another_value(name: str) -> Iterator[str]:
 
 def digest_of(name: str, words: list[str], place: Path) -> str:
     """Digest of all that decides the results of a study, checked and not run."""
-    shell = get_command(app).commands[name]  # type: ignore[attr-defined]
+    shell: Any = get_command(app)
+    for word in name.split():
+        shell = shell.commands[word]
     given = shell.make_context(name, [*SMALL.get(name, []), *words]).params
     own = COMMANDS[name].signature.parameters.keys() - {"figures"}
     with pytest.MonkeyPatch.context() as patch:
@@ -113,13 +130,18 @@ def digest_of(name: str, words: list[str], place: Path) -> str:
     return study.digest
 
 
-CHANGED = [line for name in STUDIES for line in with_another_value(name) if line not in UNDECIDING]
+CHANGED = [
+    (name, words)
+    for name in STUDIES
+    for words in with_another_value(name)
+    if f"{name} {words}" not in UNDECIDING
+]
 
 
-@pytest.mark.parametrize("line", CHANGED)
-def test_another_value_is_another_result(place: Path, line: str) -> None:
+@pytest.mark.parametrize(("name", "option"), CHANGED)
+def test_another_value_is_another_result(place: Path, name: str, option: str) -> None:
     """Else one would be written over the other, or taken for it."""
-    name, *words = line.split()
+    words = option.split()
     assert digest_of(name, words, place) != digest_of(name, [], place), (
         f"{words[0]} decides numbers: name it in `decided_by` of the Study, or here in UNDECIDING"
     )
@@ -132,7 +154,7 @@ SIMULATED = [name for name in STUDIES if "controllers" in COMMANDS[name].signatu
 def test_a_diverged_run_is_told_by_the_exit_code(tmp_path: Path, name: str) -> None:
     """`diverged` of an Outcome says so."""
     limit = ["--set", "status.divergence_limit=1e-6", "--no-figures"]
-    answer(name, *SMALL.get(name, []), *limit, cwd=tmp_path, code=DIVERGED)
+    answer(*name.split(), *SMALL.get(name, []), *limit, cwd=tmp_path, code=DIVERGED)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -15,10 +15,18 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.results.traces import read_traces, write_traces
 
-NO_RESULT = {"animate", "config init", "export", "fetch", "figures", "live", "report", "tables"}
+NO_RESULT = {
+    "config init",
+    "data fetch",
+    "live",
+    "report",
+    "result animate",
+    "result export",
+    "result redraw",
+}
 """They leave a film, a page, files for other programs, a configuration, or data of others."""
 
-QUICK = {"claims", "compare", "ingest", "statics"}
+QUICK = {"claims", "compare", "data ingest", "statics"}
 """The others take longer, some of them minutes."""
 
 COMMANDS = [
@@ -41,15 +49,15 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         columns |= {f"{name}_{joint}": np.rad2deg(trace[name][:, k]) for k, joint in enumerate(trace.joint)}
     table, head = np.column_stack([*columns.values()]), ",".join(columns)
     np.savetxt(folder / "controller_1.csv", table, delimiter=",", header=head, comments="")
-    answer("inspect", "controller_1.csv", "--suggest", "--mapping", "mapping.yaml", cwd=folder)
+    answer("data", "inspect", "controller_1.csv", "--suggest", "--mapping", "mapping.yaml", cwd=folder)
     return folder
 
 
 def results_of(name: str, folder: Path) -> list[Path]:
     """Carry out a command, if that was not done, and find what it left."""
-    out = folder / (f"{name}.h5" if name == "ingest" else name)
+    out = folder / ("ingested.h5" if name == "data ingest" else name.replace(" ", "_"))
     if not out.exists():
-        done = run(name, *SMALL.get(name, []), "--out", str(out), cwd=folder)
+        done = run(*name.split(), *SMALL.get(name, []), "--out", str(out), cwd=folder)
         assert done.returncode in {0, 5}, done.stderr
     return [out] if out.is_file() else sorted(path.parent for path in out.rglob(MANIFEST))
 
@@ -107,7 +115,7 @@ def test_a_report_of_one_result_lies_beside_it_and_not_in_it(place: Path) -> Non
 def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
     (statics,) = results_of("statics", place)
     answer("statics", "--set", "manipulator.tensioner.force=30", "--out", "tense", cwd=place)
-    found = answer("diff", "statics", "tense", cwd=place, code=1)
+    found = answer("result", "diff", "statics", "tense", cwd=place, code=1)
     keys = {row["key"] for row in found["config"]}
     assert {"sha256", "manipulator.tensioner.force.value"} <= keys
     first = json.loads((statics / "statics.json").read_text())
@@ -115,7 +123,7 @@ def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
     assert first != second
     assert found["numbers"]
     assert not found["command"]
-    assert answer("diff", "statics", "compare", cwd=place, code=1)["command"]
+    assert answer("result", "diff", "statics", "compare", cwd=place, code=1)["command"]
 
 
 def test_a_folder_without_a_result_names_those_in_it(place: Path, tmp_path: Path) -> None:

@@ -593,7 +593,7 @@ def test_a_name_on_disk_that_is_not_of_this_system(tmp_path, encoding, name):
     (tmp_path / "SYNTHETIC").mkdir()
     (tmp_path / "SYNTHETIC" / os.fsdecode(name.encode(encoding))).write_text(HEADS + lines())
     words = "ingest", "SYNTHETIC", "--mapping", "m.yaml", "--out", "o.h5"
-    answer("inspect", "SYNTHETIC", "--mapping", "m.yaml", cwd=tmp_path)
+    answer("data", "inspect", "SYNTHETIC", "--mapping", "m.yaml", cwd=tmp_path)
     assert name in (tmp_path / "m.yaml").read_text(encoding="utf-8")
     assert [*answer(*words, "--confirm", cwd=tmp_path)["runs"]] == ["controller_1"]
 

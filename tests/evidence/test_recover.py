@@ -291,7 +291,7 @@ def test_measured_joints_without_published_gains_are_left_out(joints_1_2: TraceF
 
 def test_the_command_writes_its_tables(tmp_path: Path) -> None:
     write_traces(tmp_path / "traces.h5", of_joint_3(run()))
-    found = answer("recover", ".", "--out", "recovered", cwd=tmp_path)
+    found = answer("data", "recover", ".", "--out", "recovered", cwd=tmp_path)
     assert {(row["run"], row["answer"]) for row in found["runs"]} >= {("controller_1", RECOVERED)}
     assert found["gains_from"] == "paper"
     assert (tmp_path / "recovered" / "tables" / "controllers.csv").exists()
@@ -379,7 +379,7 @@ def test_a_run_that_cannot_be_put_on_samples_is_named_and_others_are_read(sample
 def test_a_log_of_which_nothing_can_be_told_is_an_answer_of_the_command(tmp_path: Path) -> None:
     file = run()
     write_traces(tmp_path / "short.h5", replace(file, runs={"controller_1": cut(file, 300)}))
-    data = answer("recover", "short.h5", cwd=tmp_path)
+    data = answer("data", "recover", "short.h5", cwd=tmp_path)
     assert [one["answer"] for one in data["runs"]] == [UNTOLD, UNTOLD]
     assert (tmp_path / "reports" / "recover" / "tables" / "controllers.md").exists()
 

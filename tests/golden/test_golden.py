@@ -99,14 +99,14 @@ CASES = {
         (
             f"compare --controllers 1 {ONE_PERIOD} --out a",
             f"compare --controllers 1 {ONE_PERIOD} --set control.gains.lam.value=[6,6] --out b",
-            "export a --format csv",
-            "diff a b",
+            "result export a --format csv",
+            "result diff a b",
         ),
         1e-9,
         0.1,
         slow=True,
     ),
-    "dataset": Case(("inspect record --suggest", "ingest record", "validate"), 1e-9, 2e-2, slow=True),
+    "dataset": Case(("data inspect record --suggest", "ingest record", "validate"), 1e-9, 2e-2, slow=True),
 }
 
 

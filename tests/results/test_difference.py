@@ -111,9 +111,9 @@ def test_a_tolerance_hides_rounding_alone_and_is_zero_between_equal_versions(tmp
 
 def test_exit_code_says_whether_anything_differs(tmp_path):
     write_traces(tmp_path / "traces.h5", FILE)
-    assert answer("diff", ".", ".", cwd=tmp_path)["same"] is True
+    assert answer("result", "diff", ".", ".", cwd=tmp_path)["same"] is True
     write_traces(tmp_path / "other" / "traces.h5", OTHER_VERSION)
-    assert answer("diff", ".", "other", cwd=tmp_path, code=1)["same"] is False
+    assert answer("result", "diff", ".", "other", cwd=tmp_path, code=1)["same"] is False
 
 
 def test_missing_samples_are_equal_and_hide_no_change(tmp_path):

@@ -36,12 +36,12 @@ SMALL = {
     "decouple": SHORT_DECOUPLE,
     "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
     "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
-    "ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
+    "data ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
     "predict": ["--draws", "20", "--readings", "printed"],
-    "recover": ["measured.h5"],
+    "data recover": ["measured.h5"],
     "sweep": ["--over", "control.gains.lam=4,5", *SHORT],
     "tune": ["--plants", "1", "--searches", "2", "--generations", "2", "--population", "4", "--jobs", "1"],
-    "validate": ["measured.h5"],
+    "data validate": ["measured.h5"],
 }
 """Words without which a command cannot do, or with which it does as little as it can; of `measured.h5`."""
 
@@ -71,7 +71,11 @@ def with_out() -> dict[str, TyperCommand]:
         for name, held in group.commands.items():
             if isinstance(held, TyperGroup):
                 yield from commands(held, f"{above}{name} ")
-            elif isinstance(held, TyperCommand) and any("--out" in one.opts for one in held.params):
+            elif (
+                isinstance(held, TyperCommand)
+                and not held.hidden
+                and any("--out" in one.opts for one in held.params)
+            ):
                 yield above + name, held
 
     program = get_command(app)
