@@ -97,7 +97,7 @@ def _side(path: Path) -> _Side:
 def _versions(manifest: Json) -> dict[str, object]:
     """Of this program, its libraries and the solver, as far as a manifest says."""
     libraries = manifest.get("environment", {}).get("versions", {})
-    solver = manifest.get("solver", {}).get("name")
+    solver = (manifest.get("solver") or {}).get("name")  # of a study without one it is null
     return {"tendonrepro": manifest.get("tendonrepro_version"), **libraries, "solver": solver}
 
 
