@@ -13,12 +13,10 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
-from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, starts_again
-from tendonrepro.dataset.columns import Column, SourceTable
-from tendonrepro.dataset.digitised import is_digitised
+from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.mapping import CHECK, JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
-from tendonrepro.dataset.tidy import BY_JOINT
+from tendonrepro.dataset.tables import BY_JOINT, Column, SourceTable
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
 _OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "rad/s": "deg/s", "N m": "mN m"}

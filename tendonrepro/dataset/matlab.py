@@ -1,10 +1,12 @@
-"""MATLAB files of every version as nested plain values."""
+"""MATLAB files of every version as nested plain values; logs of Simulink, scopes and dSPACE among them."""
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeGuard
 
 import h5py
 import numpy as np
@@ -12,9 +14,8 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.columns import Column, Columns, Tables, Unreadable
-from tendonrepro.dataset.nested import Nested, tables_of
-from tendonrepro.dataset.simulink import as_object, as_structure
+from tendonrepro.dataset.nested import Nested, Series, tables_of
+from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -145,3 +146,199 @@ def _seconds(times: Column) -> NDArray[np.float64]:
     """Durations, or dates since the first, s."""
     since = times - times[0] if times.dtype.kind == "M" else times
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
+
+
+_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
+_NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
+_UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
+
+
+def as_object(kind: str, members: Nested) -> object:
+    """Time series, elements and data sets of Simulink's logs; of other objects their members.
+
+    Properties of a base class lie under ``any``.
+    """
+    base = members.pop("any", None)
+    members = members | (base if isinstance(base, dict) else {})
+    if kind == "timeseries":
+        return _timeseries(members)
+    if kind == "Simulink.SimulationOutput":
+        return members["Data"] if isinstance(members.get("Data"), dict) else members
+    if kind.endswith("Dataset") or "DatasetStorage" in kind:
+        return _dataset(members)
+    if kind.startswith("Simulink.SimulationData.") and "Values" in members:
+        return {_element_name(members): members["Values"]}
+    return members
+
+
+def as_structure(members: Nested) -> Nested:
+    """Name the signals of scopes, named blocks of columns and dSPACE's captures; others stay as they are."""
+    if isinstance(members.get("signals"), dict) and isinstance(members.get("time"), np.ndarray):
+        return _scope(members["time"], members["signals"])
+    if isinstance(members.get("X"), dict) and isinstance(members.get("Y"), dict):
+        captured = _capture(members["X"], members["Y"])
+        if captured:
+            return captured
+    # A signal of a scope has labels of its axes beside its values.
+    return members if "values" in members else _named_block(members)
+
+
+def _named_block(members: Nested) -> Nested:
+    """A structure with a block of columns and as many names."""
+    named = next((texts(value) for key, value in members.items() if _NAMES.search(key)), [])
+    for key, value in members.items():
+        is_block = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "biuf"
+        if len(named) > 1 and is_block and len(named) in value.shape:
+            block = value if value.shape[1] == len(named) else value.T
+            columns = Columns()
+            for name, column in zip(named, block.T, strict=True):
+                columns.add(name, column.astype(float))
+            return {key: columns} | {other: member for other, member in members.items() if other != key}
+    return members
+
+
+def texts(value: object) -> list[str]:
+    """Texts of a cell array, or an only one; none of anything else."""
+    cells = list(value.values()) if isinstance(value, dict) else [value]
+    words = [text(cell) for cell in cells]
+    return words if all(words) else []
+
+
+def text(value: object) -> str:
+    """A text, or an empty one of anything else."""
+    while isinstance(value, np.ndarray) and value.size:
+        value = value.flat[0]
+    return value.strip() if isinstance(value, str) else ""
+
+
+def _element_name(members: Nested) -> str:
+    """Name an element was logged by, else that of its signal, else of its block."""
+    path = members.get("BlockPath")
+    block = text(path.get("path")) if isinstance(path, dict) else ""
+    own = (text(members.get("Name")), text(members.get("PropagatedName")), block.rpartition("/")[2])
+    return next((name for name in own if name), "")
+
+
+def _dataset(members: Nested) -> Nested | Series | None:
+    """Signals of a data set by name; a storage within it holds the same."""
+    for key in ("Elements", "Elements_", "Storage", "Storage_"):
+        elements = members.get(key)
+        if isinstance(elements, Series):
+            return _named(elements, "")
+        if isinstance(elements, dict) and elements:
+            # An only element stands alone, not in a numbered list.
+            return _elements(elements if all(name.isdigit() for name in elements) else {"1": elements})
+    return None
+
+
+def _elements(elements: Nested) -> Nested:
+    named: Nested = {}
+    for number, item in elements.items():
+        # An element is its name and values; a bare time series has its own name.
+        is_element = isinstance(item, dict) and len(item) == 1
+        name, values = next(iter(item.items())) if is_element else ("", item)
+        for path, series in _members_of(values, (name,) if name else ()):
+            label = " ".join(path)
+            key = label or (_own_name(series) if isinstance(series, Series) else "") or f"signal {number}"
+            while key in named:
+                key += f" #{number}"
+            named[key] = _named(series, label) if isinstance(series, Series) else series
+    return named
+
+
+def _members_of(values: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+    """Signals of a bus, with names from the element down."""
+    if isinstance(values, dict) and not isinstance(values, Columns):
+        for name, member in values.items():
+            yield from _members_of(member, (*path, name))
+    elif values is not None:
+        yield path, values
+
+
+def _own_name(series: Series) -> str:
+    return next((re.split(r"\[| \(", name)[0] for name in list(series)[1:]), "")
+
+
+def _named(series: Series, name: str) -> Series:
+    """The series under another name; places in it and units stay."""
+    time, *rest = series.items()
+    if not name:
+        return series
+    return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
+
+
+def _scope(time: Column, signals: Nested) -> Nested:
+    """Signals of a structure with time, by label, or title and legend."""
+    items = [signals] if "values" in signals else list(signals.values())
+    columns: Nested = {"time (s)": time} if time.size else {}
+    for number, item in enumerate(items, start=1):
+        if not isinstance(item, dict) or not isinstance(item.get("values"), np.ndarray):
+            continue
+        values, labels, legend = item["values"], texts(item.get("label")), texts(item.get("legend"))
+        title = text(item.get("title"))
+        # A scope's title may be a pattern, and its labels may be those of the axes.
+        name = (title if not title.startswith("%<") else "") or (labels[-1] if labels else "")
+        name = name or f"signal {number}"
+        parts = legend if legend else labels if len(labels) > 1 else []
+        flat = values.ndim == 2 and values.shape[1] == len(parts) > 1
+        said = _UNIT_AT_END.match(name)
+        head, unit = (said[1], f" {said[2]}") if said else (name, "")
+        named = {f"{head} {part}{unit}": values[:, k] for k, part in enumerate(parts)} if flat else {}
+        for key, column in (named or {name: values}).items():
+            free = key if key not in columns else f"{key} #{number}"
+            columns[free] = column
+    return columns
+
+
+def _capture(X: Nested, Y: Nested) -> Nested:
+    """Signals of dSPACE's ControlDesk, each on its own raster."""
+    clocks, signals = ([part] if "Data" in part else list(part.values()) for part in (X, Y))
+    if not all(
+        isinstance(part, dict) and isinstance(part.get("Data"), np.ndarray) for part in clocks + signals
+    ):
+        return {}
+    tables: Nested = {}
+    for number, signal in enumerate(signals, start=1):
+        index = signal.get("XIndex")
+        place = int(np.ravel(index)[0]) - 1 if isinstance(index, np.ndarray) and index.size else 0
+        time = np.ravel(clocks[place if 0 <= place < len(clocks) else 0]["Data"]).astype(float)
+        values = np.ravel(signal["Data"]).astype(float)
+        name = text(signal.get("Name")).replace('"', "").rpartition("/")[2] or f"signal {number}"
+        if len(values) != len(time):
+            tables[name] = values
+            continue
+        series = Series({"time (s)": time})
+        series.add(name, values, text(signal.get("Unit")))
+        tables[name if name not in tables else f"{name} #{number}"] = series
+    return tables
+
+
+def _timeseries(tree: Nested) -> Series | None:
+    members = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
+    info, about, storage = (part if isinstance(part, dict) else {} for part in members)
+    # Streamed logs lie elsewhere.
+    data = next(
+        (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
+    )
+    if data is None:
+        return None
+    time = next((info[key] for key in ("Time_", "Time") if _is_filled(info.get(key))), None)
+    if time is None:
+        start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
+        time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
+    time = np.ravel(time).astype(float) * _SECONDS.get(text(info.get("Units")), 1.0)
+    axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
+    if axis is None:
+        return None
+    samples = np.moveaxis(data, axis, 0).reshape(len(time), -1)
+    unit = about.get("Units")
+    unit = text(unit.get("Name") if isinstance(unit, dict) else unit)
+    name = text(tree.get("Name")) or text(about.get("Name"))
+    series = Series({"time (s)": time})
+    for k, column in enumerate(samples.T, start=1):
+        series.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
+    return series
+
+
+def _is_filled(value: object) -> TypeGuard[Column]:
+    return isinstance(value, np.ndarray) and value.size > 0 and value.dtype.kind in "biuf"

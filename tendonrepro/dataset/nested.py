@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.columns import FEWEST, Column, Columns, Tables
+from tendonrepro.dataset.tables import FEWEST, Column, Columns, Tables
 
 Nested: TypeAlias = dict[str, Any]
 """Arrays, `Columns` and further trees by name."""

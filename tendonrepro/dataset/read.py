@@ -19,13 +19,10 @@ from typing import NamedTuple
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from tendonrepro.configuration.strict_yaml import is_yaml
-from tendonrepro.dataset.columns import SourceTable, Tables, Unreadable
-from tendonrepro.dataset.data_package import packaged, read_package
-from tendonrepro.dataset.labview import is_labview, read_lvm, read_tdms
+from tendonrepro.dataset.formats import is_labview, packaged, read_lvm, read_package, read_tdms, read_workbook
 from tendonrepro.dataset.nested import read_hdf5
+from tendonrepro.dataset.tables import BY_JOINT, SourceTable, Tables, Unreadable, by_joint, with_one_time
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
-from tendonrepro.dataset.tidy import BY_JOINT, by_joint, with_one_time
-from tendonrepro.dataset.workbook import read_workbook
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
 

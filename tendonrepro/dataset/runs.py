@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.published import coupling_of, published, table_1
-from tendonrepro.dataset.clocks import by_clock, by_rows, rows_of, times_of
-from tendonrepro.dataset.columns import FEWEST, Column, SourceTable
-from tendonrepro.dataset.digitised import in_order, read_off
+from tendonrepro.dataset.clocks import by_clock, by_rows, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
+from tendonrepro.dataset.tables import FEWEST, Column, SourceTable
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace

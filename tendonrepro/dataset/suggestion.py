@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from tendonrepro.configuration.published import published
-from tendonrepro.dataset.columns import SourceTable
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use
+from tendonrepro.dataset.tables import SourceTable
 from tendonrepro.dataset.words import meaning_of
 
 Lines: TypeAlias = dict[str, tuple[str, str]]

@@ -13,9 +13,17 @@ from typing import Any
 
 import pandas as pd
 
-from tendonrepro.dataset.cells import add_column, is_number, with_point
-from tendonrepro.dataset.columns import Columns, Tables, Unreadable
-from tendonrepro.dataset.headers import angle_unit_of, first_numbers, names_of
+from tendonrepro.dataset.tables import (
+    Columns,
+    Tables,
+    Unreadable,
+    add_column,
+    angle_unit_of,
+    first_numbers,
+    is_number,
+    names_of,
+    with_point,
+)
 
 COMMENTS = ("#", "%", "//")
 _HEAD, _TAIL = 2**20, 2**16

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tendonrepro.dataset.columns import Columns, SourceTable
 from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
+from tendonrepro.dataset.tables import Columns, SourceTable
 from tendonrepro.errors import ConfigError
 
 GOOD = """schema_version: 2

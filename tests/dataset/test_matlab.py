@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support import matlab_bytes as made
 
-from tendonrepro.dataset.columns import Unreadable
 from tendonrepro.dataset.matlab import read_matlab
 from tendonrepro.dataset.read import read_file
+from tendonrepro.dataset.tables import Unreadable
 
 SAMPLES = Path(os.environ.get("TENDONREPRO_MATLAB_SAMPLES", "nowhere"))
 TIMES = np.linspace(0.0, 0.9, 10)

@@ -354,7 +354,7 @@ def test_a_name_does_not_speak_to_the_terminal(tmp_path):
         path = tmp_path / "SYNTHETIC_c1.csv"
         path.write_text(HEADS.replace("q2_d", f"{sign}q2_d") + lines(), encoding="utf-8")
         for words in ([], ["--json"]):
-            shown = run("inspect", str(path), *words, cwd=tmp_path).stdout
+            shown = run("data", "inspect", str(path), *words, cwd=tmp_path).stdout
             assert sign[0] not in shown
             assert f"{ord(sign[0]):04x}" in shown
 

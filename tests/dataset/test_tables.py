@@ -5,9 +5,9 @@ import openpyxl
 import pytest
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.columns import FEWEST, Unreadable
+from tendonrepro.dataset.formats import read_workbook
+from tendonrepro.dataset.tables import FEWEST, Unreadable
 from tendonrepro.dataset.text import read_text_table
-from tendonrepro.dataset.workbook import read_workbook
 
 
 def of_text(content, folder):

@@ -1,0 +1,401 @@
+"""Tables of named columns, as readers of files give them: cells become numbers, and rows of words names."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tendonrepro.dataset.words import is_known, is_other_unit, meaning_of, plain_unit, variable_of
+
+Column: TypeAlias = NDArray[Any]
+"""Values of a column, numbers or words."""
+
+FEWEST = 8
+"""Samples of a column that may be a signal."""
+NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
+_EXPONENT = r"(?:[eEdD][-+]?\d+)?"
+_POINT = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d+)?(?:\.\d*)?{_EXPONENT}")
+_COMMA = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d+)?(?:,\d*)?{_EXPONENT}")
+_DURATION = re.compile(r"-?\d+:\d\d(:\d\d(\.\d+)?)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
+_GAPS = {"nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf"}
+_MOST_FAILING = 0.5
+"""Share of cells that are no numbers from which a column is one of words."""
+_MOST_UNIT = 6
+"""Letters of a unit that is not known."""
+BY_JOINT = "by joint"
+"""Name of the table in which every joint of another has columns of its own."""
+_MOST_JOINTS = 8
+_NANOSECONDS = re.compile(r"(.*?)[ ._]*n(?:ano)?secs?", re.IGNORECASE)
+
+
+class Unreadable(Exception):
+    """A file without signals, or that cannot be read."""
+
+
+class Columns(dict[str, Column]):
+    """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially.
+
+    `angle_unit` is that of angles and rates whose names say none, where the file states it.
+    """
+
+    def __init__(self, columns: Mapping[str, Column] | Iterable[tuple[str, Column]] = ()) -> None:
+        super().__init__(columns)
+        self.notes: list[str] = []
+        self.angle_unit = ""
+
+    def add(self, name: str, values: Column, unit: str = "") -> None:
+        """Add a column; a second of its name is numbered."""
+        name = " ".join(name.split())
+        full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
+        number, free = 1, full
+        while free in self:
+            number += 1
+            free = f"{full} #{number}"
+        self[free] = values
+
+
+class Tables(dict[str, Columns]):
+    """Tables of a file by their place in it, and lines on what is in none of them: `left_out`."""
+
+    def __init__(self, tables: Mapping[str, Columns] | None = None, left_out: Sequence[str] = ()) -> None:
+        super().__init__(tables or {})
+        self.left_out = [*left_out]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceTable:
+    """One table of one file.
+
+    `name` is that of the mapping: the file, and after a colon the sheet or struct. `file` has ``name``,
+    ``size`` in bytes and ``md5``.
+    """
+
+    name: str
+    columns: Columns
+    file: dict[str, str | int]
+
+    @property
+    def last(self) -> str:
+        """Its file, sheet or innermost struct."""
+        file, _, inner = self.name.partition(":")
+        return inner.rpartition(".")[2] or file.rpartition("/")[2]
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number with a decimal point.
+
+    >>> is_number("-1.5e-3")
+    True
+    """
+    return bool(NUMBER.fullmatch(cell))
+
+
+def with_point(cell: str) -> str:
+    """A number with a decimal comma, alone or behind thousands, by a point."""
+    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
+
+
+def _pointed(match: re.Match[str]) -> str:
+    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
+
+
+def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
+    """Add a column of cells, numbers in float64 or words, to a table, with a note of what is no number.
+
+    Of an empty column nothing is kept. ``first_row`` is the number of the first row, for notes.
+    """
+    if column.dtype.kind in "biuf":
+        values = column.to_numpy(np.float64)
+        if np.isfinite(values).sum() >= FEWEST:
+            columns.add(name, values)
+        elif np.isfinite(values).any():
+            columns.notes.append(f"column {name!r} left out: {int(np.isfinite(values).sum())} numbers alone")
+        return
+    known = column[column.notna()]
+    cells = known.map(lambda cell: str(cell).strip())
+    cells = cells[cells != ""]
+    if cells.empty:
+        return
+    times = _seconds(known[known.index.isin(cells.index)], cells)
+    if times is not None:
+        _add_filled(columns, name if "(" in name else f"{name} (s)", column, times)
+        return
+    text = cells.str.replace("−", "-", regex=False)
+    numbers = pd.to_numeric(text, errors="coerce").astype(float)
+    is_gap = text.str.casefold().isin(_GAPS)
+    marked = text[numbers.isna() & ~is_gap & text.str.contains(r"\d", regex=True)]
+    mark = _decimal_mark(marked, text[numbers.notna()])
+    if mark is None:
+        columns.notes.append(
+            f"column {name!r}: unclear in {len(marked)} cells whether a comma is decimal or between "
+            f"thousands, as {marked.iloc[0]!r}: write them without commas"
+        )
+    elif not marked.empty:
+        numbers = numbers.fillna(_by_mark(marked, mark).reindex(numbers.index))
+    failing = numbers.isna() & ~is_gap
+    if failing.mean() >= _MOST_FAILING:
+        words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
+        columns.add(name, words.to_numpy(object).astype(str))
+        return
+    thousands = marked[marked.str.contains(",", regex=False) & ~failing[marked.index]]
+    if mark == "." and len(thousands):
+        columns.notes.append(
+            f"column {name!r}: {len(thousands)} numbers have a comma between thousands, "
+            f"as {thousands.iloc[0]!r}"
+        )
+    if failing.any():
+        place = int(np.argmax(column.index == failing.idxmax())) + first_row
+        example = str(cells[failing].iloc[0])[:40]
+        columns.notes.append(
+            f"column {name!r}: {int(failing.sum())} of {len(column)} cells are no numbers and left as gaps, "
+            f"the first {example!r} in row {place}"
+        )
+    if numbers.notna().sum() >= FEWEST:
+        _add_filled(columns, name, column, numbers)
+    else:
+        columns.notes.append(f"column {name!r} left out: {int(numbers.notna().sum())} numbers alone")
+
+
+def _add_filled(columns: Columns, name: str, column: pd.Series, numbers: pd.Series) -> None:
+    columns.add(name, numbers.reindex(column.index).to_numpy(np.float64))
+
+
+def _decimal_mark(marked: pd.Series, plain: pd.Series) -> str | None:
+    """Point or comma: what makes most cells numbers, else that of the `plain` ones; None if unclear."""
+    by_point, by_comma = (
+        sum(pattern.fullmatch(cell) is not None for cell in marked) for pattern in (_POINT, _COMMA)
+    )
+    if by_point != by_comma:
+        return "." if by_point > by_comma else ","
+    has_points = bool(plain.str.contains(".", regex=False).any())
+    return "." if has_points or not by_point else None
+
+
+def _by_mark(marked: pd.Series, mark: str) -> pd.Series:
+    """Numbers with a decimal mark and the other one between thousands; exponents may be Fortran's."""
+    pattern, between = (_POINT, ",") if mark == "." else (_COMMA, ".")
+    cells = marked[[pattern.fullmatch(cell) is not None for cell in marked]]
+    bare = cells.str.replace(between, "", regex=False).str.replace(",", ".", regex=False)
+    return pd.to_numeric(bare.str.replace(r"[dD]", "e", regex=True), errors="coerce").astype(float)
+
+
+def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
+    """Durations, times of day, or dates since the first, in s; None of other cells."""
+    first = known.iloc[0]
+    if hasattr(first, "total_seconds"):
+        return known.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
+    if hasattr(first, "isoformat") and hasattr(first, "hour") and not hasattr(first, "year"):
+        return _of_durations(cells)
+    if hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):
+        dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
+        return (dates - dates.dropna().iloc[0]).dt.total_seconds() if dates.notna().any() else None
+    return _of_durations(cells) if _DURATION.fullmatch(cells.iloc[0]) else None
+
+
+def _of_durations(cells: pd.Series) -> pd.Series:
+    # A time of two parts is minutes and seconds.
+    full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
+    seconds: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
+    return seconds
+
+
+def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
+    """First row with numbers where most of the `sample` has some, and so in the two rows behind it."""
+    counts: Counter[int] = Counter()
+    filled: Counter[int] = Counter()
+    for row in sample:
+        filled.update(k for k, cell in enumerate(row) if cell)
+        counts.update(k for k, cell in enumerate(row) if is_number(cell))
+    numbers = [k for k in sorted(counts) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
+    if not numbers:
+        return None
+    width = max(map(len, sample))
+    shares = [_share(row, numbers, width) for row in rows]
+    for place in range(len(rows) - 1):
+        if shares[place] > 0.5 and all(share > 0.0 for share in shares[place + 1 : place + 3]):
+            return _with_words(rows, place, numbers[0])
+    return None
+
+
+def _with_words(rows: Sequence[Sequence[str]], first: int, leading: int) -> int:
+    """First row, if those directly above begin like one, as with a time, but have words."""
+    width = len(rows[first])
+    has_header = any(len(row) == width and not any(map(is_number, row)) for row in rows[: first - 1])
+    while has_header and len(rows[first - 1]) == width and is_number(rows[first - 1][leading]):
+        first -= 1
+    return first
+
+
+def _share(row: Sequence[str], places: Sequence[int], width: int) -> float:
+    """Share of numbers in those places that are filled; 0 if the first holds a word, as of a setting.
+
+    A row of fewer than `width` cells has to fill half of the places.
+    """
+    first = row[places[0]] if len(row) > places[0] else "absent"
+    filled = [row[k] for k in places if k < len(row) and row[k]]
+    is_short = len(row) < width and 2 * len(filled) < len(places)
+    if (first and not is_number(first)) or is_short or not filled:
+        return 0.0
+    return sum(map(is_number, filled)) / len(filled)
+
+
+def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Last row of words, with a group above and a unit below; else rows that are called names and units."""
+    rows = [list(row) for row in head]
+    labelled = {row[0].casefold().strip(" :"): row for row in rows if row and len(row) == width}
+    if {"name", "unit"} <= labelled.keys():
+        # A scope's export: what a row is stands in it above the times.
+        names, units = labelled["name"], labelled["unit"]
+        rows = [
+            ["time" if cell == names[0] else cell for cell in names],
+            ["" if cell == units[0] else cell for cell in units],
+        ]
+    units = rows.pop() if rows and _are_units(rows[-1], rows[-2] if len(rows) > 1 else []) else []
+    names = rows.pop() if rows else []
+    if rows and _is_header(rows[-1]) and _told_by(rows[-1]) > _told_by(names):
+        # Below a header a row of words holds commands, or values of another kind.
+        names = rows.pop()
+    groups = _groups(rows[-1], names) if rows and len(rows[-1]) == width else []
+    if len(names) > 1 and names == ["X", "Y"] * (len(names) // 2) and any(groups):
+        # WebPlotDigitizer's table of all curves: each under its name, over time.
+        return [curve if name == "Y" else "time (s)" for curve, name in zip(groups, names, strict=True)]
+    blank = [""] * width
+    cells = zip_longest(groups or blank, names[:width], units[:width], fillvalue="")
+    return [
+        _name(place, f"{group} {name}".strip(), _bare(unit))
+        for place, (group, name, unit) in enumerate(cells, start=1)
+    ]
+
+
+def _name(place: int, name: str, unit: str) -> str:
+    if not name and plain_unit(unit) in ("s", "ms", "us", "ns"):
+        name = "time"
+    return (name or f"column {place}") + (f" ({unit})" if unit else "")
+
+
+def _is_header(row: Sequence[str]) -> bool:
+    """Whether every column has a name of its own."""
+    return all(row) and len(set(row)) == len(row)
+
+
+def _told_by(names: Sequence[str]) -> int:
+    """How much names tell of columns: variables, joints, units."""
+    meanings = [meaning_of(name) for name in names if name]
+    return sum(
+        (variable_of(said.says) is not None) + (said.joint is not None) + (said.unit is not None)
+        for said in meanings
+    )
+
+
+def _bare(unit: str) -> str:
+    """A unit without brackets, or what they explain."""
+    bare = unit.strip("()[] ")
+    short = re.sub(r"\s*\(.*", "", bare)
+    return short if plain_unit(bare) is None and plain_unit(short) else bare
+
+
+def angle_unit_of(lines: Iterable[str]) -> str:
+    """Unit of angles by a setting above a table, as OpenSim writes it, or an empty text."""
+    told = (re.match(r"\W*in_?degrees\W+(yes|no|true|false)\b", line, re.IGNORECASE) for line in lines)
+    answers = [match[1].casefold() for match in told if match]
+    return ("deg" if answers[-1] in ("yes", "true") else "rad") if answers else ""
+
+
+def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
+    """Whether a row has units: known ones alone, or with others under as many names."""
+    cells = [_bare(cell) for cell in row if cell.strip("()[]- ")]
+    known = [cell for cell in cells if plain_unit(cell)]
+    if len(known) == len(cells):
+        return bool(cells) and not all(cell in "st" for cell in cells)
+    others = [cell for cell in cells if not plain_unit(cell)]
+    has_names = sum(map(bool, above)) >= len(cells) - 1 > 0
+    return bool(known) and has_names and all(map(_is_unknown_unit, others))
+
+
+def _is_unknown_unit(cell: str) -> bool:
+    """Whether a word may be a unit of no variable, as A, or one that is not known, as inc."""
+    return is_other_unit(cell) or (cell.isalpha() and len(cell) <= _MOST_UNIT and not is_known(cell))
+
+
+def _groups(row: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Group of every column: an empty cell belongs to the name before it.
+
+    A title stands alone at the left, numbers are settings, and as many names as columns are a second header.
+    """
+    filled = [cell for cell in row if cell]
+    is_second = _is_header(row) and any(names)
+    if is_second or any(map(is_number, filled)) or not filled or (len(filled) == 1 and row[0]):
+        return [""] * len(row)
+    return pd.Series(row).replace("", None).ffill().fillna("").tolist()
+
+
+def with_one_time(columns: Columns) -> Columns:
+    """The table with one column of times in place of ROS's seconds and nanoseconds."""
+    pairs: dict[str, tuple[str, str]] = {}
+    for name in columns:
+        if match := _NANOSECONDS.fullmatch(name):
+            seconds = re.compile(rf"{re.escape(match[1])}[ ._]*secs?", re.IGNORECASE)
+            pairs |= {other: (name, match[1]) for other in columns if seconds.fullmatch(other)}
+    if not pairs:
+        return columns
+    merged = Columns()
+    merged.notes, merged.angle_unit = columns.notes, columns.angle_unit
+    parts = {nanoseconds for nanoseconds, _ in pairs.values()}
+    for name, values in columns.items():
+        if name in pairs:
+            nanoseconds, said = pairs[name]
+            merged.add(f"{said} time".strip(), values + 1e-9 * columns[nanoseconds], "s")
+        elif name not in parts:
+            merged.add(name, values)
+    return merged
+
+
+def by_joint(columns: Columns) -> Columns | None:
+    """A table with columns for each joint, of one with a row for each; None of other tables."""
+    names = [name for name in columns if meaning_of(name).says == {"joint"} and not meaning_of(name).unit]
+    times = [name for name in columns if meaning_of(name).says == {"time"}]
+    if len(names) != 1 or not times:
+        return None
+    numbers = columns[names[0]]
+    joints = _joints(numbers)
+    if not 2 <= len(joints) <= _MOST_JOINTS:
+        return None
+    rows = {joint: numbers == joint for joint in joints}
+    most = max(int(taken.sum()) for taken in rows.values())
+    wide = Columns()
+    wide.angle_unit = columns.angle_unit
+    clocks: list[Column] = []
+    for joint, taken in rows.items():
+        said = joint if isinstance(joint, str) else f"joint {joint:g}"
+        for name, values in columns.items():
+            column = _lengthened(values[taken], most)
+            if name == times[0]:
+                if any(np.array_equal(column, clock, equal_nan=True) for clock in clocks):
+                    continue
+                clocks.append(column)
+            if name not in (names[0], *times[1:]) and values.dtype.kind == "f":
+                wide.add(name if name == times[0] else f"{said} {name}", column)
+    return wide
+
+
+def _joints(numbers: Column) -> list[str | float]:
+    """Different words or whole numbers of a column, in order; none if it has others."""
+    if numbers.dtype.kind == "f" and not np.array_equal(numbers, np.round(numbers)):
+        return []
+    return list(dict.fromkeys(numbers.tolist()))
+
+
+def _lengthened(values: Column, rows: int) -> Column:
+    """Values with gaps behind them."""
+    if values.dtype.kind != "f":
+        return values
+    return np.concatenate([values, np.full(rows - len(values), np.nan)])
