@@ -113,6 +113,36 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         temporary.write_bytes(data)
 
 
+@contextmanager
+def locked(path: Path, folder: Path) -> Iterator[None]:
+    """Hold a lock file while the block writes into a folder.
+
+    Raises
+    ------
+    UsageError
+        If another process holds it.
+    OSError
+        If it cannot be made.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(path)
+    # Where no file can be made, this says so.
+    path.touch()
+    try:
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        message = "another tendonrepro is writing here"
+        raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
+    try:
+        yield
+    finally:
+        # While it is held: after that it may be another's. Windows removes no open file.
+        if os.name == "posix":
+            path.unlink(missing_ok=True)
+        lock.release()
+
+
 def digest_of(content: Mapping[str, object]) -> str:
     """SHA-256 of plain values, which JSON of them holds beside them."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -51,7 +51,7 @@ OWNERS = {
     "nptdms": ["dataset/formats.py"],
     "requests": ["dataset/fetch.py"],
     "urllib3": ["dataset/fetch.py"],
-    "filelock": ["results/place.py"],
+    "filelock": ["files.py"],
     "loky": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/ensemble.py"],
     "cma": ["monte_carlo/box.py"],

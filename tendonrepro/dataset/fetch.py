@@ -18,8 +18,7 @@ from urllib3.util import Retry
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import md5_of, read_json, refuse_file, require_space, to_json, write_atomically
-from tendonrepro.results.place import locked
+from tendonrepro.files import locked, md5_of, read_json, refuse_file, require_space, to_json, write_atomically
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"

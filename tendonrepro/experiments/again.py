@@ -80,7 +80,8 @@ def _make_again(
         ) as result:
             result.manifest = read_manifest(folder)
             made = make(file, result.path)
-            suffixes = {path.suffix.removeprefix(".") for path in result.path.glob("figures/*")}
-            result.manifest |= figure_formats([name for name in FORMATS if name in suffixes])
+            written_now = {path.suffix.removeprefix(".") for path in made}
+            formats = {*result.manifest.get("figure_formats", ()), *written_now}
+            result.manifest |= figure_formats([name for name in FORMATS if name in formats])
         written += [folder / path.relative_to(result.path) for path in made]
     return written

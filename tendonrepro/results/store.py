@@ -1,4 +1,9 @@
-"""Results folders: made whole or not at all, what must not be lost in them, and the manifest in each."""
+"""Results folders: how a result takes its place in one, what must not be lost there, and its manifest.
+
+A result is made in the hidden folder ``.partial`` inside its own. Then its files take their places, the
+manifest last: a folder without one is no result. Where that is cut off, the next command goes on with it.
+Files that no manifest lists are a user's own, and stay.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +24,14 @@ from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.files import Json, read_json, refuse_file, sha256_of, to_json
-from tendonrepro.results.place import files_in, only_writer
+from tendonrepro.files import Json, locked, read_json, refuse_file, sha256_of, to_json, write_atomically
+from tendonrepro.parallel import interrupts_blocked
 
 MANIFEST = "manifest.json"
-_DERIVED = ("traces.csv", "traces.parquet", "traces.mat", "*.gif")
+PARTIAL = ".partial"
+"""Folder in a results folder in which the next result is made."""
+
+_LOCK = ".lock"
 _LIBRARIES = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "pyyaml", "typer")
 
 
@@ -61,20 +69,20 @@ def replaced(
     update: bool = False,
     talk: Talk | None = None,
 ) -> Iterator[NewResult]:
-    """Make a result in a fresh folder, which takes its place when the block ends well.
+    """Make a result, whose files take their places when the block ends well.
 
     Parameters
     ----------
     digest, command : str
         See `refuse_others`.
     force : bool
-        Replace any results. A user's own files move over; one with the name of a new file gets another one.
+        Replace any results. A user's own file with the name of a new one gets another one.
     keep : str
         Folder in it that survives an interruption.
     update : bool
-        Begin with a copy of the earlier result.
+        Files of the earlier result stay, unless they are made again.
     talk : Talk, optional
-        Says where the result is made if that is not beside its place, and where what is kept lies.
+        Says where what is kept lies, and which own file has another name.
 
     Raises
     ------
@@ -83,53 +91,96 @@ def replaced(
     TendonreproError
         If the folder cannot be written.
     """
-    talk = talk or Talk()
+    talk, partial, is_new = talk or Talk(), folder / PARTIAL, not folder.exists()
     refuse_file(folder)
     try:
-        if Path.cwd().is_relative_to(folder.resolve()):
-            message = "is the folder you are in, and a results folder is replaced as a whole"
-            raise UsageError(message, where=str(folder), hint="name a folder below it with --out")
-        with only_writer(folder, last=MANIFEST, own=own_files) as place:
-            if place.in_place:
-                talk.note(f"{folder} cannot be renamed, so the result is written into it, the manifest last")
-            with _kept_alone(place.partial, keep, talk):
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder / _LOCK, folder):
+            _settle(folder)
+            _begin(folder, keep)
+            try:
                 refuse_others(folder, digest, command=command, force=force)
-                if update:
-                    take_over(place.target, place.partial, _outputs(place.target))
-                result = NewResult(place.partial)
+                result = NewResult(partial)
                 yield result
-                made = {name: sha256_of(place.partial / name) for name in files_in(place.partial)}
-                # Its traces hold the manifest without outputs, so that stays as it is.
-                result.manifest = result.manifest | {"outputs": made}
-                result.write(MANIFEST, to_json(result.manifest))
-            for before, now in _set_aside(place.target, made):
-                talk.note(f"your own {before} is now {now.name}: the result has a file of that name")
-            _tell_outdated(folder, digest, command, talk)
-            place.put()
+                _complete(folder, result, update=update, talk=talk)
+            except BaseException:
+                _leave(partial, keep, talk)
+                raise
+            _settle(folder)
     except OSError as error:
-        message = f"cannot write the result: {error.strerror or error}"
-        raise TendonreproError(message, where=str(folder), hint="choose another --out") from error
+        place = Path(error.filename) if isinstance(error.filename, str) else folder
+        hint = "choose another --out" if place.is_relative_to(folder) else None
+        message = f"cannot be read or written: {error.strerror or error}"
+        raise TendonreproError(message, where=str(place), hint=hint) from error
+    finally:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
 
 
-@contextmanager
-def _kept_alone(partial: Path, keep: str, talk: Talk) -> Iterator[None]:
-    """Begin, and end after a failure, with what an interruption must not lose; say where it lies."""
+def _begin(folder: Path, keep: str) -> None:
+    """Begin with what an interruption must not lose, and nothing else."""
+    partial = folder / PARTIAL
+    # Versions before 28 November 2026 made results beside their folder.
+    beside = folder.resolve().with_name(f".{folder.resolve().name}.partial")
+    if (beside / keep).is_dir() and keep and not partial.exists():
+        beside.rename(partial)
+    partial.mkdir(exist_ok=True)
     _clear(partial, keep)
-    try:
-        yield
-    except BaseException:
-        _clear(partial, keep)
-        if any(files_in(partial)):
-            talk.note(f"what is finished is kept in {partial / keep}: the same command goes on from there")
-        else:
-            _clear(partial, "")
-        raise
+
+
+def _leave(partial: Path, keep: str, talk: Talk) -> None:
+    """Keep of what failed what must not be lost, and say where it lies."""
+    _clear(partial, keep)
+    if files_in(partial):
+        talk.note(f"what is finished is kept in {partial / keep}: the same command goes on from there")
+    else:
+        shutil.rmtree(partial)
 
 
 def _clear(partial: Path, keep: str) -> None:
     for path in partial.iterdir():
         if path.name != keep:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def _complete(folder: Path, result: NewResult, *, update: bool, talk: Talk) -> None:
+    """Write the manifest, with digests; own files make room for those of the result."""
+    made = {name: sha256_of(result.path / name) for name in files_in(result.path)}
+    names = {*made, *(str(above) for name in made for above in PurePosixPath(name).parents)}
+    for own in names.intersection(own_files(folder)):
+        free = (f"{own}.own{number or ''}" for number in count())
+        now = next(name for name in free if not os.path.lexists(folder / name))
+        (folder / own).rename(folder / now)
+        talk.note(f"your own {folder / own} is now {Path(now).name}: the result has a file of that name")
+    if update:
+        stay = [name for name in outputs(folder) if name not in made and (folder / name).exists()]
+        made |= {name: sha256_of(folder / name) for name in stay}
+    # Its traces hold the manifest without outputs, so that stays as it is.
+    result.manifest = result.manifest | {"outputs": made}
+    write_atomically(result.path / MANIFEST, to_json(result.manifest))
+
+
+def _settle(folder: Path) -> None:
+    """Let the files of a result that is whole take their places; also go on where that was cut off."""
+    partial = folder / PARTIAL
+    if not (partial / MANIFEST).exists():
+        return
+    with interrupts_blocked():
+        for name in outputs(folder).keys() - outputs(partial).keys():
+            (folder / name).unlink(missing_ok=True)
+        (folder / MANIFEST).unlink(missing_ok=True)
+        for name in (*files_in(partial), MANIFEST):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (partial / name).replace(folder / name)
+        shutil.rmtree(partial)
+
+
+def files_in(folder: Path) -> list[str]:
+    """Files and links in a folder and below, without the manifest, and without what is being made there."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    names = [path.relative_to(folder).as_posix() for path in paths]
+    return [name for name in names if name not in {MANIFEST, _LOCK} and not name.startswith(f"{PARTIAL}/")]
 
 
 def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
@@ -140,32 +191,20 @@ def take_over(earlier: Path, fresh: Path, names: Iterable[str]) -> None:
             shutil.copy2(earlier / name, fresh / name)
 
 
+def outputs(folder: Path) -> Mapping[str, str]:
+    """Digests of the files that the manifest of a folder lists, by name; none where there is no sound one."""
+    with suppress(DataMissingError):
+        listed: Mapping[str, str] = read_manifest(folder).get("outputs", {})
+        return listed
+    return {}
+
+
 def own_files(folder: Path) -> list[str]:
-    """Files in a results folder that its manifest does not list; all of them where that is damaged."""
-    try:
-        listed = {MANIFEST, *_outputs(folder)}
-    except DataMissingError:
-        listed = {MANIFEST}
+    """Files in a results folder that its manifest does not list; none where that is damaged."""
+    listed = outputs(folder)
+    if (folder / MANIFEST).exists() and not listed:
+        return []
     return [name for name in files_in(folder) if name not in listed]
-
-
-def _set_aside(folder: Path, new: Iterable[str]) -> Iterator[tuple[Path, Path]]:
-    """Rename a user's own files where `new` ones, or folders of them, take their names; old and new path."""
-    try:
-        _outputs(folder)
-    except DataMissingError:
-        # Whose files these are nobody can tell; most are of the damaged result.
-        return
-    taken = {name for path in new for name in (path, *map(str, PurePosixPath(path).parents))}
-    for name in own_files(folder):
-        if name in taken:
-            before = folder / name
-            free = (before.with_name(f"{before.name}.own{k or ''}") for k in count())
-            yield before, before.rename(next(path for path in free if not os.path.lexists(path)))
-
-
-def _outputs(folder: Path) -> Mapping[str, str]:
-    return read_manifest(folder).get("outputs", {}) if (folder / MANIFEST).exists() else {}
 
 
 def refuse_others(folder: Path, digest: str, *, command: str, force: bool = False) -> None:
@@ -174,8 +213,9 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
     Raises
     ------
     UsageError
-        If it holds results of another configuration (`digest`), command or version, files that no manifest
-        lists, or changed files; hidden ones do not count. In any case if it is a file, or lies below one.
+        If it holds results of another configuration (`digest`), command or version, or files of a result that
+        were changed; or other files, and no result. Hidden ones do not count. In any case if it is a file, or
+        lies below one.
     """
     refuse_file(folder)
     if force or not folder.exists():
@@ -187,20 +227,10 @@ def refuse_others(folder: Path, digest: str, *, command: str, force: bool = Fals
 
 def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path, str]]:
     """What a replacement would lose: where, and why it is not this result's."""
-    for message in _other_identities(folder, digest, command):
-        yield folder, message
-    derived = derived_files(folder)
-    for name in own_files(folder):
-        if not name.startswith(".") and name not in derived:
-            yield folder / name, f"is not a file of this result: no {MANIFEST} lists it"
-    for name, sha256 in _outputs(folder).items():
-        if (folder / name).exists() and sha256_of(folder / name) != sha256:
-            yield folder / name, "was changed since tendonrepro wrote it"
-
-
-def _other_identities(folder: Path, digest: str, command: str) -> Iterator[str]:
-    """By what the result in a folder, if there is one, is another than that of a command."""
     if not (folder / MANIFEST).exists():
+        for name in own_files(folder):
+            if not name.startswith("."):
+                yield folder / name, f"is not a file of a result: there is no {MANIFEST}"
         return
     manifest = read_manifest(folder)
     identities = {
@@ -210,26 +240,10 @@ def _other_identities(folder: Path, digest: str, command: str) -> Iterator[str]:
     }
     for what, (mine, theirs) in identities.items():
         if mine != theirs:
-            yield f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
-
-
-def derived_files(folder: Path) -> list[str]:
-    """Files that `export` and `animate` made from the traces of a result, under their usual names.
-
-    They are the user's own, and stay. A result of the same configuration need not ask about them.
-    """
-    listed = _outputs(folder)
-    usual = [path.name for pattern in _DERIVED for path in folder.glob(pattern) if path.is_file()]
-    return sorted(name for name in usual if "traces.h5" in listed and name not in listed)
-
-
-def _tell_outdated(folder: Path, digest: str, command: str, talk: Talk) -> None:
-    """Name files made from traces that another result now replaces."""
-    with suppress(DataMissingError):
-        derived = derived_files(folder)
-        if derived and any(_other_identities(folder, digest, command)):
-            for name in derived:
-                talk.note(f"{folder / name} was made from the result that is replaced: make it again")
+            yield folder, f"holds results of another {what}: {theirs[:12]}, not {mine[:12]}"
+    for name, sha256 in outputs(folder).items():
+        if (folder / name).exists() and sha256_of(folder / name) != sha256:
+            yield folder / name, "was changed since tendonrepro wrote it"
 
 
 def make_manifest(loaded: LoadedConfig | None, seconds: float, command: str = "", digest: str = "") -> Json:

@@ -189,7 +189,7 @@ def test_an_interrupted_second_run_leaves_the_first_result(
         preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
         start_new_session=True,
     )
-    while not (compared[0] / ".out.partial").exists():
+    while not (compared[0] / "out" / ".partial").exists():
         assert process.poll() is None
         time.sleep(0.01)
     time.sleep(seconds)
@@ -213,7 +213,7 @@ def test_an_interrupt_of_workers_is_one_sentence(command: str, tmp_path: Path) -
         start_new_session=True,
     )
     # The first piece of work is on disk, so that the workers are at the next ones.
-    while not any((tmp_path / ".out.partial").glob("*/[!.]*")):
+    while not any((tmp_path / "out" / ".partial").glob("*/[!.]*")):
         assert process.poll() is None
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)

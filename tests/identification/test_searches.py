@@ -122,7 +122,7 @@ def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):
             raise Killed
         return cheap(*given)
 
-    states = tmp_path / ".out.partial"
+    states = tmp_path / "out" / ".partial"
     for _ in range(3):
         with pytest.raises(Killed):
             identified(tmp_path / "out", measure=mortal, readings=READINGS)

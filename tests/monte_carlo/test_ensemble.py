@@ -99,7 +99,7 @@ def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path):
     with pytest.raises(Stop):
         run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
     assert len(shards_in(tmp_path / "new")) == 5
-    assert not (tmp_path / "new").exists()
+    assert not (tmp_path / "new" / "manifest.json").exists()
     with pytest.raises(DataMissingError, match="new"):
         read_ensemble(tmp_path / "new")
     assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 5

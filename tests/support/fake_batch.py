@@ -11,6 +11,7 @@ from tendonrepro.console import QUIET
 from tendonrepro.monte_carlo.data import SHARDS, shard_files
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.store import PARTIAL
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS
 from tendonrepro.studies.lifecycle import carry_out
@@ -97,8 +98,7 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, force=False, **options):
 
 def shards_in(folder):
     """Shards of a result, and of one that is not finished."""
-    unfinished = folder.with_name(f".{folder.name}.partial")
-    return [path for above in (folder, unfinished) for path in shard_files(above / SHARDS)]
+    return [path for above in (folder, folder / PARTIAL) for path in shard_files(above / SHARDS)]
 
 
 def contents(folder):
