@@ -12,7 +12,7 @@ import typer
 
 from tendonrepro.console import Talk, without_controls
 from tendonrepro.files import to_json
-from tendonrepro.studies.command import Command, word_of
+from tendonrepro.studies.command import Command, option_of, word_of
 from tendonrepro.studies.parameters import Telling
 from tendonrepro.studies.study import Answer
 
@@ -93,11 +93,9 @@ def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
     metavar = word.metavar or None
     if many or word.positional:
         return _keyword(parameter.name, default, Annotated[kind, typer.Argument(help=about, metavar=metavar)])
-    name = parameter.name.replace("_", "-")
-    if default is True:
-        name, default = f"no-{name}", False
-    option = typer.Option(word.option or f"--{name}", help=about, metavar=metavar)
-    return _keyword(parameter.name, default, Annotated[kind, option])
+    option = typer.Option(option_of(parameter), help=about, metavar=metavar)
+    # The flag of what holds by default says that it shall not.
+    return _keyword(parameter.name, False if default is True else default, Annotated[kind, option])
 
 
 def _writable(annotation: object) -> Any:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonrepro.studies.command import PAGES, command
+from tendonrepro.studies.command import COMMANDS, PAGES, command
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption
 from tendonrepro.studies.study import Answer
 
@@ -58,5 +58,6 @@ def report(
     """
     from tendonrepro.reporting.page import report_text, run_report
 
-    page = run_report(Path(results), None if out is None else Path(out), force=force)
+    again = COMMANDS["report"].words(results, out)
+    page = run_report(Path(results), None if out is None else Path(out), force=force, again=again)
     return Answer(page, report_text(page), Path(page["path"]))

@@ -16,11 +16,20 @@ from markupsafe import Markup
 from PIL import Image
 
 from tendonrepro import __version__
+from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_foreign, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
-from tendonrepro.reporting.stored import PARTS, RESULTS, ReportSources, contents_of, stored_under
+from tendonrepro.reporting.stored import (
+    PARTS,
+    RESULTS,
+    ReportSources,
+    again_of,
+    contents_of,
+    other_arm,
+    stored_under,
+)
 from tendonrepro.results.figures.style import imprint, journal_style
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.verdicts.report import MAIN, claim_in_words
@@ -52,10 +61,12 @@ class ReportFile(TypedDict):
     holds: str | None
 
 
-def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
+def run_report(
+    folder: Path, out: Path | None, *, force: bool, again: str | None = "tendonrepro report"
+) -> ReportFile:
     """Write the page of the folder above the results, or of one; return what ``--json`` prints.
 
-    It replaces an earlier page; any other file with `force` alone.
+    It replaces an earlier page; any other file with `force` alone. `again` is how it was called.
 
     Raises
     ------
@@ -78,7 +89,7 @@ def run_report(folder: Path, out: Path | None, *, force: bool) -> ReportFile:
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     refuse_foreign(path, _MARK, force=force)
     sources = stored_under(folder)
-    content = page(sources).encode()
+    content = page(sources, again).encode()
     write_atomically(path, content)
     # What the package stores is of the paper's arm.
     parts = {
@@ -118,8 +129,8 @@ def report_text(report: ReportFile) -> str:
     return "\n".join(lines)
 
 
-def page(sources: ReportSources) -> str:
-    """Make the page; equal contents give equal text."""
+def page(sources: ReportSources, again: str | None = "tendonrepro report") -> str:
+    """Make the page; equal contents give equal text. `again` is what made it."""
     loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
     environment.filters |= {"md": line, "text": text}
@@ -141,18 +152,35 @@ def page(sources: ReportSources) -> str:
         claim_in_words=claim_in_words,
         contents=contents,
         robustness=contents.robustness(sources.summary),
-        parts=[part(name, folder) for name, folder in sources.parts.items()],
+        parts=[part(name, folder, sources) for name, folder in sources.parts.items()],
+        again=[*dict.fromkeys(again_of(*result) for result in sources.manifests.items()), again],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
         questions=section("slips.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
-        values=contents.value_rows([manifest["config"]["tree"] for manifest in sources.manifests.values()]),
+        values=values_by_arm(sources),
     )
 
 
-def part(name: str, folder: Path) -> dict[str, object]:
+def values_by_arm(sources: ReportSources) -> dict[str, list[tuple[str, ...]]]:
+    """Quantities of the results, by the name of their arm, which is empty for the paper's."""
+    trees: dict[str, list[Node]] = {}
+    for manifest in sources.manifests.values():
+        trees.setdefault(other_arm(manifest) or "", []).append(manifest["config"].get("tree", {}))
+    return {arm: rows for arm, of_arm in trees.items() if (rows := contents.value_rows(of_arm))}
+
+
+def part(name: str, folder: Path, sources: ReportSources) -> dict[str, object]:
     """Figures and tables of an experiment, none if it was not run; or of the result of another command."""
+    manifest = sources.manifests.get(name, {})
+    command, arm = manifest.get("command", name), other_arm(manifest) if manifest else None
     others = sorted(path.stem for path in folder.glob("tables/*.md"))
-    title, tables = PARTS.get(name, (f"The result of tendonrepro {name}", others))
+    title, tables = PARTS.get(name, (f"The result of tendonrepro {command}", others))
+    if arm:
+        # Numbers of figures are the paper's.
+        title = title.partition(":")[0]
+    beside = [name] if name != command else []
+    beside += [arm] if arm and not sources.own_arm else []
+    title = f"{title}: {', '.join(beside)}" if beside else title
     paths = [folder / "tables" / f"{table}.md" for table in tables]
     return {
         "name": name,

@@ -1,9 +1,10 @@
 """The command that makes everything: both experiments, the fitted plant, and the page in a browser."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tendonrepro.studies.command import ONE_ARM, command
+from tendonrepro.studies.command import COMMANDS, ONE_ARM, command
 from tendonrepro.studies.parameters import TALK, Changes, Folder, Formats, Seed, Telling
 from tendonrepro.studies.study import Answer
 
@@ -51,8 +52,11 @@ def reproduce(
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
     experiments = paper_experiments(None if config is None else Path(config), set, seed)
+    again = COMMANDS["reproduce"].words(
+        out, config=config, set=set, seed=seed, formats=formats, figures=figures
+    )
     studies = {
-        name: experiment_study(experiment, {**folder, "out": above / name})
+        name: replace(experiment_study(experiment, {**folder, "out": above / name}), again=again)
         for name, experiment in experiments.items()
     }
     if dry_run:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +35,7 @@ PARTS = {
 class ReportSources:
     """Everything a page is made of, from the `folder` above the results.
 
-    `parts` are the folders of what has a section; `manifests` are of those that were run; `summary` is as
+    `parts` are the folders of what has a section; `manifests` are of all results; `summary` is as
     `thinned` leaves it; `ledger` is that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with
     the package, ``missing``, or ``here``: an ensemble that no claim was judged on. `left_out` says of other
     folders why they are not shown.
@@ -50,11 +51,36 @@ class ReportSources:
     @property
     def own_arm(self) -> str | None:
         """Name of the arm where all that was run is of another one than the paper's."""
-        trees = [manifest["config"]["tree"] for manifest in self.manifests.values()]
-        arms = [tree["manipulator"] for tree in trees if tree.get("manipulator")]
-        if not arms or any(is_arm_of_paper(Manipulator.model_validate(arm)) for arm in arms):
-            return None
-        return ", ".join(dict.fromkeys(arm["name"] for arm in arms))
+        arms = [other_arm(manifest) for manifest in self.manifests.values() if _arm_of(manifest)]
+        return ", ".join(filter(None, dict.fromkeys(arms))) if all(arms) and arms else None
+
+
+def _arm_of(manifest: Json) -> Json | None:
+    """The manipulator of a result; None where no configuration decides it."""
+    arm: Json | None = manifest["config"].get("tree", {}).get("manipulator")
+    return arm
+
+
+def again_of(name: str, manifest: Json) -> str:
+    """What a shell says to make a result again."""
+    if "again" in manifest:
+        return manifest["again"] or f"# {name}: made from Python, with a function of one's own"
+    # Manifests of older versions do not say it.
+    command = manifest.get("command", name)
+    words = ["tendonrepro", command]
+    if (origin := manifest["config"].get("origin", command)) != command:
+        words += ["--config", origin]
+    for change in manifest.get("overrides", ()):
+        words += ["--set", change]
+    return shlex.join([*words, *(("--out", f"reports/{name}") if name != command else ())])
+
+
+def other_arm(manifest: Json) -> str | None:
+    """Name of the arm of a result, if that is another one than the paper's."""
+    arm = _arm_of(manifest)
+    if not arm or is_arm_of_paper(Manipulator.model_validate(arm)):
+        return None
+    return str(arm["name"])
 
 
 _SHOWN = {"printed", "Delta_unit=deg", FINE_STEPS, *OF_ANSWER.values()}
@@ -79,14 +105,14 @@ def stored_under(folder: Path) -> ReportSources:
         If the result is damaged, or all are.
     """
     alone = read_result(folder).command if (folder / MANIFEST).exists() else ""
-    places = {name: folder if alone == name else folder / name for name in (*PARTS, *_FILES)}
+    places = {name: folder / name for name in (*PARTS, *_FILES)}
+    within = {path.parent.name: path.parent for path in sorted(folder.glob(RESULTS))}
+    places |= {alone: folder} if alone else within
     damaged = dict(_damaged(places))
     sound = {name: path for name, path in places.items() if name not in damaged}
-    if damaged and (alone or not any((path / MANIFEST).exists() for path in sound.values())):
+    manifests = {name: _read(path / MANIFEST) for name, path in sound.items() if (path / MANIFEST).exists()}
+    if damaged and not manifests:
         raise next(iter(damaged.values()))
-    parts = {name: sound[name] for name in PARTS if name in sound}
-    parts |= {} if alone in ("", "claims") else {alone: folder}
-    manifests = {name: _read(path / MANIFEST) for name, path in parts.items() if (path / MANIFEST).exists()}
     claims, ensemble = (sound[name] / file if name in sound else None for name, file in _FILES.items())
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
@@ -95,12 +121,13 @@ def stored_under(folder: Path) -> ReportSources:
     own = None
     if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
         own = _as_whole_as(summary, cast("Summary", _read(ensemble)))
+    # What the page speaks of all over has no section of its own.
+    everywhere = {"claims", "ensemble"} if own or "ensemble" not in manifests else {"claims"}
+    parts = {name: path for name, path in sound.items() if name not in everywhere}
     origins = {name: "run" if name in manifests else "missing" for name in parts}
-    origins |= {"claims": "run" if judged else "shipped", "ensemble": "run" if own else "shipped"}
-    if alone == "ensemble" and not own:
-        origins["ensemble"] = "here"
-    shown = {*manifests, *(name for name, origin in origins.items() if origin == "run")}
-    left_out = {} if alone else dict(_left_out(folder, shown, damaged))
+    origins["claims"] = "run" if judged else "shipped"
+    origins["ensemble"] = "run" if own else "here" if "ensemble" in parts else "shipped"
+    left_out = {} if alone else dict(_left_out(folder, {*sound}, damaged))
     return ReportSources(parts, manifests, own or summary, ledger, origins, left_out)
 
 
@@ -138,12 +165,8 @@ def _left_out(
             yield path.name, _told(damaged[path.name])
         elif not (path / MANIFEST).exists() and any(path.glob(RESULTS)):
             yield path.name, f"holds results of its own; tendonrepro report {path} shows them"
-        elif not (path / MANIFEST).exists():
-            yield path.name, f"no result of a command: it holds {contents_of(path)}, and no {MANIFEST}"
-        elif path.name == "ensemble":
-            yield path.name, "was not judged by claims, or is not of the paper's arm and interpretations"
         else:
-            yield path.name, _elsewhere(path)
+            yield path.name, f"no result of a command: it holds {contents_of(path)}, and no {MANIFEST}"
 
 
 def contents_of(folder: Path, but: str = "") -> str:
@@ -153,14 +176,6 @@ def contents_of(folder: Path, but: str = "") -> str:
     )
     more = [f"{len(names) - _MOST_NAMED} more"] if len(names) > _MOST_NAMED else []
     return ", ".join([*names[:_MOST_NAMED], *more]) or "nothing"
-
-
-def _elsewhere(path: Path) -> str:
-    """Say of a result that has no place on the page how to see it, or that it is damaged."""
-    try:
-        return f"a result of {read_result(path).command}; tendonrepro report {path} shows it"
-    except DataMissingError as error:
-        return _told(error)
 
 
 def _told(error: DataMissingError) -> str:

@@ -6,8 +6,10 @@ Nothing heavy is imported here, nor by files that hold such functions: ``tendonr
 from __future__ import annotations
 
 import inspect
+import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from types import SimpleNamespace, UnionType
@@ -23,6 +25,7 @@ from typing import (
     get_type_hints,
 )
 
+from tendonrepro.console import Talk
 from tendonrepro.studies.parameters import FOLDER, Word
 from tendonrepro.studies.study import Answer, Study
 
@@ -62,12 +65,29 @@ class Command:
     def prepare(self, *args: object, **kwargs: object) -> Answer[object] | Study:
         """Call the function; a study then knows of which command it is."""
         prepared = self.function(*args, **kwargs)
-        return replace(prepared, command=self.word) if isinstance(prepared, Study) else prepared
+        if not isinstance(prepared, Study):
+            return prepared
+        return replace(prepared, command=self.word, again=self.words(*args, **kwargs))
 
     @property
     def word(self) -> str:
         """Last word of its name, by which a study's results are known."""
         return self.name.rpartition(" ")[2]
+
+    def words(self, *args: object, **kwargs: object) -> str | None:
+        """What a shell says to call it with these arguments; None where a function of Python's is among them.
+
+        Whom to tell, what may be overwritten, and what holds by default are left out.
+        """
+        said = ["tendonrepro", *self.name.split()]
+        for name, value in self.signature.bind(*args, **kwargs).arguments.items():
+            parameter = self.signature.parameters[name]
+            if isinstance(value, Talk) or name == "force" or value is None or value == parameter.default:
+                continue
+            if isinstance(value, Mapping) and any(map(callable, value.values())):
+                return None
+            said += _said(parameter, value)
+        return shlex.join(said)
 
     @cached_property
     def signature(self) -> inspect.Signature:
@@ -203,6 +223,37 @@ def signature_of(function: Callable[..., object]) -> inspect.Signature:
         else:
             parameters.append(parameter.replace(annotation=hints[name]))
     return inspect.Signature(parameters)
+
+
+def option_of(parameter: inspect.Parameter) -> str:
+    """Its option; the flag of what holds by default says that it shall not."""
+    negated = "no-" if parameter.default is True else ""
+    return word_of(parameter.annotation).option or f"--{negated}{parameter.name.replace('_', '-')}"
+
+
+def _said(parameter: inspect.Parameter, value: object) -> Iterator[str]:
+    """Words of a shell for an argument."""
+    if parameter.kind is parameter.VAR_POSITIONAL or word_of(parameter.annotation).positional:
+        yield from map(str, value if isinstance(value, list | tuple) else (value,))
+        return
+    plain = getattr(parameter.annotation, "__origin__", parameter.annotation)
+    kinds = get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
+    if isinstance(value, Mapping):
+        # Several values of a key stand without brackets.
+        many = any(
+            get_origin(kind) is Mapping and get_origin(get_args(kind)[1]) is Sequence for kind in kinds
+        )
+        texts = {
+            key: json.dumps(entry, ensure_ascii=False, separators=(",", ":"), default=str)
+            for key, entry in value.items()
+        }
+        value = [f"{key}={text[1:-1] if many else text}" for key, text in texts.items()]
+    elif isinstance(value, list | tuple) and str in kinds:
+        value = ",".join(map(str, value))
+    for item in value if isinstance(value, list | tuple) else (value,):
+        yield option_of(parameter)
+        if not isinstance(item, bool):
+            yield str(item)
 
 
 def word_of(annotation: object) -> Word:

@@ -149,7 +149,7 @@ def _exit_code(outcome: Outcome) -> int:
 def _manifest(study: Study, outcome: Outcome, seconds: float) -> Json:
     """How a result came about; what only its study knows comes last."""
     known, own = make_manifest(study.loaded, seconds, study.command, study.digest), outcome.manifest
-    return known | dict(own) | {"config": known["config"] | own.get("config", {})}
+    return known | {"again": study.again} | dict(own) | {"config": known["config"] | own.get("config", {})}
 
 
 def planned(study: Study, talk: Talk) -> dict[str, object]:

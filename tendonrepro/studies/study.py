@@ -63,6 +63,8 @@ class Study:
         Whether ``--json`` names every file.
     command : str
         Its name, which the registry gives.
+    again : str, optional
+        What a shell says to make the results again, which the registry gives, too.
     """
 
     loaded: LoadedConfig | None
@@ -78,6 +80,7 @@ class Study:
     numbers: str | None = ""
     plan: Mapping[str, object] = field(default_factory=dict)
     command: str = ""
+    again: str | None = None
 
     @property
     def digest(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -17,9 +18,10 @@ from typer.main import get_command
 import tendonrepro as tr
 from tendonrepro.cli.app import app
 from tendonrepro.commands import COMMANDS, FORMER
+from tendonrepro.console import Talk
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.command import CONFIG, word_of
-from tendonrepro.studies.lifecycle import DIVERGED
+from tendonrepro.studies.lifecycle import DIVERGED, planned
 from tendonrepro.studies.parameters import Telling
 from tendonrepro.studies.study import Study
 
@@ -145,6 +147,38 @@ def test_another_value_is_another_result(place: Path, name: str, option: str) ->
     assert digest_of(name, words, place) != digest_of(name, [], place), (
         f"{words[0]} decides numbers: name it in `decided_by` of the Study, or here in UNDECIDING"
     )
+
+
+CALLS: list[tuple[str, dict[str, object]]] = [
+    *((name, {"set": {"control.gains.alpha": [0.3, 0.1]}, "seed": 3}) for name in ("compare", "explain")),
+    ("compare", {"laws": ["mine/law.py:f"], "controllers": [1, 3], "out": Path("here")}),
+    ("compare", {"set": ["control.gains.lam=[5, 6]"], "formats": ["png", "svg"]}),
+    ("sweep", {"over": {"control.gains.alpha": [[0, 0], [0.1, 0.2]]}, "figures": False, "force": True}),
+    ("tune", {"plants": 3, "spread": 0.1, "ranges": {"links.mass": [0.5, 2]},
+              "config": "mine/compare.yaml", "out": "here and there"}),
+    ("ensemble", {"config": "mine/compare.yaml", "spread": 0.1, "readings": ["printed"], "draws": 512}),
+    ("statics", {"config": "mine/decouple.yaml", "set": {"manipulator.tensioner.force": 30}}),
+]  # fmt: skip
+"""Calls from Python, with whatever kind of value each parameter takes."""
+
+
+@pytest.mark.parametrize(("name", "given"), CALLS)
+def test_the_manifest_says_what_makes_a_result_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, given: dict[str, object]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run("config", "init", "--joints", "2", "--out", "mine", cwd=tmp_path)
+    (tmp_path / "mine" / "law.py").write_text("def f(*_):\n    return _\n", encoding="utf-8")
+    study = COMMANDS[name].prepare(**COMMANDS[name].bound(**given).arguments)
+    assert isinstance(study, Study)
+    assert study.again
+    plan = answer(*shlex.split(study.again)[1:], "--dry-run", cwd=tmp_path)
+    as_asked = planned(study, Talk())
+    assert [plan[key] for key in ("config_sha256", "out")] == [
+        as_asked[key] for key in ("config_sha256", "out")
+    ]
+    assert "--force" not in study.again
+    assert COMMANDS["compare"].words(laws={"mine": abs}) is None, "a shell has no name for a function"
 
 
 SIMULATED = [name for name in STUDIES if "controllers" in COMMANDS[name].signature.parameters]

@@ -2,11 +2,14 @@
 
 import json
 import shutil
+from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from reporting.conftest import write_experiment
 from support import ROOT
+from support.html_page import read_page
 from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
 from tendonrepro.configuration.shown import FINE_STEPS
@@ -41,6 +44,53 @@ def test_a_report_is_replaced_and_nothing_else_is(results, tmp_path):
         run_report(tmp_path / "none", None, force=False)
     with pytest.raises(UsageError):
         run_report(folder, tmp_path, force=True)
+
+
+def test_every_result_of_a_folder_is_shown_and_says_how_to_make_it_again(results, tmp_path):
+    folder = tmp_path / "reports"
+    shutil.copytree(results, folder)
+    calls = {"swept": "tendonrepro sweep --config mine.yaml", "mine": "tendonrepro tune --config mine.yaml"}
+    for name, again in calls.items():
+        write_experiment(folder, name, ["fig90"])
+        path = folder / name / "manifest.json"
+        manifest = json.loads(path.read_text(encoding="utf-8")) | {
+            "command": again.split()[1],
+            "again": again,
+        }
+        path.write_text(json.dumps(manifest), encoding="utf-8")
+    (folder / "old").mkdir()
+    manifest["config"] |= {"origin": "arm.yaml"}
+    manifest |= {"overrides": ["a.b=[1, 2]"]}
+    del manifest["again"]
+    (folder / "old" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    # No configuration decides what a log tells.
+    (folder / "log").mkdir()
+    manifest |= {
+        "command": "recover",
+        "config": {"sha256": "0" * 64},
+        "again": "tendonrepro data recover a.csv",
+    }
+    del manifest["overrides"]
+    (folder / "log" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    found = run_report(folder, None, force=False, again="tendonrepro report elsewhere")
+    assert {name for name, origin in found["parts"].items() if origin == "run"} == {
+        *("decouple", "compare"),
+        *(*calls, "old", "log"),
+    }
+    assert found["left_out"] == {}
+    text = Path(found["path"]).read_text(encoding="utf-8")
+    made = read_page(text)
+    for name in calls:
+        assert len(made.one(id=name).all("figure")) == 1
+        assert len(made.one(id=name).all("table")) == 3
+    *told, last = unescape(text.partition("<pre>")[2].partition("</pre>")[0]).splitlines()
+    assert told[-4:] == [
+        "tendonrepro data recover a.csv",
+        calls["mine"],
+        "tendonrepro tune --config arm.yaml --set 'a.b=[1, 2]' --out reports/old",
+        calls["swept"],
+    ]
+    assert last == "tendonrepro report elsewhere"
 
 
 @pytest.mark.parametrize("content", ["", '{"a": '])

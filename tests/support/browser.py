@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 import socket
 import subprocess
 import tempfile
 import time
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import requests
+from PIL import Image
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRIVER = shutil.which("chromedriver")
@@ -96,9 +99,19 @@ class Browser:
         (name,) = found.values()
         self._ask("POST", f"/element/{name}/value", {"text": text})
 
-    def width(self, pixels: int) -> None:
+    def picture(self) -> Image.Image:
+        """What the window shows."""
+        return Image.open(BytesIO(base64.b64decode(self._ask("GET", "/screenshot")))).convert("L")
+
+    def dark(self, wanted: bool) -> None:
+        """Let the system ask for dark colours, or for light ones."""
+        feature = {"name": "prefers-color-scheme", "value": "dark" if wanted else "light"}
+        command = {"cmd": "Emulation.setEmulatedMedia", "params": {"features": [feature]}}
+        self._ask("POST", "/goog/cdp/execute", command)
+
+    def width(self, pixels: int, height: int = 850) -> None:
         """Make the page as wide as that."""
-        metrics = {"width": pixels, "height": 850, "deviceScaleFactor": 1, "mobile": pixels < 600}
+        metrics = {"width": pixels, "height": height, "deviceScaleFactor": 1, "mobile": pixels < 600}
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         self._ask("POST", "/goog/cdp/execute", command)
 

@@ -39,7 +39,8 @@ class Knob(NamedTuple):
 
 GAINS = (
     Knob("control.gains.alpha", "α, weight of the older estimate", CONTROLLER, "1", 0.0, 1.0, 0.01,
-        "Controller 1 alone has it. It makes the estimate older: errors that loads cause grow by 1 + α."),
+        "Controller 1 alone has it. As published, errors of slow loads grow to 1 + α times. With the changed "
+        "sign they shrink to 1 − α times."),
     Knob("control.gains.lam", "λ, reaching gain", CONTROLLER, "s-1", 1.0, 20.0, 0.1),
     Knob("control.gains.eta", "η, surface gain of Controllers 1 and 2", CONTROLLER, "1", 0.2, 4.0, 0.05),
     Knob("control.gains.b", "b, exponent of Controllers 1 and 2", CONTROLLER, "1", 0.5, 0.99, 0.01),
@@ -62,8 +63,9 @@ STROKE = (
 )
 OSCILLATION = (
     Knob("reference.amplitude", "Amplitude", MOTION, "deg", 5.0, 60.0, 0.5),
-    Knob("reference.period", "Period", MOTION, "s", 2.0, 20.0, 0.1),
+    Knob("reference.period", "Period", MOTION, "s", 3.0, 20.0, 0.1),
 )
+SINE = (*OSCILLATION, Knob("reference.offset", "Centre", MOTION, "deg", -30.0, 30.0, 0.5))
 PLANT = (
     Knob("manipulator.links.mass", "Mass of the link", ARM, "kg", 0.05, 2.0, 0.0),
     Knob("manipulator.links.length", "Length of the link", ARM, "m", 0.1, 0.5, 0.005,
@@ -117,17 +119,17 @@ LEFT_OUT = Knob(
 )
 START_HELP = (
     "Joint angle less the reference at the start. At the published gains a fifth of it is left after one "
-    "second, but all of it counts in the tables."
+    "second. The tables count all that is not left out."
 )
 MOTIONS = {"minimum_jerk": "smooth strokes", "ramp": "straight ramps, without acceleration"}
 """Motions that share their keys, by kind."""
+OF_MOTION = {**dict.fromkeys(MOTIONS, STROKE), "raised_cosine": OSCILLATION, "sine": SINE}
+"""Knobs of the motion, by its kind."""
 
 
 def knobs_of(config: CompareConfig) -> Iterator[Knob]:
     """The controls of a configuration, apart from those of single runs."""
-    kind = config.reference.kind
-    motion = STROKE if kind in MOTIONS else OSCILLATION if kind == "raised_cosine" else ()
-    for knob in (*GAINS, *motion, *PLANT):
+    for knob in (*GAINS, *OF_MOTION.get(config.reference.kind, ()), *PLANT):
         if attrgetter(knob.key)(config) is not None:
             yield knob
 

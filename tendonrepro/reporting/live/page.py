@@ -62,8 +62,8 @@ def _changes(tree: Mapping[str, object], first: Mapping[str, object]) -> dict[st
 
 
 def _script_json(data: object) -> str:
-    """JSON that cannot end a script."""
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
+    """JSON that neither ends a script nor begins a comment or another script in it."""
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _file(name: str) -> str:

@@ -80,7 +80,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
 def _notes(loops: Mapping[str, Loop]) -> list[str]:
     notes = []
     if any(map(is_noisy, loops.values())):
-        notes.append("Noise of encoders and torque is left out here.")
+        notes.append("Noise is left out here.")
     return notes
 
 
@@ -273,7 +273,7 @@ def _tables(config: CompareConfig) -> list[dict[str, object]]:
 def _figures(config: CompareConfig) -> list[dict[str, object]]:
     compared = [name for name in config.runs if not name.endswith(PAYLOAD)]
     figures: list[dict[str, object]] = [
-        {"title": "Fig. 14: tracking", "runs": compared, "quantities": ["q", "e"]},
+        {"title": "Fig. 14: tracking", "runs": compared, "quantities": ["e", "q"]},
         {
             "title": "Fig. 15: sliding variable, estimate and torque",
             "runs": compared,
@@ -285,7 +285,7 @@ def _figures(config: CompareConfig) -> list[dict[str, object]]:
             {
                 "title": "Fig. 16: Controller 1 with and without payload",
                 "runs": [*LOADS.values()],
-                "quantities": ["q", "e"],
+                "quantities": ["e", "q"],
             }
         )
     return figures

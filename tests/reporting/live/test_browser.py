@@ -13,6 +13,7 @@ import pytest
 from reporting.live.conftest import OWN
 from support.browser import Browser
 
+import tendonrepro as tr
 from tendonrepro.configuration.load import CompareConfig, ConfigSource, LoadedConfig, load_config
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.experiments.loops import all_loops
@@ -32,7 +33,7 @@ ERRORS = (
     "return [...results].map(([name, { mae, rmse, status }]) => "
     "[name, mae.map(degrees), rmse.map(degrees), status])"
 )
-RIGHT, HOME, UP = "\ue014", "\ue011", "\ue013"
+LEFT, RIGHT, HOME, UP = "\ue012", "\ue014", "\ue011", "\ue013"
 
 
 def shown(browser: Browser) -> None:
@@ -245,7 +246,7 @@ def test_the_start_can_be_left_out_of_the_errors(browser: Browser, page: Path) -
 
 
 def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
-    found = opened(browser, page, "#published&control.gains.M_bar.2=0.1&control.gains.M_bar.3=0.1")
+    found = opened(browser, page, "#own&control.gains.M_bar.2=0.1&control.gains.M_bar.3=0.1")
     diverged = [name for name, (_, _, status) in found.items() if status == "diverged"]
     assert diverged
     marked = "return [...document.querySelectorAll('tr[data-status=diverged]')].map((one) => one.dataset.run)"
@@ -257,7 +258,7 @@ def test_a_diverged_run_is_marked(browser: Browser, page: Path) -> None:
 
 
 # Steps of the preset diverge by themselves at once, as do those of a drag.
-STIFF = "#published&manipulator.tendons.damping_factor=20&manipulator.winches.reflected_inertia.3=0.01"
+STIFF = "#own&manipulator.tendons.damping_factor=20&manipulator.winches.reflected_inertia.3=0.01"
 
 
 def test_a_step_that_is_too_long_is_no_diverged_run(browser: Browser, page: Path) -> None:
@@ -355,6 +356,156 @@ def test_an_arrow_key_moves_a_number_by_a_step(browser: Browser, page: Path) -> 
         shown(browser)
         assert browser.run("return state.get(arguments[0])", key) == pytest.approx(after)
     assert words(browser, "problem") == ""
+
+
+def test_an_arrow_key_moves_every_slider(browser: Browser, page: Path) -> None:
+    for name in ("own", "published", "fitted"):
+        opened(browser, page, f"#{name}")
+        browser.run("for (const one of document.querySelectorAll('details')) one.open = true")
+        for key, low, high in browser.run("return preset.controls.map((one) => [one.id, ...one.slider])"):
+            value, seen = "return state.get(arguments[0])", []
+            slider = f"[data-id='{key}'] input[type=range]"
+            for keys in ("", RIGHT, LEFT, LEFT):
+                if keys:
+                    browser.keys(slider, keys)
+                seen.append(browser.run(value, key))
+            before, up, back, down = seen
+            assert up > min(before, high) or before >= high, key
+            assert down < back < up or back <= low or before >= high, key
+        fit = (
+            "return preset.controls.flatMap((one) => "
+            "stopsOf(one, preset.L).map((stop) => unfit(one, stop, preset.L))).filter(Boolean)"
+        )
+        assert browser.run(fit) == []
+
+
+def test_trials_add_up_and_go_back_alone(browser: Browser, page: Path) -> None:
+    opened(browser, page, "#published")
+    trials = browser.run("return preset.tries.map(({ set }) => set)")
+    press = "[...document.querySelectorAll('#tries button')][arguments[0]].click()"
+    pressed = (
+        "return [...document.querySelectorAll('#tries button')].map((one) => one.ariaPressed === 'true')"
+    )
+    apart, late = len(trials) - 2, len(trials) - 1
+    for k in (apart, late):
+        browser.run(press, k)
+        shown(browser)
+    assert (
+        set(browser.run("return moved().map(({ id }) => id)")) == trials[apart].keys() | trials[late].keys()
+    )
+    assert [k for k, on in enumerate(browser.run(pressed)) if on] == [apart, late]
+    both = errors(browser)
+    same(both, by_python(noiseless(browser), taken_steps(browser)))
+    browser.run(press, apart)
+    shown(browser)
+    assert browser.run("return moved().map(({ id }) => id)") == [*trials[late]]
+    assert errors(browser) != both
+    assert [k for k, on in enumerate(browser.run(pressed)) if on] == [late]
+
+
+def test_leaving_out_a_whole_run_is_no_failure_of_a_controller(browser: Browser, page: Path) -> None:
+    found = opened(browser, page, "#published&errors_from=1000")
+    assert {status for _, _, status in found.values()} == {"ok"}
+    cells = browser.run("return [...document.querySelectorAll('td b')].map((one) => one.textContent)")
+    assert not any(cell[-1].isdigit() for cell in cells)
+    for element in ("order", "change", "state"):
+        assert "Controller" not in words(browser, element)
+
+
+def test_any_title_leaves_the_page_alive(browser: Browser, tmp_path: Path) -> None:
+    for title in ("<!--<script>", "</script><!--", "a <b> & c"):
+        tr.live(out=tmp_path / "live.html", set={"title": title})
+        opened(browser, tmp_path / "live.html")
+        assert browser.run("return preset.tree.title") == title
+        assert browser.console() == []
+
+
+def test_tables_and_errors_stand_above_the_fold(browser: Browser, page: Path) -> None:
+    browser.width(1280, 1000)
+    opened(browser, page, "#published")
+    bottoms = browser.run(
+        "return [byId('tables'), ...plots.slice(0, 2).map(({ box }) => box)]"
+        ".map((one) => one.getBoundingClientRect().bottom)"
+    )
+    assert max(bottoms) <= 1000
+    assert browser.run("return plots.slice(0, 2).map(({ name }) => name)") == ["e", "e"]
+    browser.width(1280)
+
+
+def test_the_mark_of_computing_covers_no_word(browser: Browser, page: Path) -> None:
+    browser.width(390)
+    opened(browser, page, "#published")
+    browser.run("byId('results').setAttribute('aria-busy', 'true')")
+    covered = (
+        "const mark = byId('busy').getBoundingClientRect(), range = document.createRange();"
+        "const rows = [...document.querySelectorAll('#answer p, #panel summary')].flatMap((one) => {"
+        "range.selectNodeContents(one); return [...range.getClientRects()]});"
+        "const both = (row) => row.top < mark.bottom && row.bottom > mark.top && row.right > mark.left;"
+        "return rows.filter(both).length"
+    )
+    end = time.monotonic() + 60.0
+    # It waits, since most results are there sooner.
+    while browser.run("return getComputedStyle(byId('busy')).visibility") != "visible":
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert browser.run(covered) == 0
+    browser.width(1280)
+
+
+def test_a_wide_table_shows_that_it_goes_on(browser: Browser, page: Path) -> None:
+    browser.width(390)
+    opened(browser, page, "#published")
+    browser.run(
+        "document.querySelector('#tables table').style.minWidth = '700px'; byId('tables').scrollIntoView()"
+    )
+
+    def edge() -> float:
+        box = browser.run(
+            "const { top, right } = byId('tables').getBoundingClientRect(); return [top, right]"
+        )
+        return float(
+            np.asarray(browser.picture())[int(box[0]) + 3 : int(box[0]) + 40, int(box[1]) - 2].mean()
+        )
+
+    begin = edge()
+    browser.run("byId('tables').scrollLeft = 1000")
+    assert edge() > begin + 40.0
+    browser.width(1280)
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of ``rgb(r, g, b)`` or ``#rrggbb``, as accessibility guidelines define it."""
+    if colour.startswith("#"):
+        parts = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
+    else:
+        parts = [int(part) for part in re.findall(r"\d+", colour)[:3]]
+    linear = [(part / 255 + 0.055) ** 2.4 / 1.055**2.4 if part > 10 else part / 255 / 12.92 for part in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_colours_follow_the_system_and_can_be_read(browser: Browser, page: Path, dark: bool) -> None:
+    browser.dark(dark)
+    opened(browser, page, "#published")
+    paper = luminance(browser.run("return getComputedStyle(document.body).backgroundColor"))
+    assert (paper < 0.1) == dark
+    names = browser.run("return Object.values(STROKES).map(([name]) => colour(name))")
+    names += browser.run("return ['--ink', '--soft', '--strong', '--warn'].map(colour)")
+    for name in names:
+        lighter, darker = sorted((paper, luminance(name.strip())))[::-1]
+        assert (lighter + 0.05) / (darker + 0.05) >= 3.0, name
+    browser.dark(False)
+
+
+def test_the_page_begins_with_what_the_command_line_shows(
+    browser: Browser, page: Path, tmp_path: Path
+) -> None:
+    """The arm of `compare`; torque noise, which the page leaves out, moves errors by a thousandth."""
+    tr.live(out=tmp_path / "live.html")
+    found = opened(browser, tmp_path / "live.html")
+    assert configured(browser).config == load_config(None, "compare").config
+    assert opened(browser, page, "#published") == found
+    same(found, by_python(load_config(None, "compare")), 2.0 * USUAL_DEG)
 
 
 def test_delta_is_shown_in_the_unit_it_is_understood_in(browser: Browser, page: Path) -> None:

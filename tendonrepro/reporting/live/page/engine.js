@@ -117,7 +117,7 @@ const square = (x) => x * x;
 function mean(values, first, end, of) {
   let sum = 0;
   for (let k = first; k < end; k++) sum += of(values[k]);
-  return sum / (end - first);
+  return end > first ? sum / (end - first) : NaN;
 }
 
 // Share of a signal's power above a frequency, from the lines up to it; averages over blocks have them all.

@@ -8,14 +8,16 @@ const make = (tag, attributes = {}, ...children) => {
   one.append(...children);
   return one;
 };
+// Colours are those of the style sheet, light or dark.
 const STROKES = {
-  controller_1: ["#004488", []],
-  controller_2: ["#b5405a", [7, 3]],
-  controller_3: ["#cc8800", [2, 2]],
-  controller_1_payload: ["#000000", [9, 2, 2, 2]],
+  controller_1: ["--blue", []],
+  controller_2: ["--red", [7, 3]],
+  controller_3: ["--gold", [2, 2]],
+  controller_1_payload: ["--ink", [9, 2, 2, 2]],
 };
-const SPARES = [["#004488", [3, 3]], ["#b5405a", [10, 3]], ["#777777", [12, 4]], ["#117733", []], ["#000000", [1, 3]]];
-const REFERENCE = ["#9aa4ae", []];
+const SPARES = [["--blue", [3, 3]], ["--red", [10, 3]], ["--soft", [12, 4]], ["--green", []], ["--ink", [1, 3]]];
+const REFERENCE = ["--grey", []];
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name);
 const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
 
 const UNITS = { "1": "", "s-1": "s⁻¹", "kg m2": "kg m²", "N m-1": "N/m", deg: "°" };
@@ -30,7 +32,7 @@ function controlOf(tree, [knob, value, factor]) {
   const said = KNOBS[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
   const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
   const id = said.part ? `${said.key}.${said.part.replace("joint ", "")}` : said.key;
-  return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin, log: said.step === 0 };
+  return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin };
 }
 // Presets are written as what they change in the first one, controls in the latest of their key or else in the one
 // before; null takes a key away.
@@ -131,7 +133,7 @@ function unfit(control, text, L) {
 
 function showPreset() {
   for (const input of byId("presets").querySelectorAll("input")) input.checked = input.value === preset.name;
-  byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => make("span", { class: "bad" }, ` ${note}`)));
+  byId("about").replaceChildren(preset.about, ...preset.notes.map((note) => ` ${note}`));
   const open = new Set([...document.querySelectorAll("#controls details[open]")].map((one) => one.dataset.group));
   const first = !document.querySelector("#controls details");
   byId("controls").replaceChildren(
@@ -167,7 +169,8 @@ function numberField(fields) {
 function numberRow(control) {
   const id = `c-${control.id}`, name = `${control.label}${control.part ? `, ${control.part}` : ""}`;
   const number = make("input", { type: "number", id, min: control.least === 0 ? 0 : undefined, max: control.most });
-  const range = make("input", { type: "range", min: 0, max: 1000, step: 1, "aria-label": `${name}, slider` });
+  const stops = stopsOf(control, preset.L);
+  const range = make("input", { type: "range", min: 0, max: stops.length - 1, step: 1, "aria-label": `${name}, slider` });
   const reset = make("button", { type: "button", class: "reset", "aria-label": `Reset ${name} to ${control.value}` }, "↺");
   const row = make("div", { class: "row", "data-id": control.id }, make("label", { for: id }, control.part || "value"), range, number, reset);
   const show = () => {
@@ -176,7 +179,7 @@ function numberRow(control) {
     // What an arrow key adds: as much as the slider, or a tenth of the first digit.
     number.step = control.step || `1e${Math.floor(Math.log10(value)) - 1}`;
     number.setAttribute("aria-label", name + (unit && `, ${unit}`));
-    range.value = position(control, value);
+    range.value = nearest(stops, value);
     range.setAttribute("aria-valuetext", `${shorter(value)} ${unit}`);
     row.classList.toggle("moved", isMoved(control));
   };
@@ -186,7 +189,7 @@ function numberRow(control) {
     show();
     changed(exact);
   };
-  range.addEventListener("input", () => set(atPosition(control, Number(range.value)), false));
+  range.addEventListener("input", () => set(stops[range.value], false));
   range.addEventListener("change", () => changed(true));
   number.addEventListener("change", () => {
     const wrong = unfit(control, number.value, preset.L);
@@ -233,25 +236,27 @@ function changesSomething({ set }) {
   return all().some((one) => one.id in set && set[one.id] !== one.value);
 }
 
-function tryButton(one) {
-  const button = make("button", { type: "button" }, one.label);
-  button.addEventListener("click", () => restart(one.set));
+// A trial is a switch: several can be on at once, and off it leaves what the preset has.
+function tryButton({ label, set }) {
+  const button = make("button", { type: "button" }, label), isOn = () => Object.entries(set).every(([id, value]) => state.get(id) === value);
+  button.show = () => button.setAttribute("aria-pressed", isOn());
+  button.addEventListener("click", () => putIn(all().filter(({ id }) => id in set), isOn() ? {} : set));
+  button.show();
   return button;
-}
-
-// The preset with these values alone.
-function restart(values) {
-  for (const every of all()) state.set(every.id, every.value);
-  for (const [id, value] of Object.entries(values)) state.set(id, value);
-  showRows();
-  writeAddress(true);
-  changed(true);
 }
 
 function allBack() {
   const button = make("button", { type: "button", id: "reset-all" }, "Reset all");
-  button.addEventListener("click", () => restart({}));
+  button.addEventListener("click", () => putIn(all(), {}));
   return button;
+}
+
+// Give controls these values, or else those of the preset.
+function putIn(controls, values) {
+  for (const one of controls) state.set(one.id, values[one.id] ?? one.value);
+  showRows();
+  writeAddress(true);
+  changed(true);
 }
 
 function showRows() {
@@ -261,15 +266,18 @@ function showRows() {
 
 const shorter = (value) => Number(value.toPrecision(6));
 
-function position({ slider, log }, value) {
-  const [least, most] = slider, share = log ? Math.log(value / least) / Math.log(most / least) : (value - least) / (most - least);
-  return Math.round(1000 * Math.min(Math.max(share || 0, 0), 1));
+// The values on which a slider can stand, so that each arrow key moves it: by its step, or by a tenth of the first digit.
+function stopsOf({ slider: [least, most], step, unit }, L) {
+  const stops = [];
+  for (let k = 0, value = least; value <= most * (1 + 1e-9); k++) {
+    stops.push(shorter(unit === "s" ? Math.round(value / L) * L : value));
+    value = step ? (Math.round(least / step) + k + 1) * step : value + 10 ** (Math.floor(Math.log10(value * (1 + 1e-9))) - 1);
+  }
+  return [...new Set(stops)];
 }
 
-function atPosition({ slider, log, step }, place) {
-  const [least, most] = slider, share = place / 1000;
-  if (log) return Number((least * (most / least) ** share).toPrecision(2));
-  return Number((Math.round((least + share * (most - least)) / step) * step).toPrecision(6));
+function nearest(stops, value) {
+  return stops.reduce((best, stop, k) => (Math.abs(stop - value) < Math.abs(stops[best] - value) ? k : best), 0);
 }
 
 // ---- Computing: one run a worker, the latest state wins -----------------------------------------------------------
@@ -347,6 +355,7 @@ let busy = false, wanted = null, since = 0;
 
 function changed(exact) {
   byId("copied").textContent = "";
+  for (const one of byId("tries").querySelectorAll("button")) one.show?.();
   // Browsers refuse an address that changes a hundred times while a slider is dragged.
   if (exact) writeAddress();
   compute(exact);
@@ -415,6 +424,8 @@ async function computed(exact) {
 
 const compared = () => preset.runs.filter((which) => which.compared);
 const degrees = (value) => (value * 180) / Math.PI;
+const follows = ({ status }) => status === "ok" || status === "ringing";
+const allLeftOut = () => state.get("errors_from") > results.get(preset.runs[0].name).duration;
 const shown = (value, digits = 3) => (Number.isFinite(value) ? degrees(value).toFixed(digits) : "–");
 
 function show() {
@@ -431,7 +442,8 @@ function show() {
 function orderWords() {
   const runs = compared();
   if (runs.length < 2) return "";
-  if (runs.some(({ name }) => !Number.isFinite(results.get(name).mae[0]))) return "Not every controller finishes, so there is no order.";
+  if (runs.some(({ name }) => !follows(results.get(name)))) return "Not every controller finishes, so there is no order.";
+  if (allLeftOut()) return "The whole run is left out of the errors, so there is no order.";
   const orders = preset.joints.map((_, i) => orderOn(runs, i));
   const ours = orders.every((order) => order === orders[0])
     ? `Smallest mean error first: Controller ${orders[0]}${preset.joints.length > 1 ? ", on every joint" : ""}.`
@@ -463,8 +475,9 @@ function changeWords() {
   if (labels.length > 2) what.push(`${labels.length - 2} more changed`);
   const most = sizes.sort((a, b) => b.weight - a.weight)[0];
   if (preset.runs.some(({ name }) => results.get(name).status === "unresolved")) return `${what.join("; ")}.`;
-  const failing = preset.runs.filter(({ name }) => baseline.get(name).mae[0] > 0 && !(results.get(name).mae[0] > 0));
+  const failing = preset.runs.filter(({ name }) => follows(baseline.get(name)) && !follows(results.get(name)));
   if (failing.length) return `${what.join("; ")}. With that, ${failing[0].label} no longer follows its reference.`;
+  if (allLeftOut()) return `${what.join("; ")}.`;
   if (!most || most.size < 5e-4) return `${what.join("; ")}. No mean error changes by more than 0.05 %.`;
   const ratio = most.after / most.before, percent = Math.abs(100 * (ratio - 1));
   const size = `${ratio > 1 ? "+" : "−"}${percent.toFixed(percent < 10 ? 1 : 0)} %`, effect = ratio < 3 ? size : `${ratio.toFixed(ratio < 10 ? 1 : 0)} times`;
@@ -492,7 +505,7 @@ function statusWords() {
     if (status === "ringing") words.push(`${label} oscillates: most of its error's power is above ${preset.ringing} Hz.`);
     if (status === "unresolved") words.push(`${label} is not shown: ${steps} steps a sample are too few for this arm. Make tendons softer or winches heavier.`);
   }
-  if (state.get("errors_from") >= results.get(preset.runs[0].name).duration) words.push("The whole run is left out of the errors.");
+  if (allLeftOut()) words.push("Nothing is left of the runs for the errors.");
   preset.joints.forEach((joint, i) => {
     const furthest = (end) => preset.joints.slice(0, i + 1).reduce((sum, _, k) => sum + end(reached(k)), preset.posture[i]);
     const [least, most] = [furthest((ends) => ends[0]), furthest((ends) => ends[1])];
@@ -572,9 +585,9 @@ const strokeOf = (run) => STROKES[run] || SPARES[preset.runs.findIndex(({ name }
 
 function legendOf(runs, reference) {
   const list = make("ul", { class: "legend" });
-  const add = (label, [colour, dash]) => {
+  const add = (label, [name, dash]) => {
     const box = make("span");
-    box.innerHTML = `<svg width="34" height="8" aria-hidden="true"><path d="M0 4h34" stroke="${colour}" stroke-width="2.2" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+    box.innerHTML = `<svg width="34" height="8" aria-hidden="true"><path d="M0 4h34" style="stroke:var(${name})" stroke-width="2.2" stroke-dasharray="${dash.join(" ")}"/></svg>`;
     list.append(make("li", {}, box, label));
   };
   if (reference) add("reference", REFERENCE);
@@ -643,8 +656,8 @@ function spanWords(label, values) {
 }
 
 function chartOf(box, title, lines, data) {
-  const series = lines.map(([label, [stroke, dash]]) => ({ label, stroke, dash, width: label === "reference" ? 3 : 1.4, points: { show: false } }));
-  const axis = { stroke: "#59636e", font: "11px system-ui, sans-serif", grid: { stroke: "#e6eaee", width: 1 }, ticks: { show: false } };
+  const series = lines.map(([label, [name, dash]]) => ({ label, stroke: () => colour(name), dash, width: label === "reference" ? 3 : 1.4, points: { show: false } }));
+  const axis = { stroke: () => colour("--soft"), font: "11px system-ui, sans-serif", grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false } };
   const options = {
     title,
     width: box.clientWidth,
@@ -659,6 +672,7 @@ function chartOf(box, title, lines, data) {
 }
 
 addEventListener("beforeprint", () => plots.forEach(draw));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach(({ chart }) => chart?.redraw()));
 
 new ResizeObserver(() => {
   for (const { chart, box } of plots) if (chart && box.clientWidth !== chart.width) chart.setSize({ width: box.clientWidth, height: 150 });
