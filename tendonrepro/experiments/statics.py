@@ -14,6 +14,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import Config, LoadedConfig
 from tendonrepro.configuration.models.box import BoxRange
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.quantity import Scalar
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
@@ -126,15 +127,17 @@ class Course:
 class Survey:
     """Tensions at rest over the working half-plane.
 
-    `force`, N, pulls the tensioning tendon, and a share `loss` of it is lost at each pulley; these and
-    `payload`, kg, have their source beside them. `half_plane` (n, P), rad, are link angles of the postures.
-    `weight_alone` (n,), N, is the least tension that the weight leaves to each tendon.
+    `force`, N, pulls the tensioning tendon, a share `loss` is lost at each pulley, and these have the
+    `diameter` (joints,), m; each of these, and `payload`, kg, has its source beside it. `half_plane` (n, P),
+    rad, are link angles of the postures. `weight_alone` (n,), N, is the least tension that the weight leaves
+    to each tendon.
     """
 
     loaded: LoadedConfig
     force: tuple[float, str]
     loss: tuple[float, str]
     payload: tuple[float, str]
+    diameter: tuple[Array, str]
     half_plane: Array
     weight_alone: Array
     courses: Mapping[str, Course]
@@ -163,8 +166,9 @@ class Survey:
 def survey(loaded: LoadedConfig) -> Survey:
     """Work out tensions over the half-plane, and maps where two joints or more move."""
     config = loaded.config
-    force = _value_or_box(config.manipulator.tensioner.force.si, "tensioner_force")
-    loss = _value_or_box(config.manipulator.friction.per_pulley.si, "pulley_loss")
+    tensioner = config.manipulator.tensioner
+    force = _value_or_box(tensioner.force, "tensioner_force")
+    loss = _value_or_box(config.manipulator.friction.per_pulley, "pulley_loss")
     payload = _payload(config)
     arm, motor = build_arm(config, 0.0), statics.Spring(force[0], 0.0)
     cases: dict[str, Case] = {
@@ -186,18 +190,19 @@ def survey(loaded: LoadedConfig) -> Survey:
         )
         for name, route in routes.items()
     }
-    return Survey(loaded, force, loss, payload, everywhere, weight_alone, courses)
+    diameter = tensioner.diameter.si, tensioner.diameter.source
+    return Survey(loaded, force, loss, payload, diameter, everywhere, weight_alone, courses)
 
 
-def _value_or_box(configured: float, row: str) -> tuple[float, str]:
+def _value_or_box(configured: Scalar, row: str) -> tuple[float, str]:
     """A value and its source; where the configuration has it off, one of the paper's arm's ranges."""
-    if configured > 0.0:
-        return configured, "as configured"
+    if configured.si > 0.0:
+        return configured.si, configured.source
     values = dict(load_ensemble(None).config.box)[row]
     assert isinstance(values, BoxRange)
     return (
         values.nominal,
-        f"assumed, for the configuration has none; plausible are {values.low:g} to {values.high:g}",
+        f"assumed, for the configuration has none; {values.low:g} to {values.high:g} of the paper's arm",
     )
 
 

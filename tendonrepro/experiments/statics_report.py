@@ -42,10 +42,12 @@ def statics_data(survey: Survey) -> dict[str, object]:
         "tensioner_force_N": survey.force[0],
         "pulley_loss": survey.loss[0],
         "payload_kg": survey.payload[0],
+        "tensioner_diameter_mm": (1e3 * survey.diameter[0]).tolist(),
         "sources": {
             "force": survey.force[1],
             "loss": survey.loss[1],
             "payload": survey.payload[1],
+            "diameter": survey.diameter[1],
         },
         "reserve_N": RESERVE,
         "spring_stretch_mm": 1e3 * STRETCH,
@@ -103,7 +105,8 @@ def _parts(survey: Survey) -> list[str | Table]:
         f"Tensions at rest over the working half-plane, {survey.half_plane.shape[1]} postures "
         f"({survey.origin}). Tendon {survey.tensioning_tendon} pulls with {force:g} N ({force_source})."
     )
-    on_maps = f"The courses of tendon {survey.tensioning_tendon}."
+    diameters, source = ", ".join(f"{1e3 * size:g}" for size in survey.diameter[0]), survey.diameter[1]
+    on_maps = f"The courses of tendon {survey.tensioning_tendon} over pulleys of {diameters} mm ({source})."
     if survey.has_maps:
         on_maps += (
             f" On the maps: the force that leaves {RESERVE:g} N, and friction "

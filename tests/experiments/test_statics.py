@@ -11,6 +11,7 @@ from support.overrides import on_plain_arm
 
 import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.experiments.statics import RESERVE, half_plane, survey
 from tendonrepro.experiments.statics_report import statics_outcome
 
@@ -129,3 +130,15 @@ def test_files(tmp_path):
     names |= {f"tables/{name}.{suffix}" for name in ("statics", "courses") for suffix in ("csv", "md")}
     assert names | {"statics.json"} == set(manifest["outputs"])
     assert len(pd.read_csv(tmp_path / "tables" / "statics.csv")) == 9
+
+
+def test_what_an_own_arm_takes_from_others_is_marked(tmp_path):
+    init_arm(4, tmp_path)
+    text = (tmp_path / "my_arm.yaml").read_text() + "tensioner: {force: 20}\n"
+    (tmp_path / "my_arm.yaml").write_text(text)
+    found = tr.statics(tmp_path / "compare.yaml").data
+    assert found["tensioner_diameter_mm"] == pytest.approx([35.0, 35.0, 37.0, 37.0])
+    assert found["sources"]["diameter"] == "assumed: from plain_arm"
+    assert found["tensioner_force_N"] == 20.0
+    assert found["sources"]["force"].startswith("user")
+    assert "paper's arm" in found["sources"]["loss"]

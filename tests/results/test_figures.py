@@ -46,7 +46,9 @@ UNITS = {
     "fig15": ["rad/s", "rad/s", "N m", "N m", "N m", "N m"],
     "samples": ["rad/s", "rad/s", "N m", "N m"],
 }
-every_figure = pytest.mark.parametrize("name", list(FIGURES))
+NAMES = [name for name in FIGURES if not name.startswith("joint_")]
+"""Those of the paper's arm; the others are as its Figures 10 to 12."""
+every_figure = pytest.mark.parametrize("name", NAMES)
 
 
 def source(name: str) -> TraceFile:
@@ -79,8 +81,24 @@ def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
 
 
 def test_each_experiment_gives_its_figures() -> None:
-    assert sorted(available(decouple_file()) + available(compare_file())) == sorted(FIGURES)
+    assert sorted(available(decouple_file()) + available(compare_file())) == sorted(NAMES)
     assert UNITS.keys() <= FIGURES.keys()
+
+
+def test_each_joint_of_an_arm_of_four_is_drawn() -> None:
+    file = decouple_file()
+    trace = file.runs["decouple"]
+    variables = {name: np.column_stack([2.0 * x[:, 0], x]) for name, x in trace.variables.items()}
+    four = replace(file, runs={"decouple": replace(trace, joint=(1, 2, 3, 4), variables=variables)})
+    assert [name for name in available(four) if FIGURES[name].joints] == [
+        "fig10",
+        "fig11",
+        "fig12",
+        "joint_4",
+    ]
+    calculated = draw("joint_4", four).lines["a", "Calculated"]
+    angle = np.rad2deg(trace["q_calculated"][:, -1])
+    assert (values(calculated).min(), values(calculated).max()) == pytest.approx((angle.min(), angle.max()))
 
 
 @every_figure

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
@@ -152,7 +153,7 @@ FIGURES: dict[str, FigureSpec] = {
         ("decouple",),
     ),
     **{
-        f"fig{9 + joint:02d}": FigureSpec(
+        f"fig{9 + joint:02d}" if joint <= 3 else f"joint_{joint}": FigureSpec(
             partial(paper.draw_joint, joint=joint),
             f"Angle of joint {joint} calculated from the motors and by its encoder; their difference, whose "
             "steps are those of the encoder.",
@@ -161,7 +162,7 @@ FIGURES: dict[str, FigureSpec] = {
             joints=(joint,),
             of_paper="The paper gives no size of the difference.",
         )
-        for joint in (1, 2, 3)
+        for joint in range(1, MOST_JOINTS + 1)
     },
     "fig13": FigureSpec(
         paper.draw_motors,
@@ -204,4 +205,4 @@ FIGURES: dict[str, FigureSpec] = {
         some=True,
     ),
 }
-"""By name; those of the paper are named by their numbers."""
+"""By name; those of the paper are named by their numbers, and its arm has joints 1 to 3."""

@@ -123,7 +123,7 @@ def _draw_angles(canvas: Canvas, letter: str, trace: Trace, variable: str, calle
 
 
 def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
-    """Figures 10 to 12: a joint's angle by the motors and by its encoder, and their difference."""
+    """Figures 10 to 12, and further joints: an angle by motors and by encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
     canvas = Canvas(COLUMN_MM, 92.0, labels)
