@@ -24,7 +24,7 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.rig import build_actuator, build_arm, coupling
 from tendonrepro.files import sha256_of
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
-from tendonrepro.physics.control import Law, Memory
+from tendonrepro.physics.control import Law, Memory, estimator_weights
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.sampled import CommandFunction
@@ -149,15 +149,17 @@ def runs_of(law: UserLaw, config: CompareConfig) -> dict[str, str]:
 def own_loops(
     law: UserLaw, config: CompareConfig, loops: Mapping[str, Loop], on_lanes: CommandFunction | None = None
 ) -> dict[str, Loop]:
-    """Runs of a law on the plants of configured ones, with the gains of the first.
+    """Runs of a law on the plants of configured ones, with the gains of the first and plain estimation.
 
-    Each has a fresh copy of the law, or all have the same function, as `lane_function` makes it, `on_lanes`.
+    The weights of Eq. (15) are the paper's controllers' own: a law that wants them says so. Each run has a
+    fresh copy of the law, or all have the same function, as `lane_function` makes it, `on_lanes`.
     """
     first = cast("TimeDelayController", next(iter(loops.values())).controller)
+    gains = first.law._replace(weights=estimator_weights(np.zeros(len(config.joints))))
     own = {}
     for name, plant in runs_of(law, config).items():
         command = on_lanes or checked(law, model_of(config))
-        controller = replace(first, command=command, on_lanes=on_lanes is not None)
+        controller = replace(first, law=gains, command=command, on_lanes=on_lanes is not None)
         own[name] = replace(loops[plant], controller=controller)
     return own
 

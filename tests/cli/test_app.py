@@ -402,9 +402,11 @@ def test_quiet_is_quiet_and_notes_go_to_stderr(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_law_of_the_users_own_runs_beside_the_others(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
-        "from tendonrepro.physics.control import command\n"
+        "import numpy as np\n"
+        "from tendonrepro.physics import command, estimator_weights\n"
         "def mine(memory, q, q_d, dq_d, ddq_d, law):\n"
-        "    return command(memory, q, q_d, dq_d, ddq_d, law)\n"
+        "    weights = estimator_weights(np.array([0.1, 0.2]))\n"
+        "    return command(memory, q, q_d, dq_d, ddq_d, law._replace(weights=weights))\n"
     )
     words = ["compare", *SHORT, "--controllers", "1", "--out", "out"]
     data = answer(*words, "--law", "mine.py:mine", cwd=tmp_path)

@@ -428,6 +428,17 @@ def test_law_that_knows_the_plant(tmp_path: Path) -> None:
     np.testing.assert_allclose(run["tau_cmd"][0], weight)
 
 
+def test_law_with_two_gains_is_plain_time_delay_control_beside_any_run(tmp_path: Path) -> None:
+    """Beside Controller 1, whose estimator is another, it does what the configuration's law ``tdc`` does."""
+    path = tmp_path / "law.py"
+    path.write_text(example("python.md", "def two_gains"), encoding="utf-8")
+    plain = "runs.tdc={law: tdc, payload: {value: 0, unit: kg, source: 'assumed: none'}}"
+    loops = all_loops(load_config(None, "compare", overrides=[*SHORT, plain]), laws_of([f"{path}:two_gains"]))
+    first, own, tdc = (simulate(loops[run]) for run in ("controller_1", "two_gains", "tdc"))
+    np.testing.assert_allclose(own["e"], tdc["e"], rtol=0, atol=1e-9)
+    assert np.abs(own["H_hat"] - first["H_hat"]).max() > 0.01
+
+
 def test_law_of_the_configuration(tmp_path: Path) -> None:
     text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
     (shown,) = blocks(page("python.md"), "yaml")

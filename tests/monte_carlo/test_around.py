@@ -24,6 +24,7 @@ from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
 from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.physics.control import command as physics_command
+from tendonrepro.physics.control import estimator_weights
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.studies.lifecycle import carry_out
@@ -195,24 +196,25 @@ def test_runs_of_all_controllers_are_needed(compare: Path) -> None:
         load_study(compare, ["runs={controller_1: {law: controller_1, payload: 0}}"], None, "default")
 
 
+def plain(*given: Any) -> Any:
+    """The paper's own command as if it were a user's, with the α of the new arm's comparison."""
+    *signals, law = given
+    return physics_command(*signals, law._replace(weights=estimator_weights(np.array([0.1]))))
+
+
 def branching(*given: Any) -> Any:
     """The paper's own command, and a question about a number."""
     _, q, q_d, *_ = given
     assert bool(q_d[0] > q[0]) in {True, False}
-    return physics_command(*given)
+    return plain(*given)
 
 
 def broken(*given: Any) -> Any:
     raise ValueError(len(given))
 
 
-def plain(*given: Any) -> Any:
-    """The paper's own command as if it were a user's."""
-    return physics_command(*given)
-
-
 def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
-    """With the paper's own command and the first run's gains, errors are those of Controller 1."""
+    """With the paper's own command, gains and weights, errors are those of Controller 1."""
     init_arm(1, tmp_path)
     config, short = (
         tmp_path / "compare.yaml",
