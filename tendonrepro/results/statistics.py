@@ -6,14 +6,12 @@ from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.physics.metrics import mae, max_abs, mean, rmse
+from tendonrepro.physics.metrics import mae, max_abs, rmse
 from tendonrepro.results.records import Trace
 from tendonrepro.simulation import streaming
-
-_SIGNALS = {"torque": "tau_m", "H_hat": "H_hat"}
-"""Recorded variables of `streaming.SIGNALS`."""
 
 _Rates: TypeAlias = tuple[Array, Array]
 """Desired velocity and acceleration, (T, n) each."""
@@ -38,22 +36,38 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
         rates = trace["dq_d"], trace["ddq_d"]
     L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
     phases = streaming.thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
-    numbers: dict[str, Array] = {}
-    if "e" in trace:
-        numbers |= _of_the_error(trace["e"], rates, phases)
-    if "s" in trace:
-        numbers |= {"s_rms": rmse(trace["s"]), "s_slow_rms": rmse(_slow(trace["s"], float(phases.newest)))}
-    if "epsilon" in trace:
+    during: dict[str, NDArray[np.bool_] | bool] = {"": True}
+    if rates is not None:
+        rapid = np.abs(rates[1]) > phases.acceleration
+        during |= {"_up": rates[0] > phases.speed, "_down": rates[0] < -phases.speed}
+        during |= {"_rapid": rapid, "_calm": ~rapid}
+    signals = _signals(trace, rates, phases)
+    return {
+        name: _SIZES[how](signals[of], during[phase])
+        for name, (how, of, phase) in streaming.MEASURES.items()
+        if of in signals and phase in during
+    }
+
+
+_SIZES = {"mean": mae, "rms": rmse, "peak": max_abs}
+
+
+def _signals(trace: Trace, rates: _Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
+    """What `streaming.MEASURES` are of, as far as the run has it."""
+    variables = {"e": "e", "s": "s", "epsilon": "epsilon", "tau": "tau_m", "H": "H_hat"}
+    signals = {name: trace[variable] for name, variable in variables.items() if variable in trace}
+    for name in streaming.SLOWED:
+        if name in signals:
+            signals[f"slow_{name}"] = _slow(signals[name], float(phases.newest))
+    if "epsilon" in signals:
         # The last sample's is not known yet. Before the first there is no estimate that could err.
-        known = trace["epsilon"][:-1]
-        course = _slow(np.vstack([np.zeros_like(known[:1]), known]), float(phases.newest))[1:]
-        numbers |= {"epsilon_rms": rmse(known), "epsilon_slow_rms": rmse(course)}
-    if "tau_m" in trace:
-        numbers["torque_step_rms"] = step_rms(trace["tau_m"])
-    for name, variable in _SIGNALS.items():
-        if variable in trace:
-            numbers |= _sizes(name, trace[variable], rates, phases)
-    return numbers
+        known = np.vstack([np.zeros_like(trace["epsilon"][:1]), trace["epsilon"][:-1]])
+        signals |= {"epsilon": known[1:], "slow_epsilon": _slow(known, float(phases.newest))[1:]}
+    if "tau" in signals:
+        signals["change"] = np.diff(signals["tau"], axis=0)
+    if "e" in signals and rates is not None:
+        signals["past"] = _past(signals["e"], rates[0], phases.speed / streaming.MOVING)
+    return signals
 
 
 def step_rms(torque: Array) -> Array:
@@ -69,38 +83,12 @@ def saturated(trace: Trace, S: Array, limit: Array) -> Array:
     return np.asarray((np.abs(trace["tau_m"] @ S) >= streaming.AT_LIMIT * limit).mean(axis=0))
 
 
-def _of_the_error(e: Array, rates: _Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
-    numbers = {"mae": mae(e), "rmse": rmse(e), "max_error": max_abs(e)}
-    if rates is not None:
-        rapid = np.abs(rates[1]) > phases.acceleration
-        numbers |= {"mae_rapid": mae(e, rapid), "mae_calm": mae(e, ~rapid)}
-        numbers["overshoot"] = _overshoot(e, rates[0], phases.speed / streaming.MOVING)
-    return numbers
-
-
-def _overshoot(e: Array, dq_d: Array, fastest: Array) -> Array:
-    """Largest error past the target, in the direction of the last stroke, while the reference rests."""
+def _past(e: Array, dq_d: Array, fastest: Array) -> Array:
+    """Error past the target, in the direction of the last stroke, while the reference rests; else zero."""
     samples = np.arange(len(e))[:, np.newaxis]
     last = np.maximum.accumulate(np.where(np.abs(dq_d) > streaming.MOVING * fastest, samples, 0), axis=0)
     direction = np.sign(np.take_along_axis(dq_d, last, axis=0))
-    resting = (np.abs(dq_d) <= streaming.RESTING * fastest) & np.isfinite(e)
-    return np.asarray(np.where(resting, -direction * e, 0.0).max(axis=0))
-
-
-def _sizes(name: str, values: Array, rates: _Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
-    """RMS, peak and mean magnitude of the low-passed course in every phase, see `streaming.PHASES`."""
-    samples = {"": np.ones(values.shape, dtype=bool)}
-    if rates is not None:
-        samples |= {"_up": rates[0] > phases.speed, "_down": rates[0] < -phases.speed}
-    course = np.abs(_slow(values, float(phases.newest)))
-    numbers: dict[str, Array] = {}
-    for phase, inside in samples.items():
-        numbers |= {
-            f"{name}_rms{phase}": rmse(values, inside),
-            f"{name}_peak{phase}": max_abs(values, inside),
-            f"{name}_slow{phase}": mean(course, inside),
-        }
-    return numbers
+    return np.where(np.abs(dq_d) <= streaming.RESTING * fastest, np.maximum(-direction * e, 0.0), 0.0)
 
 
 def _slow(values: Array, newest: float) -> Array:

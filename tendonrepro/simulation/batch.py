@@ -232,7 +232,7 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
 
     What blocks do to a line is divided out. A last block is filled up with zeros.
     """
-    slow = np.empty_like(ended.sums["sq_e"])
+    slow = np.empty_like(ended.sums["rmse"])
     for samples in np.unique(ended.count):
         alike = ended.count == samples
         blocks = np.moveaxis(ended.blocks[alike, : -(-samples // block)], 0, -1)
@@ -244,6 +244,6 @@ def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
         power = np.abs(spectrum) ** 2 / count
         power[1:] *= 2.0
         slow[:, alike] = power.sum(axis=0)
-    total = ended.sums["sq_e"]
+    total = ended.sums["rmse"]
     share = np.divide(slow, total, out=np.ones_like(total), where=total > 0.0)
     return np.asarray(np.maximum(1.0 - share, 0.0))

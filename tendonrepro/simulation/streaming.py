@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping
-from itertools import product
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,50 +64,79 @@ class Sample(NamedTuple, Generic[Values]):
     saturated: Values
 
 
+How: TypeAlias = Literal["mean", "rms", "peak"]
+"""Mean magnitude of a signal, its RMS, or its largest magnitude."""
+
+
+class Measure(NamedTuple):
+    """How a statistic comes from a signal during a phase; without one, of the whole run."""
+
+    how: How
+    of: str
+    during: str = ""
+
+
+MEASURES: Mapping[str, Measure] = {
+    "mae": Measure("mean", "e"),
+    "rmse": Measure("rms", "e"),
+    "max_error": Measure("peak", "e"),
+    "mae_late": Measure("mean", "e", "_late"),
+    "rmse_late": Measure("rms", "e", "_late"),
+    "mae_settled": Measure("mean", "e", "_settled"),
+    "rmse_settled": Measure("rms", "e", "_settled"),
+    "mae_rapid": Measure("mean", "e", "_rapid"),
+    "mae_calm": Measure("mean", "e", "_calm"),
+    "overshoot": Measure("peak", "past"),
+    "s_rms": Measure("rms", "s"),
+    "s_slow_rms": Measure("rms", "slow_s"),
+    "s_max": Measure("peak", "s"),
+    "rate_max": Measure("peak", "de"),
+    **{
+        f"{words}_{size}{phase}": measure
+        for words, signal in (("torque", "tau"), ("H_hat", "H"))
+        for phase in ("", "_up", "_down")
+        for size, measure in (
+            ("rms", Measure("rms", signal, phase)),
+            ("peak", Measure("peak", signal, phase)),
+            ("slow", Measure("mean", f"slow_{signal}", phase)),
+        )
+    },
+    "torque_step_rms": Measure("rms", "change"),
+    "epsilon_rms": Measure("rms", "epsilon"),
+    "epsilon_slow_rms": Measure("rms", "slow_epsilon"),
+    "epsilon_max": Measure("peak", "epsilon"),
+    "saturated": Measure("mean", "saturated"),
+}
+"""Statistics by name, those of many runs and those of a trace; ``fast_share`` is beside them.
+
+``_late`` is after the first period, ``_settled`` after `START`. ``_rapid`` is where the size of ddq_d is
+above half its peak and ``_calm`` elsewhere; ``_up`` and ``_down`` where dq_d is beyond 5 % of its peak.
+``past`` is the error past the target, in the direction of the last stroke, while dq_d is within 1 % of its
+peak.
+``change`` is from sample to sample, ``saturated`` 1 at the torque limit.
+
+``slow_`` is a signal after a first-order low-pass at `SLOW`. It begins with the first sample, but with zero
+for epsilon, Eq. (19): from a cold start the first epsilon is a pulse of one sample, no slow course. The last
+sample's epsilon is not known.
+"""
+
+STATISTICS = (*MEASURES, "fast_share")
+"""Names of the statistics of a run; the last is the share of the error's power that rings."""
+
+SLOWED = ("s", "epsilon", "tau", "H")
+"""Signals that are low-passed."""
+COUNTED = ("_up", "_down", "_late", "_settled", "_rapid")
+"""Phases whose samples are counted."""
+SUMMED = {name: measure for name, measure in MEASURES.items() if measure.during != "_calm"}
+"""Statistics with a sum of their own; what is calm is what is not rapid."""
+SUMS = ("direction", *(f"slow_{name}" for name in SLOWED), *COUNTED, *SUMMED)
+"""Names of the sums of a run."""
+
 Sums: TypeAlias = dict[str, Array]
-"""Sums over the samples so far, each (n,), by name."""
+"""Sums over the samples so far, each (n,), by the names of `SUMS`.
 
-SIGNALS = {"torque": "tau", "H_hat": "H"}
-"""Signals whose size is asked for in every way, by the first words of their statistics, and their sums."""
-SIZES = ("rms", "peak", "slow")
-"""Ways to say how large a signal is."""
-PHASES = ("", "_up", "_down")
-"""The whole run, moving up, moving down, as names of statistics and sums end."""
-
-STATISTICS = (
-    "mae",
-    "rmse",
-    "max_error",
-    "mae_late",
-    "rmse_late",
-    "mae_settled",
-    "rmse_settled",
-    "mae_rapid",
-    "mae_calm",
-    "overshoot",
-    "s_rms",
-    "s_slow_rms",
-    "s_max",
-    "rate_max",
-    *(f"{signal}_{size}{phase}" for signal, size, phase in product(SIGNALS, SIZES, PHASES)),
-    "torque_step_rms",
-    "epsilon_rms",
-    "epsilon_slow_rms",
-    "epsilon_max",
-    "saturated",
-    "fast_share",
-)
-"""Names of the statistics of a run.
-
-``late`` is after the first period, ``settled`` after `START`. ``rapid`` is where the size of ddq_d is above
-half its peak and ``calm`` elsewhere; ``up`` and ``down`` where dq_d is beyond 5 % of its peak. ``overshoot``
-is the largest error past the target, seen in the direction of the last stroke, while dq_d is within 1 % of
-its peak. ``peak`` is the largest magnitude, ``slow`` the mean magnitude of a signal after a first-order
-low-pass at `SLOW`, ``s_slow_rms`` and ``epsilon_slow_rms`` the RMS of s and of epsilon, Eq. (19), after the
-same low-pass. It begins with a signal's first sample, but with zero for epsilon: from a cold start the first
-epsilon is a pulse of one sample, no slow course. The last sample's epsilon is not known. ``torque_step_rms``
-is of the change from sample to sample, ``saturated`` the share of samples at the torque limit, ``fast_share``
-the share of the error's power above the ringing frequency.
+``direction`` is that of the last stroke, ``slow_`` a low-passed signal. The sum of a statistic is of
+magnitudes or squares, or the largest magnitude.
 """
 
 
@@ -130,79 +157,54 @@ def peak(signal: Array) -> Array:
 def add_sample(
     sums: Mapping[str, Array], sample: Sample[Array], live: Numeric, k: Numeric, phases: Thresholds
 ) -> Sums:
-    """Sums, by the names of `SUMS`, after sample ``k``, from 0; unless ``live`` is 1 they stay.
-
-    ``max_`` and ``overshoot`` are maxima; ``direction`` is the last stroke's; ``slow_`` are low-passed.
-    """
+    """Sums after sample ``k``, from 0; unless ``live`` is 1 they stay."""
     joints = []
     for i in range(sample.e.shape[0]):
         before = {name: total[i] for name, total in sums.items()}
         of_joint: Sample[Numeric] = Sample(*(part[i] for part in sample))
         joints.append(_add_joint(before, of_joint, live, k, phases, i))
-    kind = float if isinstance(joints[0]["abs_e"], float) else object
+    kind = float if isinstance(joints[0]["mae"], float) else object
     return {name: np.array([joint[name] for joint in joints], dtype=kind) for name in sums}
 
 
 def _add_joint(
     sums: Mapping[str, Numeric], x: Sample[Numeric], live: Numeric, k: Numeric, phases: Thresholds, i: int
 ) -> dict[str, Numeric]:
-    def during(phase: Numeric) -> Numeric:
-        return choose(live > 0.0, phase, 0.0)
-
-    size, square = abs(x.e), x.e * x.e
-    up, down = during(x.dq_d > phases.speed[i]), during(x.dq_d < -phases.speed[i])
-    late, rapid = during(k >= phases.period), during(abs(x.ddq_d) > phases.acceleration[i])
-    settled = during(k >= phases.start)
-    still = during(abs(x.dq_d) <= RESTING / MOVING * phases.speed[i])
-    direction = choose(up > 0.0, 1.0, choose(down > 0.0, -1.0, sums["direction"]))
-    change = choose(k > 0.0, x.tau - x.tau_before, 0.0)
-
-    signals = {"s": x.s, "epsilon": x.epsilon, "tau": x.tau, "H": x.H_hat}
-    slow = {
-        name: choose(live > 0.0, _slowed(sums[f"slow_{name}"], value, k, phases), sums[f"slow_{name}"])
-        for name, value in signals.items()
+    inside = {
+        "_up": x.dq_d > phases.speed[i],
+        "_down": x.dq_d < -phases.speed[i],
+        "_late": k >= phases.period,
+        "_settled": k >= phases.start,
+        "_rapid": abs(x.ddq_d) > phases.acceleration[i],
+        "still": abs(x.dq_d) <= RESTING / MOVING * phases.speed[i],
     }
-    # What is added up, and that whose maximum is kept, each with the samples that count.
-    added = {
-        "abs_e": (size, live),
-        "sq_e": (square, live),
-        "abs_e_late": (size, late),
-        "sq_e_late": (square, late),
-        "late": (1.0, late),
-        "abs_e_settled": (size, settled),
-        "sq_e_settled": (square, settled),
-        "settled": (1.0, settled),
-        "abs_e_rapid": (size, rapid),
-        "rapid": (1.0, rapid),
-        "up": (1.0, up),
-        "down": (1.0, down),
-        "sq_s": (x.s * x.s, live),
-        "sq_slow_s": (slow["s"] * slow["s"], live),
-        "sq_change": (change * change, live),
-        "sq_epsilon": (x.epsilon * x.epsilon, live),
-        "sq_slow_epsilon": (slow["epsilon"] * slow["epsilon"], live),
-        "saturated": (x.saturated, live),
+    during = {"": live} | {name: choose(live > 0.0, phase, 0.0) for name, phase in inside.items()}
+    up, down, still = (during[name] > 0.0 for name in ("_up", "_down", "still"))
+    direction = choose(up, 1.0, choose(down, -1.0, sums["direction"]))
+    signals = {
+        "e": x.e,
+        "de": x.de,
+        "s": x.s,
+        "epsilon": x.epsilon,
+        "tau": x.tau,
+        "H": x.H_hat,
+        "change": choose(k > 0.0, x.tau - x.tau_before, 0.0),
+        "past": choose(still, np.maximum(-direction * x.e, 0.0), 0.0),
+        "saturated": x.saturated,
     }
-    largest = {
-        "max_e": (size, live),
-        "overshoot": (-direction * x.e, still),
-        "max_s": (abs(x.s), live),
-        "max_rate": (abs(x.de), live),
-        "max_epsilon": (abs(x.epsilon), live),
-    }
-    for name, (phase, when) in product(SIGNALS.values(), zip(PHASES, (live, up, down), strict=True)):
-        added[f"sq_{name}{phase}"] = signals[name] * signals[name], when
-        added[f"abs_slow_{name}{phase}"] = abs(slow[name]), when
-        largest[f"max_{name}{phase}"] = abs(signals[name]), when
-    return {
-        "direction": direction,
-        **{f"slow_{name}": value for name, value in slow.items()},
-        **{name: sums[name] + choose(when > 0.0, value, 0.0) for name, (value, when) in added.items()},
-        **{
-            name: np.maximum(sums[name], choose(when > 0.0, value, sums[name]))
-            for name, (value, when) in largest.items()
-        },
-    }
+    for name in SLOWED:
+        slow = f"slow_{name}"
+        signals[slow] = choose(live > 0.0, _slowed(sums[slow], signals[name], k, phases), sums[slow])
+    after = {"direction": direction} | {name: signals[name] for name in SUMS if name in signals}
+    after |= {name: sums[name] + during[name] for name in COUNTED}
+    for name, (how, of, phase) in SUMMED.items():
+        value, counts, before = signals[of], during[phase] > 0.0, sums[name]
+        if how == "peak":
+            after[name] = np.maximum(before, choose(counts, abs(value), before))
+        else:
+            size = value * value if how == "rms" else abs(value)
+            after[name] = before + choose(counts, size, 0.0)
+    return after
 
 
 def _slowed(before: Numeric, value: Numeric, k: Numeric, phases: Thresholds) -> Numeric:
@@ -210,50 +212,20 @@ def _slowed(before: Numeric, value: Numeric, k: Numeric, phases: Thresholds) -> 
     return choose(k > 0.0, before + phases.newest * (value - before), value)
 
 
-_NOTHING = Thresholds(np.zeros(1), np.zeros(1), 0.0, 0.0, 0.0)
-SUMS = tuple(_add_joint(defaultdict(float), Sample(*np.zeros(len(Sample._fields))), 1.0, 0.0, _NOTHING, 0))
-"""Names of the sums of a run."""
-
-
 def finished(sums: Mapping[str, Array], count: ArrayLike, fast_share: Array) -> dict[str, Array]:
     """Statistics by name, (n, ...), from ``count`` samples; NaN where a phase has none."""
     count = np.asarray(count, dtype=np.float64)
-    # The first sample has no change and no epsilon: that comes one sample late.
-    pairs = np.maximum(count - 1.0, 0.0)
+    numbers: dict[str, Array] = {"": count} | {phase: sums[phase] for phase in COUNTED}
 
     def mean(total: Array, number: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(number > 0.0, total / number, np.nan)
 
-    statistics = {
-        "mae": mean(sums["abs_e"], count),
-        "rmse": np.sqrt(mean(sums["sq_e"], count)),
-        "max_error": sums["max_e"],
-        "mae_late": mean(sums["abs_e_late"], sums["late"]),
-        "rmse_late": np.sqrt(mean(sums["sq_e_late"], sums["late"])),
-        "mae_settled": mean(sums["abs_e_settled"], sums["settled"]),
-        "rmse_settled": np.sqrt(mean(sums["sq_e_settled"], sums["settled"])),
-        "mae_rapid": mean(sums["abs_e_rapid"], sums["rapid"]),
-        "mae_calm": mean(sums["abs_e"] - sums["abs_e_rapid"], count - sums["rapid"]),
-        "overshoot": sums["overshoot"],
-        "s_rms": np.sqrt(mean(sums["sq_s"], count)),
-        "s_slow_rms": np.sqrt(mean(sums["sq_slow_s"], count)),
-        "s_max": sums["max_s"],
-        "rate_max": sums["max_rate"],
-        "torque_step_rms": np.sqrt(mean(sums["sq_change"], pairs)),
-        "epsilon_rms": np.sqrt(mean(sums["sq_epsilon"], pairs)),
-        "epsilon_slow_rms": np.sqrt(mean(sums["sq_slow_epsilon"], pairs)),
-        "epsilon_max": sums["max_epsilon"],
-        "saturated": mean(sums["saturated"], count),
-        "fast_share": fast_share,
-    }
-    for (signal, name), (phase, number) in product(
-        SIGNALS.items(), zip(PHASES, (count, sums["up"], sums["down"]), strict=True)
-    ):
-        peak = sums[f"max_{name}{phase}"]
-        statistics |= {
-            f"{signal}_rms{phase}": np.sqrt(mean(sums[f"sq_{name}{phase}"], number)),
-            f"{signal}_peak{phase}": np.where(np.asarray(number) > 0.0, peak, np.nan),
-            f"{signal}_slow{phase}": mean(sums[f"abs_slow_{name}{phase}"], number),
-        }
-    return {name: statistics[name] for name in STATISTICS}
+    statistics = {"mae_calm": mean(sums["mae"] - sums["mae_rapid"], count - sums["_rapid"])}
+    for name, (how, of, phase) in SUMMED.items():
+        # The first sample has no change and no epsilon: that comes one sample late.
+        late = of in ("change", "epsilon", "slow_epsilon")
+        average = mean(sums[name], np.maximum(count - 1.0, 0.0) if late else numbers[phase])
+        largest = np.where(numbers[phase] > 0.0, sums[name], np.nan)
+        statistics[name] = {"mean": average, "rms": np.sqrt(average), "peak": largest}[how]
+    return {name: statistics[name] for name in MEASURES} | {"fast_share": fast_share}

@@ -173,7 +173,7 @@ def test_a_trace_has_the_statistics_of_the_batch(arm: str) -> None:
         found = statistics(trace)
         found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
         shared = set(WHOLE_RUN) & found.keys()
-        assert len(shared) == 30
+        assert len(shared) == 32
         for statistic in shared:
             # The batch takes the spectrum of the error block by block.
             near = 2e-2 if statistic == "fast_share" else 1e-9
