@@ -518,6 +518,7 @@ def test_a_date_of_the_environment_changes_no_figure(tmp_path: Path, monkeypatch
     assert written[0] == written[1]
 
 
+@pytest.mark.pictures
 def test_three_pictures_with_numbered_names_and_a_caption_beside_them(tmp_path: Path) -> None:
     paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures")
     assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png", "fig09.txt"]
