@@ -3,7 +3,7 @@
 =============  ==============================================================================================
 `read`         files, folders and archives; a reader for each format gives `tables`
 readers        `text`; `matlab`; `nested`, for HDF5; `formats`, for workbooks, LabVIEW and data packages
-`guess`        what columns are, by their names (`words`) and numbers; `suggestion` writes that as a mapping
+`guess`        what columns are, by their names (`words`) and numbers; `suggestion`, as runs of a mapping
 `mapping`      the mapping, read and checked
 `runs`         tables and a mapping become runs; `clocks` has their times
 `ingestion`    what ``inspect`` and ``ingest`` do, of all these

@@ -1,4 +1,4 @@
-"""Rows and times of a run in a table: several clocks, times that start again, gaps; curves read off figures."""
+"""Rows and times of a run in a table: clocks, times that start again, gaps; curves read off figures."""
 
 from __future__ import annotations
 

@@ -1,30 +1,25 @@
-"""A mapping guessed from the names of tables and columns."""
+"""What columns of a table are, by their names and numbers."""
 
 from __future__ import annotations
 
-import math
+import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
-from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
-from tendonrepro.dataset.mapping import CHECK, JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
-from tendonrepro.dataset.suggestion import ColumnGuess, RunGuess, around_of, quoted, written
-from tendonrepro.dataset.tables import BY_JOINT, Column, SourceTable
+from tendonrepro.dataset.mapping import JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.tables import Column, SourceTable
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
-_OTHER = {"s": "ms", "deg": "rad", "rad": "deg", "deg/s": "rad/s", "rad/s": "deg/s", "N m": "mN m"}
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
 """Angles beyond are degrees; no joint turns by more than half a turn."""
-_READING_ERROR = 0.005
-"""Share of a curve's range by which it is taken to be misread."""
 _PLACE = re.compile(r"\[\d+(,\d+)*\]| #\d+$")
 _OF_ARRAY = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")
 _QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
@@ -32,21 +27,33 @@ _QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
 _DERIVATIVE = re.compile(r"(.*?(?<![a-z]))(q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
-@dataclass
-class _Column:
-    """A column while it is guessed: what its name says, what it is taken for, and what to check.
+NOT_USED = Use("", 0, "")
 
-    `says` are the groups of its name and of the names around it; `doubt` is why it is not guessed after all.
+
+@dataclass(eq=False)
+class Guess:
+    """A column: what its name says, what it is taken for, and what to check.
+
+    `says` are the groups of its name and of the names around it. `runs` are those that it belongs to, with
+    the payload of each. Where `asked` says why it was not guessed, `use` has capitals in place of what a
+    person has to fill in.
     """
 
-    name: str
-    values: Column
+    table: SourceTable
+    column: str
     said: Meaning
-    variable: str | None
-    joint: int | None
     says: frozenset[str]
+    joint: int | None
+    variable: str | None
+    runs: dict[str, float | None]
     check: str = ""
-    doubt: str = ""
+    asked: str = ""
+    use: Use = NOT_USED
+
+    @property
+    def values(self) -> Column:
+        """Its numbers or words."""
+        return self.table.columns[self.column]
 
     @property
     def is_numbers(self) -> bool:
@@ -75,127 +82,21 @@ class _Traits:
     first: int
 
 
-@dataclass(frozen=True)
-class Suggestion:
-    """A guessed mapping: its text; of its runs the number of columns; lines for other columns, and why."""
-
-    text: str
-    runs: dict[str, int]
-    left: list[str]
+def quoted(text: str) -> str:
+    """A text in quotation marks, as YAML reads it."""
+    return json.dumps(text, ensure_ascii=False)
 
 
-def guess_mapping(tables: Sequence[SourceTable], title: str) -> Suggestion:
-    """Guess which column is which variable."""
-    runs: dict[str, RunGuess] = {}
-    asked: list[ColumnGuess] = []
-    left: list[str] = []
-    names = {table.name for table in tables}
-    tables = [table for table in tables if not names & {f"{table.name}{mark}{BY_JOINT}" for mark in ":."}]
-    deciding = _with_loads_inside(tables)
-    for guess in chain.from_iterable(_of_table(table, deciding) for table in tables):
-        if guess.asked:
-            asked.append(guess)
-            continue
-        run = runs.setdefault(guess.run, RunGuess(guess.run, guess.payload))
-        twin = next((other for other in run.columns if other.use.signal == guess.use.signal), None)
-        if twin is None or guess.use.variable == "time":
-            run.columns.append(guess)
-        else:
-            left.append(f"{quoted(guess.column)}: {guess.use}  # taken from {twin.column}")
-            _doubt_twin(run, twin, guess)
-    for guess in asked:
-        run = runs.setdefault(guess.run, RunGuess(guess.run, None))
-        if run.signals:
-            left.append(f"{quoted(guess.column)}: {guess.use}  # {guess.asked}")
-        else:
-            run.asked.append(guess)
-    runs = _with_desired({name: run for name, run in runs.items() if run.asked or run.signals})
-    parts = [part for run in runs.values() for part in _parts(run)]
-    left = list(dict.fromkeys(left))
-    text = "\n".join(written(parts, left, title)) + "\n"
-    return Suggestion(text, {part.name: part.signals for part in parts}, left)
+def around_of(name: str) -> list[str]:
+    """Names around a column, nearest first: sheet or struct, file, folders."""
+    file, _, inner = name.partition(":")
+    *folders, last = file.split("/")
+    stem = re.sub(r"(\.[A-Za-z][A-Za-z0-9]{0,4})+$", "", last)
+    parts = [part for part in re.split(r"\.(?!\d)", inner) if part]
+    return [*reversed(parts), stem, *reversed(folders)]
 
 
-def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
-    """Give desired angles that lie apart and name no controller to the runs of controllers that lack them."""
-    named = {name: run for name, run in runs.items() if name.startswith("controller_")}
-    apart = {
-        name: run
-        for name, run in runs.items()
-        if name not in named
-        and not run.asked
-        and {guess.use.variable for guess in run.columns} == {"time", "q_d"}
-    }
-    lacking = [run for run in named.values() if all(guess.use.variable != "q_d" for guess in run.columns)]
-    if not apart or (named and not lacking) or (not named and len(apart) < 2):
-        return runs
-    if not named:
-        lacking = [RunGuess("desired", None)]
-        named = {"desired": lacking[0]}
-    for run in lacking:
-        columns = [replace(guess, run=run.name) for other in apart.values() for guess in other.columns]
-        signals = {guess.use.signal for guess in columns if guess.use.joint}
-        if len(signals) < sum(guess.use.joint > 0 for guess in columns):
-            return runs
-        run.columns += columns
-        run.check = f"desired angles from {', '.join(apart)}"
-    return named | {name: run for name, run in runs.items() if name not in apart and name not in named}
-
-
-def _doubt_twin(run: RunGuess, taken: ColumnGuess, twin: ColumnGuess) -> None:
-    """Ask where another column of a table says the same of other numbers."""
-    if twin.table is not taken.table or np.array_equal(
-        twin.table.columns[twin.column], taken.table.columns[taken.column], equal_nan=True
-    ):
-        return
-    variable = taken.use.variable
-    other = {"q_encoder": "q_d", "q_d": "q_encoder"}.get(variable, variable)
-    check = f"{quoted(twin.column)} says the same; one of the two may be {replace(taken.use, variable=other)}"
-    place = run.columns.index(taken)
-    run.columns[place] = replace(taken, check="; ".join(filter(None, [taken.check, check])))
-
-
-def _parts(run: RunGuess) -> Iterator[RunGuess]:
-    """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
-    tables = {id(guess.table): guess.table for guess in run.columns}
-    for table in tables.values():
-        uses = {guess.column: guess.use for guess in run.columns if guess.table is table}
-        by_time = by_clock(table.columns, uses)
-        for clock, columns in by_time.items():
-            if clock is None:
-                said = f"no times in {table.name}: write the step in s, as 0.001"
-                run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
-                continue
-            (rows, _), *_ = by_rows(table.columns, columns)
-            time = uses[clock].to_si * table.columns[clock][rows]
-            if is_digitised(time) or len(by_time) > 2:
-                _ask_reading_error(run, table, uses, columns)
-            elif step := even_step(time):
-                check = (
-                    "the times repeat, so they are rounded; this makes them from the numbers of the samples"
-                )
-                run.extras["step_s"] = f"{step:.6g}  {CHECK} {check}"
-            elif len(tables) == len(by_time) == 1 and (again := len(starts_again(time))):
-                for part in range(1, again + 2):
-                    yield run.part(part, again + 1)
-                return
-    yield run
-
-
-def _ask_reading_error(
-    run: RunGuess, table: SourceTable, uses: dict[str, Use], columns: Sequence[str]
-) -> None:
-    """Take a run for read off a figure, with an error by the range of its curves."""
-    for column in columns:
-        use = uses[column]
-        if kind_of(use.variable) == "angle":
-            values = table.columns[column]
-            size = float(np.ptp(values[np.isfinite(values)]))
-            error = math.degrees(use.to_si) * _READING_ERROR * size
-            run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
-
-
-def _with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
+def with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
     """Tables, files and folders in which a nearer name tells a load, so that their own tells none."""
     deciding: set[tuple[str, ...]] = set()
     for table in tables:
@@ -208,8 +109,8 @@ def _with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
     return deciding
 
 
-def _of_table(table: SourceTable, deciding: set[tuple[str, ...]]) -> Iterator[ColumnGuess]:
-    """Guess every column, in each of the runs that it belongs to.
+def guesses_of(table: SourceTable, deciding: set[tuple[str, ...]]) -> list[Guess]:
+    """Guess every column of a table.
 
     A name around the table does not tell the load of its run where a nearer one of `deciding` does.
     """
@@ -219,8 +120,11 @@ def _of_table(table: SourceTable, deciding: set[tuple[str, ...]]) -> Iterator[Co
         replace(said, payload=None) if tuple(places[depth:]) in deciding else said
         for depth, said in enumerate(around)
     ]
-    inside = len(around) - len(table.name.partition(":")[0].split("/"))
-    columns = [_column(name, values, around, inside) for name, values in table.columns.items()]
+    columns = [_named(table, name, around) for name in table.columns]
+    # A column that names no controller belongs to each that another names.
+    shared: dict[str, float | None] = {}
+    for column in columns:
+        shared |= {} if not column.said.controller else column.runs | shared
     _take_times(columns)
     # The comparison moves the paper's joints 2 and 3, which a lab may count from 1 or 0.
     counted = {column.joint for column in columns if column.is_known and column.variable != "time"}
@@ -228,7 +132,7 @@ def _of_table(table: SourceTable, deciding: set[tuple[str, ...]]) -> Iterator[Co
     first = 0 if 0 in counted else 1
     shift = 1 - first + (is_compared and counted == {first, first + 1})
     _take_rates(columns, shift)
-    _doubt_arrays(columns)
+    doubts = _doubts_about_arrays(columns)
     # Angles of joints in one table share a unit: a small error alone would pass for radians.
     angles = [column for column in columns if column.is_known and column.variable in _OF_JOINTS]
     most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
@@ -237,50 +141,48 @@ def _of_table(table: SourceTable, deciding: set[tuple[str, ...]]) -> Iterator[Co
     stated = table.columns.angle_unit
     of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
     traits = _Traits(most, stated, of_angles, shift, first)
-    # A column that names no controller belongs to each that another names.
-    named = [_run_of(table.name, column.said, around) for column in columns if column.said.controller]
     for column in columns:
-        own = [_run_of(table.name, column.said, around)]
-        for run, payload in own if column.said.controller else dict.fromkeys(named or own):
-            use, check, asked = _guessed(column, traits)
-            yield ColumnGuess(table, column.name, use, run, payload, check, asked)
+        column.runs = column.runs if column.said.controller or not shared else shared
+        _settle(column, doubts.get(column.column, ""), traits)
+    return columns
 
 
-def _column(name: str, values: Column, around: Sequence[Meaning], inside: int) -> _Column:
+def _named(table: SourceTable, name: str, around: Sequence[Meaning]) -> Guess:
     """What the name of a column says, and where it says nothing those around it."""
     said = meaning_of(_PLACE.sub("", name))
     place = re.search(r"\[(\d+)\]", name)
     joint = next((words.joint for words in (said, *around) if words.joint is not None), None)
-    if joint is None:
-        joint = int(place[1]) if place else None
+    if joint is None and place:
+        joint = int(place[1])
+    inside = len(around) - len(table.name.partition(":")[0].split("/"))
     says = _with_context(said, around, inside)
-    return _Column(name, values, said, variable_of(says), joint, says)
+    return Guess(table, name, said, says, joint, variable_of(says), _runs_of(table.name, [said, *around]))
 
 
-def _guessed(column: _Column, traits: _Traits) -> tuple[Use, str, str]:
-    """What a column is and what to check; or its line with capitals to fill in, and why it is asked."""
+def _settle(column: Guess, doubt: str, traits: _Traits) -> None:
+    """Settle what a column is and what to check; or why it is asked, and what of its line is sure."""
     said, variable = column.said, column.variable
     joint = 0 if column.joint is None else column.joint + traits.shift
-    problem = "" if column.check else _problem(column, joint)
-    if problem or variable is None:
-        return _to_fill(column, joint, traits), "", problem
+    column.asked = "" if column.check else _problem(column, joint, doubt)
+    if column.asked or variable is None:
+        column.use = _to_fill(column, joint, doubt, traits)
+        return
     unit, sized = _unit(variable, said.unit, column.values, traits)
-    use = Use(variable, 0 if variable == "time" else joint, unit)
-    checks = [*filter(None, [column.check]), *_checks(column, use, sized)]
-    if use.joint and (traits.shift or said.joint is None):
+    column.use = Use(variable, 0 if variable == "time" else joint, unit)
+    checks = [column.check, *_checks(column, sized)]
+    if column.use.joint and (traits.shift or said.joint is None):
         counted = "" if traits.first else ", counted from 0"
-        checks.append(
-            f"joint {column.joint} of the file{counted}, taken as {joint}; else {variable} {JOINT} {unit}"
-        )
-    return use, "; ".join(checks), ""
+        told = f"joint {column.joint} of the file{counted}, taken as {joint}"
+        checks.append(f"{told}; else {variable} {JOINT} {unit}")
+    column.check = "; ".join(filter(None, checks))
 
 
-def _to_fill(column: _Column, joint: int, traits: _Traits) -> Use:
+def _to_fill(column: Guess, joint: int, doubt: str, traits: _Traits) -> Use:
     """Line of a column that is asked: what is sure, and capitals for the rest."""
     said, variable = column.said, column.variable
     # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
     is_bare = bool(said.unknown) and not said.says & (KINDS | ROLES | {"angle"})
-    if column.doubt or is_bare or not _fits(said.unit, variable):
+    if doubt or is_bare or not _fits(said.unit, variable):
         variable = None
     # A place in an array tells a joint only where the array is known.
     is_told = 1 <= joint <= MOST_JOINTS and (variable is not None or said.joint is not None)
@@ -290,7 +192,7 @@ def _to_fill(column: _Column, joint: int, traits: _Traits) -> Use:
     return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT)
 
 
-def _take_times(columns: Sequence[_Column]) -> None:
+def _take_times(columns: Sequence[Guess]) -> None:
     """Take a first column without a name for the times if it increases evenly; ask of times side by side."""
     first = columns[0]
     is_free = first.is_numbers and first.variable is None and _fits(first.said.unit, "time")
@@ -301,22 +203,22 @@ def _take_times(columns: Sequence[_Column]) -> None:
             first.check = "the first column, whose numbers increase evenly, taken as times"
     for before, column in pairwise(columns):
         if before.variable == column.variable == "time":
-            column.check = f"times of {quoted(before.name)} are used; to use these delete the line of those"
+            column.check = f"times of {quoted(before.column)} are used; to use these delete the line of those"
 
 
-def _take_rates(columns: Sequence[_Column], shift: int) -> None:
+def _take_rates(columns: Sequence[Guess], shift: int) -> None:
     """Take qd2 for a velocity where a word says measured, or beside qdd2 or a reference of joint 2."""
     for column in columns:
-        match = _DERIVATIVE.search(_PLACE.sub("", column.name))
+        match = _DERIVATIVE.search(_PLACE.sub("", column.column))
         if not match or "desired" not in column.says or column.said.unit in FACTORS["angle"]:
             continue
         head, symbol, number = match.groups()
         angle = meaning_of(f"{head}{symbol}{number}")
         second = re.compile(rf"{re.escape(head)}{symbol}dd_?{number}", re.IGNORECASE)
-        beside = [other.name for other in columns if second.match(other.name)] + [
-            other.name
+        beside = [other.column for other in columns if second.match(other.column)] + [
+            other.column
             for other in columns
-            if (other.variable, other.joint) == ("q_d", column.joint) and not _DERIVATIVE.search(other.name)
+            if (other.variable, other.joint) == ("q_d", column.joint) and not _DERIVATIVE.search(other.column)
         ]
         if beside or "measured" in angle.says:
             why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
@@ -324,17 +226,19 @@ def _take_rates(columns: Sequence[_Column], shift: int) -> None:
             column.check = f"{why}, taken as a velocity; else q_d {int(number) + shift} deg"
 
 
-def _doubt_arrays(columns: Sequence[_Column]) -> None:
-    """Guess no column of an array where its columns outnumber the joints, or would be the same."""
-    arrays: dict[str, list[_Column]] = {}
+def _doubts_about_arrays(columns: Sequence[Guess]) -> dict[str, str]:
+    """Why columns of an array are not guessed that outnumber the joints, or would be the same."""
+    arrays: dict[str, list[Guess]] = {}
     for column in columns:
-        if match := _OF_ARRAY.fullmatch(column.name):
+        if match := _OF_ARRAY.fullmatch(column.column):
             arrays.setdefault(match[1], []).append(column)
+    doubts: dict[str, str] = {}
     for array in arrays.values():
         taken = [column for column in array if column.variable not in (None, "time")]
         if len(taken) > 3 or len({(column.variable, column.joint) for column in taken}) < len(taken):
-            for column in taken:
-                column.doubt = f"one of {len(array)} columns of an array; nothing says which is which"
+            why = f"one of {len(array)} columns of an array; nothing says which is which"
+            doubts |= {column.column: why for column in taken}
+    return doubts
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> frozenset[str]:
@@ -364,7 +268,7 @@ def _tells(says: frozenset[str], is_inside: bool) -> bool:
     return bool(says & (ROLES | {"torque", "motor"})) or is_inside or "joint" in says
 
 
-def _problem(column: _Column, joint: int) -> str:
+def _problem(column: Guess, joint: int, doubt: str) -> str:
     """Why a column is asked, or an empty text."""
     said, variable = column.said, column.variable
     if not column.is_numbers:
@@ -378,10 +282,10 @@ def _problem(column: _Column, joint: int) -> str:
     if not _fits(said.unit, variable):
         return f"its name says {variable}, its unit {said.unit}"
     is_joint = variable == "time" or 1 <= joint <= MOST_JOINTS
-    return column.doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
+    return doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
 
 
-def _unsaid(column: _Column) -> str:
+def _unsaid(column: Guess) -> str:
     """Why known words are no variable."""
     if "other" in column.says:
         return "a quantity that is not guessed, as a voltage or an acceleration"
@@ -421,10 +325,12 @@ def _unit(variable: str, said: str | None, values: Array, traits: _Traits) -> tu
     return "N m", "no unit"
 
 
-def _checks(column: _Column, use: Use, sized: str) -> Iterator[str]:
+def _checks(column: Guess, sized: str) -> Iterator[str]:
     """What was assumed, and the line to write if that is wrong."""
+    use = column.use
     if sized:
-        yield f"{sized}, taken as {use.unit}; else {replace(use, unit=_OTHER.get(use.unit, 's'))}"
+        other = next(unit for unit in FACTORS[kind_of(use.variable) or ""] if unit != use.unit)
+        yield f"{sized}, taken as {use.unit}; else {replace(use, unit=other)}"
     if use.variable == "q_motor_encoder":
         yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
     if use.variable == "e":
@@ -435,13 +341,12 @@ def _checks(column: _Column, use: Use, sized: str) -> Iterator[str]:
         yield f"neither desired nor measured, taken as measured; else {replace(use, variable='q_d')}"
 
 
-def _run_of(name: str, said: Meaning, around: Sequence[Meaning]) -> tuple[str, float | None]:
-    """Run and payload by the nearest name that says it, else by the table."""
-    telling = [said, *around]
-    controller = next((m.controller for m in telling if m.controller is not None), None)
-    payload = next((m.payload for m in telling if m.payload is not None), None)
+def _runs_of(name: str, telling: Sequence[Meaning]) -> dict[str, float | None]:
+    """Run, and its payload, by the nearest name that says it, else by the table."""
+    controller = next((said.controller for said in telling if said.controller is not None), None)
+    payload = next((said.payload for said in telling if said.payload is not None), None)
     if controller in (1, 2, 3):
-        return f"controller_{controller}{PAYLOAD if payload else ''}", payload
-    if any("decouple" in m.says for m in telling):
-        return "decouple", payload
-    return re.sub(r"\W+", "_", name).strip("_") or "run", payload
+        return {f"controller_{controller}{PAYLOAD if payload else ''}": payload}
+    if any("decouple" in said.says for said in telling):
+        return {"decouple": payload}
+    return {re.sub(r"\W+", "_", name).strip("_") or "run": payload}

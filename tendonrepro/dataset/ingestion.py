@@ -15,11 +15,11 @@ from tendonrepro import __version__
 from tendonrepro.configuration.published import COMPARED, coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
-from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.motion import beginning, joints_with_motion, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
+from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import SourceTable
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError

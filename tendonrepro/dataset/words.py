@@ -5,27 +5,31 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from tendonrepro.configuration.strict_yaml import Section, load, read_text
 
-FACTORS = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
-    "angle": {"rad": 1.0, "deg": 0.017453292519943295, "mrad": 1e-3, "rev": 6.283185307179586},
-    "rate": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
-    "torque": {"N m": 1.0, "mN m": 1e-3},
+_FILE = Path(__file__).with_name("words.yaml")
+_TABLE: Section = load(read_text(_FILE), str(_FILE))
+_NO_GROUPS = {"units", "other_units", "phrases", "variables"}
+_GROUPS = {word: group for group, words in _TABLE.items() if group not in _NO_GROUPS for word in words}
+"""Group of each word."""
+_CUTS = re.compile(f"({'|'.join(sorted(_GROUPS, key=len, reverse=True))})")
+FACTORS: Mapping[str, Mapping[str, float]] = {
+    kind: {unit: words[0] for unit, words in units.items()} for kind, units in _TABLE["units"].items()
 }
 """SI value of one of each unit, by kind of quantity."""
-
-_OF_ROLE = {"desired": "q_d", "measured": "q_encoder", "calculated": "q_calculated", "error": "e"}
-_OF_KIND = {"time": "time", "rate": "dq", "torque": "tau_m", "surface": "s", "estimate": "H_hat"}
-KINDS, ROLES = frozenset(_OF_KIND), frozenset(_OF_ROLE)
+_WRITTEN = {
+    word: unit for units in _TABLE["units"].values() for unit, words in units.items() for word in words[1:]
+}
+"""Unit by how people write it."""
+KINDS = frozenset({"time", "rate", "torque", "surface", "estimate"})
+ROLES = frozenset({"desired", "measured", "calculated", "error"})
 _COUNTED = KINDS | ROLES | {"angle", "joint", "motor"}
 """Groups behind which a number is that of a joint."""
-_NO_GROUPS = {"units", "other_units", "phrases"}
 _OTHER = "other"
 """Group of the words, and of the units, of quantities that are not guessed."""
 _SYMBOLS = {"d", "e", "m"}
@@ -58,26 +62,13 @@ class Meaning:
     unknown: tuple[str, ...]
 
 
-@cache
-def _table() -> Section:
-    path = Path(__file__).with_name("words.yaml")
-    return dict(load(read_text(path), str(path)))
-
-
-@cache
-def _groups() -> dict[str, str]:
-    return {word: group for group, words in _table().items() if group not in _NO_GROUPS for word in words}
-
-
 def plain_unit(text: str) -> str | None:
     """Key of `FACTORS` for a unit as people write it, or None.
 
     >>> plain_unit("Degrees")
     'deg'
     """
-    wanted = _plain(text).casefold().strip(" ()[]")
-    units: dict[str, list[str]] = _table()["units"]
-    return next((unit for unit, words in units.items() if wanted in words), None)
+    return _WRITTEN.get(_plain(text).casefold().strip(" ()[]"))
 
 
 def is_other_unit(text: str) -> bool:
@@ -89,7 +80,7 @@ def is_other_unit(text: str) -> bool:
     wanted = _plain(text).casefold().strip(" ()[]")
     if plain_unit(wanted):
         return False
-    others: list[str] = _table()["other_units"]
+    others: list[str] = _TABLE["other_units"]
     above, stroke, below = wanted.partition("/")
     if not stroke:
         return wanted in others
@@ -99,7 +90,7 @@ def is_other_unit(text: str) -> bool:
 
 def is_known(word: str) -> bool:
     """Whether ``words.yaml`` has a word."""
-    return word.casefold() in _groups()
+    return word.casefold() in _GROUPS
 
 
 @cache
@@ -115,16 +106,16 @@ def meaning_of(name: str, *, around: bool = False) -> Meaning:
     text, unit = _without_unit(_plain(name), around=around)
     text, payload = _without_mass(text)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text).casefold()
-    for pattern, words in _table()["phrases"].items():
+    for pattern, words in _TABLE["phrases"].items():
         text = re.sub(pattern, words, text)
     words = list(_words(text))
-    says = {_groups()[word] for word in words if word in _groups()}
+    says = {_GROUPS[word] for word in words if word in _GROUPS}
     if around and unit is None and "angle" not in says:
         words = [word for word in words if word not in _SYMBOLS]
-        says = {_groups()[word] for word in words if word in _groups()}
+        says = {_GROUPS[word] for word in words if word in _GROUPS}
     if unit and plain_unit(unit) is None:
         says.add(_OTHER)
-    unknown = [word for word in words if word not in _groups() and not word.isdigit()]
+    unknown = [word for word in words if word not in _GROUPS and not word.isdigit()]
     joints, controllers, others = _numbers(words)
     named = _controller_of(says)
     controllers |= {named} if named else set()
@@ -163,7 +154,7 @@ def _without_unit(name: str, *, around: bool) -> tuple[str, str | None]:
         is_last_word = pattern is _UNITS[-1]
         # A trailing s may be the sliding variable, and another letter a run, or an index.
         is_sliding = is_last_word and unit == "s"
-        is_sliding = is_sliding and "time" not in map(_groups().get, _words(rest.casefold()))
+        is_sliding = is_sliding and "time" not in map(_GROUPS.get, _words(rest.casefold()))
         is_letter = is_last_word and len(match[1]) == 1 and (around or match[1].islower())
         if unit and not is_sliding:
             return rest, unit
@@ -183,7 +174,7 @@ def _without_mass(text: str) -> tuple[str, float | None]:
 def _words(text: str) -> Iterator[str]:
     """Words and numbers; unknown words are cut into known ones."""
     for token in _WORD.findall(text):
-        if token in _groups() or token.isdigit():
+        if token in _GROUPS or token.isdigit():
             yield token
         elif token not in _MARKS:
             yield from _cut(token)
@@ -191,16 +182,15 @@ def _words(text: str) -> Iterator[str]:
 
 def _cut(token: str) -> list[str]:
     """Longest known words from the left; of Latin letters only if nothing else is left."""
-    longest_first = sorted(_groups(), key=len, reverse=True)
-    pieces = [piece for piece in re.split(f"({'|'.join(longest_first)})", token) if piece]
-    is_cut = all(piece in _groups() and (len(piece) > 1 or piece in "qedm") for piece in pieces)
+    pieces = [piece for piece in _CUTS.split(token) if piece]
+    is_cut = all(piece in _GROUPS and (len(piece) > 1 or piece in "qedm") for piece in pieces)
     is_chinese = re.search(r"[\u4e00-\u9fff]", token)
     return pieces if is_chinese or (is_cut and max(map(len, pieces)) > 1) else [token]
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
     joints, controllers, others = set(), set(), []
-    groups = [None if word.isdigit() else _groups().get(word, "unknown") for word in words]
+    groups = [None if word.isdigit() else _GROUPS.get(word, "unknown") for word in words]
     for place, word in enumerate(words):
         before = groups[place - 1] if place else ""
         after = groups[place + 1] if place + 1 < len(words) else ""
@@ -227,19 +217,8 @@ def variable_of(says: frozenset[str]) -> str | None:
     >>> variable_of(frozenset({"angle", "desired"}))
     'q_d'
     """
-    roles, kinds = says & ROLES, says & KINDS
-    if len(kinds) > 1 or len(roles) > 1 or _OTHER in says:
-        return None
-    if kinds:
-        (kind,) = kinds
-        if kind == "rate" and roles <= {"desired", "measured"} and "motor" not in says:
-            return "dq_d" if roles == {"desired"} else "dq"
-        mixed = says & {"angle", "motor"} if kind != "torque" else says >= {"angle", "motor"}
-        # Times may be those of the desired curve.
-        allowed = {"measured", "desired"} if kind == "time" else {"measured"}
-        return None if roles - allowed or mixed else _OF_KIND[kind]
-    if "motor" in says:
-        return "q_motor_encoder" if roles <= {"measured"} else None
-    if roles:
-        return _OF_ROLE[next(iter(roles))]
-    return "q_encoder" if says & {"angle", "joint"} else None
+    told = says & (_COUNTED | {_OTHER})
+    # A joint may be named beside anything.
+    told = told - {"joint"} or told
+    rows = ((variable, {*needed}, {*beside}) for variable, needed, beside in _TABLE["variables"])
+    return next((variable for variable, needed, beside in rows if needed <= told <= needed | beside), None)

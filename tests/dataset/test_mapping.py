@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
+from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns, SourceTable
 from tendonrepro.errors import ConfigError
 
