@@ -171,14 +171,21 @@ _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
 }
 
 
+Ends: TypeAlias = tuple[float, float]
+"""Lower and upper end of a range, SI."""
+
+
 class Physical:
     """What a field with a unit means and allows, as metadata in ``Annotated``.
 
-    ``unit`` is SI, as are the limits; ``above`` and ``below`` exclude the limit itself.
+    ``unit`` is SI, as are the limits; ``above`` and ``below`` exclude the limit itself. Other values than 0
+    lie between the ends of ``usual`` on arms of any size: what does not is possible, and told.
     """
 
-    def __init__(self, unit: str, about: str, *, whole: bool = False, **limits: float) -> None:
-        self.about, self.whole, self.limits = about, whole, limits
+    def __init__(
+        self, unit: str, about: str, *, whole: bool = False, usual: Ends | None = None, **limits: float
+    ) -> None:
+        self.about, self.whole, self.usual, self.limits = about, whole, usual, limits
         self.units = [name for name, known in UNITS.items() if known.si == unit]
 
     def __get_pydantic_core_schema__(self, source: type[Model], handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -214,6 +221,17 @@ class Physical:
             elif self.whole and not value.is_integer():
                 yield place, f"must be a whole number, found {value:g}"
 
+    def unusual(self, quantity: Quantity) -> str | None:
+        """What is told of a quantity far from what is usual."""
+        if self.usual is None:
+            return None
+        low, high = (end / to_si(1.0, quantity.unit) for end in self.usual)
+        sizes = [abs(value) for _, value in _numbers(quantity) if value]
+        odd = [value for value in sizes if not low <= value <= high]
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        words = f"{unit} is unusual, {low:g} to {high:g}{unit} is not; is the unit right?"
+        return f"{odd[0]:g}{words}" if odd else None
+
     def _json_schema(self, kind: type[Quantity]) -> dict[str, object]:
         value: dict[str, object] = {"type": "integer" if self.whole else "number"}
         for name, limit in self.limits.items():
@@ -235,6 +253,20 @@ class Physical:
             "required": ["value"],
             "additionalProperties": False,
         }
+
+
+def unusual(part: Model, above: str = "") -> Iterator[str]:
+    """Say of each quantity in a model that it is far from what is usual."""
+    for name, field in type(part).model_fields.items():
+        value, key = getattr(part, name), f"{above}{name}"
+        if isinstance(value, Quantity):
+            rules = (rule for rule in field.metadata if isinstance(rule, Physical))
+            yield from (f"{key}: {words}" for rule in rules if (words := rule.unusual(value)))
+        elif isinstance(value, Model):
+            yield from unusual(value, f"{key}.")
+        elif isinstance(value, dict):
+            for word, item in value.items():
+                yield from unusual(item, f"{key}.{word}.")
 
 
 positive = partial(Physical, above=0.0)

@@ -276,6 +276,7 @@ def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) ->
     from tendonrepro.configuration.any_kind import checked
     from tendonrepro.configuration.ensemble import LoadedEnsemble
     from tendonrepro.configuration.load import LoadedConfig
+    from tendonrepro.configuration.quantity import unusual
     from tendonrepro.experiments.loops import all_loops
     from tendonrepro.studies.lifecycle import remarks
 
@@ -283,11 +284,16 @@ def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) ->
     known: Json = {"schema_version": 1, "config": config, "kind": "manipulator"}
     if isinstance(read, LoadedEnsemble):
         known |= {"kind": "ensemble", "config_sha256": read.sha256}
+        told = remarks(read.base)
     elif isinstance(read, LoadedConfig):
-        for sentence in remarks(read):
-            talk.note(sentence)
         runs = list(all_loops(read))
         known |= {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
+        told = remarks(read)
+    else:
+        told = unusual(read)
+    known["remarks"] = [*told]
+    for sentence in known["remarks"]:
+        talk.note(sentence)
     return Answer(known, f"{config}: valid {known['kind']}", known)
 
 

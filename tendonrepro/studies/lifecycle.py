@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.configuration.quantity import unusual
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import Json
@@ -173,7 +174,8 @@ def _tell_remarks(study: Study, talk: Talk) -> None:
 
 
 def remarks(loaded: LoadedConfig) -> Iterator[str]:
-    """Name keys that change nothing, and shipped files that stand in for files that are not there."""
+    """Name keys that change nothing or are unusual, and shipped files that stand in for absent ones."""
     yield from loaded.unread
+    yield from unusual(loaded.config)
     for path in loaded.stand_ins:
         yield f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}"

@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.quantity import (
     UNITS,
     Joints,
@@ -18,6 +19,7 @@ from tendonrepro.configuration.quantity import (
     Pair,
     Physical,
     Scalar,
+    unusual,
     wrong_sizes,
 )
 from tendonrepro.configuration.strict_model import Model
@@ -105,3 +107,26 @@ def test_source_must_say_where_from(source: str) -> None:
     assert ("source",) in mistakes("count", 1, "1", source)
     for origin in ("printed", "derived", "datasheet", "assumed", "identified"):
         assert sample("count", 1, "1", f"{origin}: x").source == f"{origin}: x"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("manipulator.routing.winch_diameter", 0.04, True),  # mm
+        ("manipulator.routing.winch_diameter.unit", "m", True),
+        ("manipulator.links.length.unit", "mm", True),
+        ("manipulator.tensioner.force", 0, False),  # off
+        ("manipulator.tensioner.force", 1e6, True),
+        ("runs.controller_1_payload.payload", 2e5, True),
+        ("manipulator.links.mass", [20, 9, 3], False),
+        ("manipulator.links.mass", [20, 9, 3e4], True),
+    ],
+)
+def test_what_is_far_from_usual_is_told_and_runs_all_the_same(key: str, value: object, told: bool) -> None:
+    config = load_config(None, "compare", overrides={key: value}).config
+    assert [words.partition(":")[0] for words in unusual(config)] == [key.removesuffix(".unit")] * told
+
+
+@pytest.mark.parametrize("name", ["compare", "decouple", "closest", "plain", "compare_cosine"])
+def test_nothing_shipped_is_unusual(name: str) -> None:
+    assert not [*unusual(load_config(name, None).config)]

@@ -109,7 +109,9 @@ class Experiment(Model):
     joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
     """moving joints: the last ones, in order"""
     posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]
-    sampling_period: Annotated[Scalar, positive("s", "sampling period L, also the delay time")]
+    sampling_period: Annotated[
+        Scalar, positive("s", "sampling period L, also the delay time", usual=(1e-5, 0.2))
+    ]
     seed: Annotated[Scalar, nonneg("1", "seed of all random numbers", at_most=2.0**32 - 1.0, whole=True)]
     disturbance: DisturbanceConfig
     solver: SolverConfig
@@ -124,7 +126,7 @@ class CompareRun(Model):
     """One run of the comparison."""
 
     law: Annotated[str, Field(description="name of one of the laws")]
-    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool")]
+    payload: Annotated[Scalar, nonneg("kg", "point mass at the tool", usual=(1e-3, 1e3))]
     start_offset: Annotated[Moving, Physical("rad", "joint angles less the reference at t = 0")] | None = None
     friction_scale: (
         Annotated[Scalar, positive("1", "factor on dry and viscous friction of links and winches")] | None

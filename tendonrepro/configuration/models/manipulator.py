@@ -14,8 +14,10 @@ from tendonrepro.configuration.strict_model import Mistakes, Model, SchemaVersio
 class Routing(Model):
     """Winches, pulleys and the sides tendons pass them on: all that Eqs. (1) and (2) need."""
 
-    winch_diameter: Annotated[Joints, positive("m", "winch diameter D_n")]
-    pulley_diameter: Annotated[Matrix, nonneg("m", "pulley diameter D_pq, joint p (row), tendon q (column)")]
+    winch_diameter: Annotated[Joints, positive("m", "winch diameter D_n", usual=(1e-3, 1.0))]
+    pulley_diameter: Annotated[
+        Matrix, nonneg("m", "pulley diameter D_pq, joint p (row), tendon q (column)", usual=(1e-3, 1.0))
+    ]
     sign: Annotated[
         Matrix,
         Physical("1", "side c_pq, joint p (row), tendon q (column)", at_least=-1.0, at_most=1.0, whole=True),
@@ -35,28 +37,32 @@ class Routing(Model):
 class Links(Model):
     """Rigid links from one joint axis to the next; the last one ends at the tool."""
 
-    length: Annotated[Joints, positive("m", "link length")]
-    mass: Annotated[Joints, positive("kg", "link mass")]
-    com: Annotated[Joints, nonneg("m", "centre of mass from the proximal axis")]
-    inertia: Annotated[Joints, positive("kg m2", "inertia about the centre of mass")]
+    length: Annotated[Joints, positive("m", "link length", usual=(0.01, 10.0))]
+    mass: Annotated[Joints, positive("kg", "link mass", usual=(1e-3, 1e3))]
+    com: Annotated[Joints, nonneg("m", "centre of mass from the proximal axis", usual=(1e-3, 10.0))]
+    inertia: Annotated[Joints, positive("kg m2", "inertia about the centre of mass", usual=(1e-8, 1e4))]
 
 
 class Winches(Model):
     """Motor side of Eq. (3), per winch, after the reducer."""
 
-    reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch")]
-    reflected_inertia: Annotated[Joints, positive("kg m2", "rotor and reducer inertia at the winch")]
-    drum_inertia: Annotated[Joints, nonneg("kg m2", "inertia of the drum")]
-    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous damping D_m at the winch")]
+    reduction: Annotated[Scalar, positive("1", "turns of a motor per turn of its winch", usual=(0.1, 1e4))]
+    reflected_inertia: Annotated[
+        Joints, positive("kg m2", "rotor and reducer inertia at the winch", usual=(1e-8, 1e3))
+    ]
+    drum_inertia: Annotated[Joints, nonneg("kg m2", "inertia of the drum", usual=(1e-9, 1e3))]
+    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous damping D_m at the winch", usual=(1e-7, 1e4))]
 
 
 class Tendons(Model):
     """Elasticity of Eq. (5), per tendon, and assembly clearance."""
 
-    axial_stiffness: Annotated[Joints, positive("N m-1", "axial stiffness of a tendon")]
-    axial_damping: Annotated[Joints, nonneg("N s m-1", "axial damping of a tendon")]
+    axial_stiffness: Annotated[Joints, positive("N m-1", "axial stiffness of a tendon", usual=(1e2, 1e9))]
+    axial_damping: Annotated[Joints, nonneg("N s m-1", "axial damping of a tendon", usual=(1e-2, 1e7))]
     damping_factor: Annotated[Scalar, positive("1", "common factor on the axial damping")]
-    clearance: Annotated[Joints, nonneg("m", "slack a tendon takes up before it pulls; 0 is none")]
+    clearance: Annotated[
+        Joints, nonneg("m", "slack a tendon takes up before it pulls; 0 is none", usual=(1e-6, 0.05))
+    ]
     unilateral: Literal["off", "on"] | None = None
     """on: a tendon that would push goes slack; without the key it pushes, Eq. (5)"""
 
@@ -64,7 +70,7 @@ class Tendons(Model):
 class DryFriction(Model):
     """Coulomb and static friction, per joint or winch."""
 
-    coulomb: Annotated[Joints, nonneg("N m", "Coulomb friction")]
+    coulomb: Annotated[Joints, nonneg("N m", "Coulomb friction", usual=(1e-6, 1e3))]
     static_ratio: Annotated[Joints, Physical("1", "static over Coulomb friction", at_least=1.0)]
     stribeck_velocity: Annotated[Joints, positive("rad s-1", "Stribeck velocity")]
     smoothing_velocity: Annotated[Joints, positive("rad s-1", "velocity over which the sign is smoothed")]
@@ -73,7 +79,7 @@ class DryFriction(Model):
 class LinkFriction(DryFriction):
     """Friction F(q, dq) of Eq. (4), per joint."""
 
-    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous friction of a joint")]
+    viscous: Annotated[Joints, nonneg("N m s rad-1", "viscous friction of a joint", usual=(1e-7, 1e4))]
 
 
 class FrictionConfig(Model):
@@ -90,8 +96,8 @@ class FrictionConfig(Model):
 class Tensioner(Model):
     """The extra tendon that keeps the others taut; no published equation holds it."""
 
-    force: Annotated[Scalar, nonneg("N", "constant force on the tendon; 0 is off")]
-    diameter: Annotated[Joints, positive("m", "diameter it passes at each joint")]
+    force: Annotated[Scalar, nonneg("N", "constant force on the tendon; 0 is off", usual=(1e-2, 1e5))]
+    diameter: Annotated[Joints, positive("m", "diameter it passes at each joint", usual=(1e-3, 1.0))]
     side: Literal["negative", "distal_only", "alternating"]
     """on which side of the joints the tensioning tendon passes"""
 
@@ -99,14 +105,16 @@ class Tensioner(Model):
 class TransmissionError(Model):
     """Periodic position error of the reducer."""
 
-    peak_to_peak: Annotated[Scalar, nonneg("rad", "peak-to-peak error at the winch; 0 is off")]
+    peak_to_peak: Annotated[
+        Scalar, nonneg("rad", "peak-to-peak error at the winch; 0 is off", usual=(1e-8, 0.2))
+    ]
     cycles_per_turn: Annotated[Scalar, positive("1", "cycles per turn of the winch")]
 
 
 class EncoderConfig(Model):
     """An incremental encoder that reads zero at the start posture."""
 
-    resolution: Annotated[Scalar, nonneg("rad", "angle of one count; 0 is ideal")]
+    resolution: Annotated[Scalar, nonneg("rad", "angle of one count; 0 is ideal", usual=(1e-9, 0.1))]
     noise: Annotated[Scalar, nonneg("rad", "RMS noise of a reading; 0 is off")]
 
 
@@ -120,7 +128,7 @@ class Encoders(Model):
 class ActuatorConfig(Model):
     """From commanded to applied torque, at the winch."""
 
-    torque_limit: Annotated[Joints, positive("N m", "saturation at the winch")]
+    torque_limit: Annotated[Joints, positive("N m", "saturation at the winch", usual=(1e-3, 1e5))]
     torque_resolution: Annotated[Scalar, nonneg("N m", "step of the torque command at the winch; 0 is off")]
     torque_noise: Annotated[Scalar, nonneg("N m", "RMS torque noise at the winch; 0 is off")]
     output_delay: Annotated[Scalar, nonneg("1", "delay of the command in samples", at_most=100.0, whole=True)]
@@ -141,7 +149,7 @@ class Manipulator(Model):
 
     schema_version: SchemaVersion
     name: Annotated[str, Field(min_length=1, description="name for titles and tables")]
-    gravity: Annotated[Scalar, nonneg("m s-2", "gravitational acceleration")]
+    gravity: Annotated[Scalar, nonneg("m s-2", "gravitational acceleration", usual=(0.1, 30.0))]
     routing: Routing
     links: Links
     winches: Winches
