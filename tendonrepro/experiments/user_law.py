@@ -26,8 +26,7 @@ from tendonrepro.files import sha256_of
 from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory, estimator_weights
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
-from tendonrepro.simulation.loop import Loop, TimeDelayController
-from tendonrepro.simulation.sampled import CommandFunction
+from tendonrepro.simulation.loop import CommandFunction, Loop, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 
 

@@ -11,17 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tendonrepro.arrays import Array, Numeric, choose
-from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
-from tendonrepro.simulation.codegen.callback import on_array_code
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, Written, lane_code, remembered
 from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
-from tendonrepro.simulation.resolution import PACES, demand
-from tendonrepro.simulation.sampled import (
+from tendonrepro.simulation.loop import (
     CommandFunction,
     Hardware,
     Remembered,
@@ -31,7 +28,7 @@ from tendonrepro.simulation.sampled import (
     sample,
     start,
 )
-from tendonrepro.simulation.streaming import AT_LIMIT
+from tendonrepro.simulation.resolution import PACES, demand
 
 
 class LawNumbers(NamedTuple):
@@ -94,58 +91,24 @@ def experiment_code(numbers: tuple[Plant, LawNumbers], record: bool, command: Co
 
 
 @remembered
-def sample_code(numbers: LawNumbers, command: CommandFunction) -> Written:
-    """Source of ``sample`` for a run by SciPy, and its rows."""
-    code = Writer(experiment_rows(numbers.hardware.S.shape[0]))
-    write_sample(code, numbers, command, statistics=False, record=True)
-    return {"sample": code.source("sample")}, code.rows
+def single_code(numbers: tuple[Plant] | tuple[Plant, LawNumbers], command: CommandFunction) -> Written:
+    """Source for a run by SciPy, and its rows: ``slope``, and ``sample`` where there is a law.
 
-
-@remembered
-def slope_code(plant: Plant) -> Written:
-    """Source of ``slope``: the derivative at a time and a state, an array of SciPy's, into another."""
-    n = plant.preload.shape[0]
-    code = Writer(experiment_rows(n))
+    ``slope`` gives SciPy the derivative at a time and a state, an array of its own.
+    """
+    plant, *laws = numbers
+    n, code = plant.preload.shape[0], Writer(experiment_rows(plant.preload.shape[0]))
     x = code.rows.parameters(code.tape, plant)
     t: Any = code.tape.write("time")
     code.write("slope", state_derivative(t, code.read("state", 4 * n), code.read("torque", n), x))
     named = code.rows.named
-    outer = on_array_code("slope", "derivative", named["state"], named["slope"], 4 * n)
-    return {"slope": code.source("derivative") + outer}, code.rows
-
-
-def experiment_tape(
-    plant: Plant, law: LawNumbers, steps: int, command: CommandFunction = control.command
-) -> Writer:
-    """One sample of an experiment as one tape without a branch: its law, then steps of its plant.
-
-    Parameters
-    ----------
-    plant, law
-        Stacked records of one experiment or many, see :func:`lanes.stacked`. What is neither zero nor one
-        becomes a row.
-    steps
-        Runge-Kutta steps until the next sample.
-
-    Returns
-    -------
-    Writer
-        `tape` holds the lines in order: ``row`` reads a row, ``sample`` is the number k of the sample and
-        ``time`` its time, s. `rows` says which row is what, and the values of parameters. `written` are new
-        values by row. Before the sample, ``desired`` and ``noise`` hold its motion and unit noise. After it,
-        ``trace`` holds what is recorded, and ``live`` is 0 where the run has ended.
-    """
-    n = plant.preload.shape[0]
-    code = Writer(experiment_rows(n))
-    write_sample(code, law, command, statistics=False, record=True)
-    x, torque = code.rows.parameters(code.tape, plant), code.read("torque", n)
-    t, h = code.tape.write("time"), code.number("period") * (1.0 / steps)
-    for k in range(steps):
-        ahead, _ = runge_kutta(
-            lambda t, state: state_derivative(t, state, torque, x), t + k * h, code.read("state", 4 * n), h
-        )
-        code.write("state", ahead)
-    return code
+    outer = machine.on_array_code("slope", "derivative", named["state"], named["slope"], 4 * n)
+    sources = {"slope": code.source("derivative") + outer}
+    for law in laws:
+        sampling = Writer(code.rows)
+        write_sample(sampling, law, command, statistics=False, record=True)
+        sources["sample"] = sampling.source("sample")
+    return sources, code.rows
 
 
 def advance_source(plant: Plant, rows: LaneRows) -> str:
@@ -270,7 +233,9 @@ def _statistics(
         tau_before=tau,
         H_hat=sampled.signals[0],
         epsilon=times(law.from_joint, tau - H_hat) / law.M_bar - ddq,
-        saturated=np.array([abs(winch[i]) >= AT_LIMIT * actuator.limit[i] for i in range(n)], dtype=object),
+        saturated=np.array(
+            [abs(winch[i]) >= streaming.AT_LIMIT * actuator.limit[i] for i in range(n)], dtype=object
+        ),
     )
 
 

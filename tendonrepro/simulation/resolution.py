@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,9 @@ from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
 from tendonrepro.physics.linalg import times
-from tendonrepro.simulation.codegen.lanes import mapped
+from tendonrepro.simulation.codegen.lanes import mapped, part_of, stacked
+from tendonrepro.simulation.loop import Loop, Rest, rest_at
+from tendonrepro.simulation.streaming import peak
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of steps per sample there are to choose from."""
@@ -36,6 +40,10 @@ PACES = (FLAT, TURNING, 0.0)
 
 HIGHEST = 2.0
 """Highest level of :func:`demand`."""
+
+
+CHUNK = 128
+"""Plants whose steps are worked out together, by one thread."""
 
 
 def demand(before: Array, after: Array, plant: Plant) -> Numeric:
@@ -127,3 +135,49 @@ def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOL
 
 def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))
+
+
+Chunk: TypeAlias = tuple[Plant, Array]
+"""Stacked plants and the strokes of their motions."""
+
+Counts: TypeAlias = dict[float, NDArray[np.int64]]
+"""Steps per sample of a chunk, (levels, N), by sampling period."""
+
+ForEach: TypeAlias = Callable[[Callable[[Chunk], Counts], Sequence[Chunk]], Iterable[Counts]]
+"""What calls a function for each chunk, such as ``map``."""
+
+
+def plant_needs(
+    loops: Mapping[int, Loop], tolerance: float, for_each: ForEach
+) -> tuple[dict[int, NDArray[np.int64]], dict[int, Rest]]:
+    """Steps per sample and rest, by place, of plants with as many joints and parts of the disturbance.
+
+    Steps are (levels,), one for each level of demand; 0 where none are enough.
+    """
+    # Runs under other readings share their plant and motion: these are worked out once.
+    key = {
+        place: (id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes())
+        for place, loop in loops.items()
+    }
+    single = {key[place]: loop for place, loop in loops.items()}
+    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
+    far = {name: peak(q_d) for name, q_d in angles.items()}
+    plant, stroke, q = stacked(
+        [(loop.plant, far[id(loop.reference.q_d)], loop.start_angles) for loop in single.values()]
+    )
+    chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
+    periods = {loop.L for loop in loops.values()}
+    counted = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
+    counts = {L: np.hstack([part[L] for part in counted]) for L in periods}
+    column = {name: k for k, name in enumerate(single)}
+    places = {place: column[name] for place, name in key.items()}
+    at_rest = rest_at(q, plant)
+    return (
+        {place: counts[loop.L][:, places[place]] for place, loop in loops.items()},
+        {place: Rest(*(part[:, k] for part in at_rest)) for place, k in places.items()},
+    )
+
+
+def _steps(chunk: Chunk, *, periods: Collection[float], tolerance: float) -> Counts:
+    modes = plant_modes(*chunk)
+    return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}

@@ -13,21 +13,23 @@ from scipy.integrate import ode
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.simulation import sampled
-from tendonrepro.simulation.codegen.callback import callable_on_array
 from tendonrepro.simulation.codegen.lanes import bundled
-from tendonrepro.simulation.codegen.machine import callable_code
-from tendonrepro.simulation.loop import Loop, Solver, recorded_columns, trace_variables
-from tendonrepro.simulation.parts import (
-    CompiledPart,
+from tendonrepro.simulation.codegen.machine import callable_code, callable_on_array
+from tendonrepro.simulation.loop import (
+    Loop,
+    Solver,
     hardware_of,
     is_noisy,
+    measure,
+    recorded_columns,
     rest_at,
-    sample_part,
-    slope_part,
+    sample,
+    start,
     torque_before,
+    trace_variables,
     unit_noise,
 )
+from tendonrepro.simulation.parts import single_part
 
 MOST_STEPS = 5000
 """Steps in one period after which a plant counts as one that cannot be resolved."""
@@ -55,13 +57,13 @@ def simulate(loop: Loop) -> dict[str, Array]:
     """
     time, plant = loop.reference.time, MachinePlant(loop)
     trace = np.empty((time.size, recorded_columns(loop)))
-    sample = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, plant, trace)
+    set_torque = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, plant, trace)
     advance = _integrator(loop.solver, plant)
     # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
         k = 0
-        while sample(k):
+        while set_torque(k):
             advance(time[k], time[k + 1])
             k += 1
         return trace_variables(trace[: k + 1], loop)
@@ -90,48 +92,39 @@ def _integrator(solver: Solver, plant: MachinePlant) -> Callable[[float, float],
 
 
 class MachinePlant:
-    """State (4 n,) and torque (n,) of a plant: views of rows of its machine code."""
+    """State (4 n,) and torque (n,) of a run: views of the rows of its machine code."""
 
     def __init__(self, loop: Loop) -> None:
-        part, n = slope_part(loop.plant), loop.plant.preload.size
+        n = loop.plant.preload.size
         self.rest = rest_at(loop.start_angles, loop.plant)
-        self.rows, named = _filled(part), part.rows.named
-        self.state = self.rows[: 4 * n, 0]
-        self.torque = self.rows[named["torque"] :, 0][:n]
+        part = single_part(loop, self.rest, sampled=loop.controller.command is None)
+        self.code, self._named = part.code, part.rows.named
+        self.rows: Array = bundled(part.filled([0]), part.lanes)[0]
+        self.state, self.torque = self.lane("state", 4 * n), self.lane("torque", n)
         self.state[:] = self.rest.state
         self.slope = callable_on_array(part.code["slope"], self.rows, np.empty(4 * n))
 
-
-def _filled(part: CompiledPart) -> Array:
-    rows: Array = bundled(part.filled([0]), part.lanes)[0]
-    return rows
+    def lane(self, name: str, size: int) -> Array:
+        """View of the numbers of a name."""
+        return self.rows[self._named[name] :, 0][:size]
 
 
 class MachineLaw:
     """Package's own law as machine code."""
 
     def __init__(self, loop: Loop, plant: MachinePlant, trace: Array) -> None:
-        part, n = sample_part(loop, plant.rest), loop.plant.preload.size
-        self._rows, named, reference = _filled(part), part.rows.named, loop.fed
-
-        def lane(name: str, size: int) -> Array:
-            """View of the numbers of a name."""
-            return self._rows[named[name] :, 0][:size]
-
-        self._plant, self._trace = plant, trace
-        desired = reference.q_d, reference.dq_d, reference.ddq_d
-        self._signals = np.hstack([*desired, _noise(loop)])
+        reference, n = loop.fed, loop.plant.preload.size
+        self._signals = np.hstack([reference.q_d, reference.dq_d, reference.ddq_d, _noise(loop)])
         # Desired motion and noise are neighbours.
-        self._given = lane("desired", 6 * n)
-        self._state, self._torque, self._live = lane("state", 4 * n), lane("torque", n), lane("live", 1)
-        self._kept = lane("trace", trace.shape[1])
-        self._run, self._address = callable_code(part.code["sample"]), self._rows.ctypes.data
+        self._given, self._live = plant.lane("desired", 6 * n), plant.lane("live", 1)
+        self._trace, self._kept = trace, plant.lane("trace", trace.shape[1])
+        self._run, self._address = callable_code(plant.code["sample"]), plant.rows.ctypes.data
 
     def __call__(self, k: int) -> bool:
         """Set the plant's torque at sample k; whether the run goes on."""
-        self._state[:], self._given[:] = self._plant.state, self._signals[k]
+        self._given[:] = self._signals[k]
         self._run(self._address, k, 0.0)
-        self._trace[k], self._plant.torque[:] = self._kept, self._torque
+        self._trace[k] = self._kept
         return bool(self._live[0] > 0.0)
 
 
@@ -142,15 +135,15 @@ class PlainLaw:
         self._loop, self._plant, self._trace = loop, plant, trace
         self._hardware, self._noise = hardware_of(loop, plant.rest), _noise(loop)
         tau, law = torque_before(loop, plant.rest), loop.controller.law
-        measured = sampled.measure(plant.rest.state, self._noise[0], law, self._hardware)
+        measured = measure(plant.rest.state, self._noise[0], law, self._hardware)
         self._fed, first = loop.fed, loop.reference.q_d[0]
-        self._memory, self._pending = sampled.start(measured, first, tau, law), [tau] * loop.actuator.delay
+        self._memory, self._pending = start(measured, first, tau, law), [tau] * loop.actuator.delay
 
     def __call__(self, k: int) -> bool:
         """Set the plant's torque at sample k; whether the run goes on."""
         reference, controller, state = self._fed, self._loop.controller, self._plant.state.copy()
         assert controller.command is not None
-        now = sampled.sample(
+        now = sample(
             state,
             self._memory,
             self._pending,

@@ -17,7 +17,7 @@ from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import UserLaw, lane_function
 from tendonrepro.physics.control import Law, Memory, Surface, error_rate, estimator_weights, polynomial
 from tendonrepro.physics.linalg import times
-from tendonrepro.simulation.sampled import CommandFunction
+from tendonrepro.simulation.loop import CommandFunction
 
 
 class Range(NamedTuple):

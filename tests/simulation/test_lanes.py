@@ -7,6 +7,7 @@ import pytest
 from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array
+from tendonrepro.physics.control import command
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, lane_code, signature, stacked
 from tendonrepro.simulation.codegen.machine import (
@@ -18,7 +19,7 @@ from tendonrepro.simulation.codegen.machine import (
     callable_sweep,
     sweep_code,
 )
-from tendonrepro.simulation.kernel import advance_source, experiment_rows, runge_kutta, slope_code
+from tendonrepro.simulation.kernel import advance_source, experiment_rows, runge_kutta, single_code
 from tendonrepro.simulation.resolution import demand
 
 T = 0.4
@@ -140,7 +141,7 @@ def test_signals_and_records_are_each_lanes_own() -> None:
 def test_code_is_written_once_for_plants_with_the_same_features() -> None:
     first, second = (stacked([random_plant(2, seed).plant] * 2) for seed in (1, 2))
     assert signature(first) == signature(second)
-    (one, rows), (other, others) = slope_code(first), slope_code(second)
+    (one, rows), (other, others) = (single_code((plant,), command) for plant in (first, second))
     assert one is other
     for plant, kept in ((first, rows), (second, others)):
         assert plant.drive.inertia[0].tolist() in [values.tolist() for values in kept.constants.values()]

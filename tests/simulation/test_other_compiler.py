@@ -13,12 +13,14 @@ from support.oracles import FEATURES, random_plant, random_state
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.physics.control import command
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import aligned, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.codegen.symbols import as_operand, needed
-from tendonrepro.simulation.kernel import Writer, experiment_rows, experiment_tape
-from tendonrepro.simulation.parts import law_numbers, rest_at
+from tendonrepro.simulation.kernel import Writer, experiment_rows, runge_kutta, write_sample
+from tendonrepro.simulation.loop import rest_at
+from tendonrepro.simulation.parts import law_numbers
 
 WRITTEN = {
     # No branch: numba takes minutes for hundreds of them.
@@ -80,7 +82,16 @@ def test_a_sample_of_an_experiment_is_that_of_python(run: str) -> None:
     assert isinstance(found.config, CompareConfig)
     loop = dict(build_loops(found.config, found.folder))[run]
     rest = rest_at(np.zeros(2), loop.plant)
-    code = experiment_tape(stacked([loop.plant]), law_numbers([(loop, rest)], lambda _: 1), 2)
+    code = Writer(experiment_rows(2))
+    write_sample(code, law_numbers([(loop, rest)], lambda _: 1), command, statistics=False, record=True)
+    x, torque = code.rows.parameters(code.tape, stacked([loop.plant])), code.read("torque", 2)
+    t: Any = code.tape.write("time")
+    h: Any = code.number("period") * 0.5
+    for k in range(2):
+        state = code.read("state", 8)
+        code.write(
+            "state", runge_kutta(lambda t, y: state_derivative(t, y, torque, x), t + k * h, state, h)[0]
+        )
     named, rng = code.rows.named, np.random.default_rng(3)
     w = rows_of(code)
     w[named["period"]], w[named["live"]] = loop.L, 1.0

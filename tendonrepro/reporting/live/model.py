@@ -32,8 +32,7 @@ from tendonrepro.simulation.codegen.printed import (
 )
 from tendonrepro.simulation.codegen.symbols import Operand, Symbol, needed
 from tendonrepro.simulation.kernel import runge_kutta, unpacked
-from tendonrepro.simulation.parts import rest_at
-from tendonrepro.simulation.sampled import Hardware, measure, sample, start
+from tendonrepro.simulation.loop import Hardware, measure, rest_at, sample, start
 
 
 class Inputs(NamedTuple):

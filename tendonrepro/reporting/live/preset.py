@@ -34,9 +34,8 @@ from tendonrepro.reporting.live.controls import (
 from tendonrepro.reporting.live.library import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS
-from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.parts import is_noisy, plant_needs
-from tendonrepro.simulation.resolution import STEPS, TOLERANCE
+from tendonrepro.simulation.loop import Loop, is_noisy
+from tendonrepro.simulation.resolution import STEPS, TOLERANCE, plant_needs
 
 COARSE = 1
 """Steps fewer while a slider is being dragged."""

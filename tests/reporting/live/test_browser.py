@@ -18,7 +18,7 @@ from tendonrepro.configuration.load import CompareConfig, ConfigSource, LoadedCo
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.simulation import parts
+from tendonrepro.simulation import resolution
 from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = pytest.mark.slow
@@ -63,7 +63,9 @@ def by_python(loaded: LoadedConfig, steps: Mapping[str, int] | None = None) -> d
     for name, loop in all_loops(loaded).items():
         with pytest.MonkeyPatch.context() as patch:
             if steps:
-                patch.setattr(parts, "steps_needed", lambda modes, *_, m=steps[name]: np.full(len(modes), m))
+                patch.setattr(
+                    resolution, "steps_needed", lambda modes, *_, m=steps[name]: np.full(len(modes), m)
+                )
             batch = simulate_batch([loop], loaded.config.status, record=True)
         trace = (batch.traces or [None])[0]
         assert trace is not None
