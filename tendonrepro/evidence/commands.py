@@ -59,8 +59,16 @@ def predict(
 
 
 @study(DATA, "tendonrepro data recover data/measured.h5")
-def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Destination]) -> Study:
+def recover(
+    log: Annotated[Path | str, ARGUMENT],
+    *,
+    config: ConfigOption = None,
+    set: Changes = None,
+    **folder: Unpack[Destination],
+) -> Study:
     """Which controller made a log, or why that cannot be told.
+
+    With a comparison as configuration, the log is compared with its gains, not with the paper's.
 
     Parameters
     ----------
@@ -71,10 +79,11 @@ def recover(log: Annotated[Path | str, ARGUMENT], **folder: Unpack[Destination])
     from tendonrepro.evidence.recover_report import recover_outcome
     from tendonrepro.results.traces import read_traces
 
-    file, paper = read_traces(Path(log)), load_config(None, "compare")
+    file, loaded = read_traces(Path(log)), load_config(config, "compare", overrides=set)
+    own = config is not None or bool(set)
     return Study(
-        paper,
-        lambda site: recover_outcome(file, str(Path(log)), paper, site),
+        loaded,
+        lambda site: recover_outcome(file, str(Path(log)), loaded, site, own=own),
         folder,
-        decided_by={"log": [file.config_sha256, file.created]},
+        decided_by={"log": [file.config_sha256, file.created], **({"own": True} if own else {})},
     )

@@ -40,6 +40,12 @@ _WEIGHTS = {
 }
 
 
+def half_of(fit: Fit) -> Array:
+    """Half of each parameter's 90 % interval (5,), those of the weights with what rounding may have moved."""
+    of_weights = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
+    return np.asarray(fit.half * (1.0 + (WIDER - 1.0) * of_weights) + of_weights * fit.bias)
+
+
 @dataclass(frozen=True, eq=False)
 class RecoveredController:
     """What the log of one joint, by the paper's number, says.
@@ -84,10 +90,14 @@ class RecoveredController:
         return float(both / self.best.step)
 
     @property
+    def equal(self) -> list[Fit]:
+        """Fits that the log does not tell apart, the one that is named first before the others."""
+        return equally_good(self.fits) if self.fits else []
+
+    @property
     def half(self) -> Array:
-        """Half of each parameter's 90 % interval, those of the weights with what rounding may have moved."""
-        of_weights = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
-        return self.best.half * (1.0 + (WIDER - 1.0) * of_weights) + of_weights * self.best.bias
+        """Half of each parameter's 90 % interval, see `half_of`."""
+        return half_of(self.best)
 
     @property
     def prints_weights(self) -> bool:
@@ -190,19 +200,39 @@ class RecoveredController:
     @property
     def nearest_weights(self) -> str:
         """Interpretation of Eq. (15) that alone has the weights of the best fit."""
+        return self._weights_of(self.best)
+
+    def _weights_of(self, fit: Fit) -> str:
         alpha = self.expected.control.gains.alpha.si
         named = {"tde": np.array([1.0, 0.0])} | {
             name: estimator_weights(alpha, name)[:, self.place]
             for name in ("interpolating", "extrapolating", "swapped")
         }
-        reach = self.half[:2] + CLOSE
-        near = [name for name, w in named.items() if (np.abs(w - self.best.parameters[:2]) <= reach).all()]
+        reach = half_of(fit)[:2] + CLOSE
+        near = [name for name, w in named.items() if (np.abs(w - fit.parameters[:2]) <= reach).all()]
         return near[0] if len(near) == 1 else ""
 
     @property
-    def usual_gains(self) -> str:
-        """Words for the expected gains."""
-        return "gains as published" if self.of_paper else "gains as configured"
+    def controllers(self) -> list[str]:
+        """Every controller that fits equally well, in words, the one that is named first at the head."""
+        return list(dict.fromkeys(self._in_words(fit) for fit in self.equal))
+
+    def _in_words(self, fit: Fit) -> str:
+        name, weights = "3" if fit.hypothesis.surface == LINEAR else "2", self._weights_of(fit)
+        if weights == "tde":
+            return f"Controller {name}"
+        with_alpha = "Controller 3 with α" if name == "3" else "Controller 1"
+        return f"{with_alpha}, weights {_WEIGHTS.get(weights, 'of its own')}"
+
+    @property
+    def pid(self) -> dict[str, float]:
+        """Gains of a PID that fits equally well, of the error, its integral and its rate, SI; else empty."""
+        for fit in self.equal:
+            if fit.hypothesis.is_pid and self._weights_of(fit) == "tde":
+                M_bar, rate, error = map(float, fit.parameters[2:])
+                K_d = M_bar / self.log.L
+                return {"K_p": K_d * rate, "K_i": K_d * error, "K_d": K_d}
+        return {}
 
     @property
     def sentence(self) -> str:
@@ -210,23 +240,22 @@ class RecoveredController:
         where = f"{self.run}, joint {self.joint}"
         if self.answer == UNTOLD:
             return f"{where}: cannot tell. {self.advice}"
+        pid = ", ".join(f"{name} {gain:.3g}" for name, gain in self.pid.items())
         if self.answer == NONE:
-            return f"{where}: none of the paper's controllers. {self.advice}".rstrip()
-        is_linear, how = self.best.hypothesis.surface == LINEAR, _WEIGHTS.get(self.weights, "of its own")
-        plain = "Controller 3" if is_linear else "Controller 2"
-        with_alpha = "Controller 3 with α" if is_linear else "Controller 1"
-        which = plain if self.weights == "tde" else f"{with_alpha}, weights {how}"
+            other = f" A PID explains it: {pid}." if pid else ""
+            return f"{where}: none of the paper's controllers.{other} {self.advice}".rstrip()
         M_bar, (gain, _) = self.best.parameters[2], self.position_gain
-        published = float(self.expected.control.gains.M_bar.si[self.place])
-        others = abs(M_bar / published - 1.0) > CLOSE or abs(gain - 1.0) > OTHER
+        usual = float(self.expected.control.gains.M_bar.si[self.place])
+        others = abs(M_bar / usual - 1.0) > CLOSE or abs(gain - 1.0) > OTHER
+        gains = "other gains" if others else f"gains as {'published' if self.of_paper else 'configured'}"
         readings = self.best.hypothesis.name
-        text = f"{where}: {which}, {'other gains' if others else self.usual_gains}"
-        text += "" if readings == "printed" else f", with {readings}"
-        as_good = len(equally_good(self.fits)) - 1
-        others_fit = (
-            f"{count_of(as_good, 'other interpretation')} {'fits' if as_good == 1 else 'fit'} as well."
+        under = "" if readings == "printed" else f", with {readings}"
+        also = " or ".join([*self.controllers[1:], *([f"a PID of {pid}"] if pid else [])])
+        text = f"{where}: {self.controllers[0]}, {gains}{under}{f'; or {also}' if also else ''}."
+        as_good = len(self.equal) - 1
+        return (
+            f"{text} {count_of(as_good, 'more hypothesis', 'more hypotheses')} as good." if as_good else text
         )
-        return f"{text}. {others_fit if as_good else ''}".rstrip()
 
     def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
         """Name, value, half of the 90 % interval and expected value.

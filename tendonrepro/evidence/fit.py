@@ -5,12 +5,13 @@ Triangular factors of blocks of samples stand for the samples, and lose nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import leastsq, minimize_scalar
 
 from tendonrepro.arrays import Array
@@ -18,6 +19,7 @@ from tendonrepro.evidence.hypotheses import (
     FILTERS,
     LINEAR,
     NTSM,
+    PID,
     Hypothesis,
     coefficient_slopes,
     coefficients,
@@ -42,11 +44,19 @@ NINETY = 1.753
 """Quantile of Student's t for a central 90 % interval from `GROUPS` values."""
 CLOSE_TO_FREE = 1.05
 """Squared error over that of free coefficients up to which a second start is not worth its time."""
+CUTOFF_STEP = 1e-4
+"""Half the difference of a filter's cutoff, as the logit of its newest weight, that gives slopes by it."""
+CUTOFF_STEPS = 12
+"""Steps of a cutoff, each the linear one, after which it stays where it is."""
 Solve: TypeAlias = Callable[[Array, Hypothesis], Array]
 """Coefficients of a hypothesis from a triangular factor."""
+Rows: TypeAlias = NDArray[np.int64]
+"""Numbers of samples of a log."""
 
 START = np.array([1.0, 0.0, 0.01, 8.0, 1.5])
 """The published values, from which a search begins where the linear solution is loose."""
+EXTRAPOLATING = np.array([1.15, -0.15, *START[2:]])
+"""The same with weights beyond one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,29 +108,30 @@ class Fit:
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
     """Fits that come closest to one joint, counted from 0, best first; none if all torques stand at limits.
 
-    ``rounding`` are the steps of the recorded torque, N m, and angle, rad.
+    ``rounding`` are the steps of the recorded torque, N m, and angle, rad. Hypotheses are compared on samples
+    that all of them can foretell: on more samples the criterion is lower, whatever the hypothesis.
     """
-    window = liveliest(log, SCREENED)
-    screened = [
-        (_held_out_error(window, joint, hypothesis, _least_squares), k, hypothesis)
-        for k, hypothesis in enumerate(hypotheses(log))
-    ]
-    best = [hypothesis for error, _, hypothesis in sorted(screened)[:KEPT] if np.isfinite(error)]
+    window, candidates = liveliest(log, SCREENED), list(hypotheses(log))
+    # A terminal surface needs no sample that the linear one does not.
+    rows = rows_of_all(
+        window, joint, [hypothesis for hypothesis in candidates if hypothesis.surface == LINEAR]
+    )
+    errors = [_held_out_error(window, joint, hypothesis, _least_squares, rows) for hypothesis in candidates]
+    order = np.argsort(errors, kind="stable")[:KEPT]
+    best = [candidates[k] for k in order if np.isfinite(errors[k])]
     if not best:
         return []
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
-    tried = list(dict.fromkeys([*printed, *best]))
+    tried = list(dict.fromkeys([*printed, PID, *best]))
     if log.ddq_d[:, joint].any():
         # Coefficients that were free did without the acceleration where it was absent.
         tried += [hypothesis.without_acceleration() for hypothesis in tried]
-    fits = [fitted(log, joint, hypothesis, rounding) for hypothesis in tried]
+    fits = _fitted_alike(log, joint, tried, rounding)
     if all(fit.residual > SAME * fit.step for fit in fits):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))
-        tuned = [
-            _tuned(window, joint, hypothesis, place) for hypothesis in bases for place in range(len(FILTERS))
-        ]
-        fits += [fitted(log, joint, hypothesis, rounding) for hypothesis in tuned]
+        if with_filters := [filtered for base in bases for filtered in _filtered(window, joint, base)]:
+            fits = _fitted_alike(log, joint, [*tried, *with_filters], rounding)
     fits = [fit for fit in fits if fit.is_possible] or fits
     equal = equally_good(fits)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
@@ -135,6 +146,24 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     )
 
 
+def rows_of_all(log: Log, joint: int, needing: Sequence[Hypothesis]) -> Rows:
+    """Samples that every one of some hypotheses can foretell."""
+    kept = np.ones(len(log.q), dtype=np.bool_)
+    for hypothesis in needing:
+        known = np.zeros_like(kept)
+        known[regression(log, joint, hypothesis).rows] = True
+        kept &= known
+    return np.flatnonzero(kept)
+
+
+def _fitted_alike(
+    log: Log, joint: int, tried: Sequence[Hypothesis], rounding: tuple[float, float]
+) -> list[Fit]:
+    """Fits of hypotheses to the samples that all of them can foretell."""
+    rows = rows_of_all(log, joint, tried)
+    return [fitted(log, joint, hypothesis, rounding, rows) for hypothesis in tried]
+
+
 def equally_good(fits: Sequence[Fit]) -> list[Fit]:
     """Fits that a log does not tell from the best one."""
     best = min(fit.information for fit in fits)
@@ -142,27 +171,25 @@ def equally_good(fits: Sequence[Fit]) -> list[Fit]:
     return exact or [fit for fit in fits if fit.information <= best + DECISIVE]
 
 
-def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float]) -> Fit:
-    """Fit a hypothesis to all samples of a joint; see :func:`ranked`."""
-    regressed = regression(log, joint, hypothesis)
-    block = regressed.rows // BLOCK
-    factors = [_factor(regressed.X[rows], regressed.y[rows]) for rows in _groups(block)]
-    whole = _stacked(factors)
-    parameters = _solved(whole, hypothesis)
+def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float], rows: Rows) -> Fit:
+    """Fit a hypothesis to samples of a joint; see :func:`ranked`."""
+    if hypothesis.newest < 1.0:
+        hypothesis = _with_best_cutoff(log, joint, hypothesis, rows)
+    whole, parameters, information = _solution(log, joint, hypothesis, rows)
+    regressed = regression(log, joint, hypothesis).of(rows)
+    columns = regressed.X
+    if hypothesis.newest < 1.0:
+        # The cutoff was fitted, too: intervals count what it moves.
+        columns = np.column_stack([columns, _cutoff_slope(log, joint, hypothesis, rows, parameters)])
+    factors = [_factor(columns[group], regressed.y[group]) for group in _groups(regressed.rows // BLOCK)]
+    near = np.append(parameters, np.zeros(columns.shape[1] - regressed.X.shape[1]))
     left_out = np.stack(
-        [
-            _solved(_stacked(factors[:k] + factors[k + 1 :]), hypothesis, parameters)
-            for k in range(len(factors))
-        ]
-    )
+        [_solved(_stacked(factors[:k] + factors[k + 1 :]), hypothesis, near) for k in range(len(factors))]
+    )[:, : parameters.size]
     samples = len(regressed.y)
-    # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
-    noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
     torque, angle = rounding
     # Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
     errors = torque**2 / 12.0, 6.0 * angle**2 / 12.0 / log.L**4
-    error = _residual(whole, coefficients(parameters, hypothesis)) / noise
-    count = parameters.size + (hypothesis.newest < 1.0)
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
     scaled = scaled[:, scaled.any(axis=0)]
@@ -172,14 +199,51 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
         half=jackknife_half_width(left_out),
         position_gain=float(position_gain_of(parameters, hypothesis)),
         position_gain_half=float(jackknife_half_width(position_gain_of(left_out, hypothesis))),
-        residual=_held_out_error(log, joint, hypothesis, _by_parameters),
+        residual=_held_out_error(log, joint, hypothesis, _by_parameters, rows),
         step=float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2))),
-        information=samples * float(np.log(max(error, 1e-300) ** 2 / samples))
-        + count * float(np.log(samples)),
+        information=information,
         condition=float(np.linalg.cond(scaled)),
         samples=samples,
         bias=_bias(whole[:, :-1], parameters, hypothesis, samples, errors),
     )
+
+
+def _solution(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> tuple[Array, Array, float]:
+    """Triangular factor of samples, parameters that fit them best, and the information criterion."""
+    regressed = regression(log, joint, hypothesis).of(rows)
+    factor = _factor(regressed.X, regressed.y)
+    parameters = _solved(factor, hypothesis)
+    # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
+    noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
+    error = _residual(factor, coefficients(parameters, hypothesis)) / noise
+    count = parameters.size + (hypothesis.newest < 1.0)
+    of_error = rows.size * float(np.log(max(error, 1e-300) ** 2 / rows.size))
+    return factor, parameters, of_error + count * float(np.log(rows.size))
+
+
+def _with_best_cutoff(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> Hypothesis:
+    """With the filter's cutoff that fits best together with the parameters."""
+    for _ in range(CUTOFF_STEPS):
+        _, parameters, _ = _solution(log, joint, hypothesis, rows)
+        slope = _cutoff_slope(log, joint, hypothesis, rows, parameters)
+        regressed = regression(log, joint, hypothesis).of(rows)
+        factor = _factor(np.column_stack([regressed.X, slope]), regressed.y)
+        step = float(np.clip(_solved(factor, hypothesis, np.append(parameters, 0.0))[-1], -0.5, 0.5))
+        hypothesis = replace(hypothesis, newest=_newest(_logit(hypothesis.newest) + step))
+        if abs(step) < 1e-9:
+            break
+    return hypothesis
+
+
+def _cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows, parameters: Array) -> Array:
+    """Slope (K,) of what a filtered hypothesis foretells, by the logit of its filter's newest weight."""
+    logit, values = _logit(hypothesis.newest), coefficients(parameters, hypothesis)
+    ends = [
+        regression(log, joint, replace(hypothesis, newest=_newest(logit + step))).of(rows)
+        for step in (-CUTOFF_STEP, CUTOFF_STEP)
+    ]
+    below, above = (end.X @ values - end.y for end in ends)
+    return np.asarray((above - below) / (2.0 * CUTOFF_STEP))
 
 
 def jackknife_half_width(left_out: Array) -> Array:
@@ -229,9 +293,9 @@ def _bias(
     return float(np.abs(shift[:2]).max())
 
 
-def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve) -> float:
+def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
     """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
-    regressed = regression(log, joint, hypothesis)
+    regressed = regression(log, joint, hypothesis).of(rows)
     odd = regressed.rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
         return float("inf")
@@ -256,50 +320,59 @@ def _sizes(columns: Array) -> Array:
     return np.asarray(np.where(sizes == 0.0, 1.0, sizes))
 
 
-def _tuned(log: Log, joint: int, hypothesis: Hypothesis, place: int) -> Hypothesis:
-    """Put a low-pass filter into one place, with the cutoff that predicts best."""
+def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
+    """With a low-pass filter in each place where one explains more than none does."""
+    for place in range(len(FILTERS)):
+        # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
+        grid = np.linspace(-4.6, 4.6, 9)
+        rows = rows_of_all(log, joint, [[*hypothesis.filtered(_newest(grid[0]))][place]])
 
-    def error(logit: float) -> float:
-        # A slow filter leaves too few samples of a short log, which is worse than any fit.
-        filtered = [*hypothesis.filtered(_newest(logit))][place]
-        return min(_held_out_error(log, joint, filtered, _by_parameters), 1e9)
+        def error(logit: float, place: int = place, rows: Rows = rows) -> float:
+            filtered = [*hypothesis.filtered(_newest(logit))][place]
+            # A log may be too short, which is worse than any fit.
+            return min(_held_out_error(log, joint, filtered, _by_parameters, rows), 1e9)
 
-    # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
-    grid = np.linspace(-4.6, 4.6, 9)
-    k = int(np.argmin([error(x) for x in grid]))
-    low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
-    minimum = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
-    return [*hypothesis.filtered(_newest(minimum.x))][place]
+        k = int(np.argmin([error(x) for x in grid]))
+        low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
+        minimum = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
+        filtered = [*hypothesis.filtered(_newest(minimum.x))][place]
+        rows = rows_of_all(log, joint, [hypothesis, filtered])
+        if rows.size < 2 * BLOCK:
+            continue
+        # Samples that a slow filter cannot foretell are lost to all: it has to explain more than none does.
+        without, with_filter = (_solution(log, joint, tried, rows)[2] for tried in (hypothesis, filtered))
+        if with_filter < without - DECISIVE:
+            yield filtered
 
 
 def _newest(logit: float) -> float:
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 
+def _logit(newest: float) -> float:
+    return float(np.log(newest / (1.0 - newest)))
+
+
 def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
-    """Parameters that fit best, searched from `near`, else from several starts."""
-    matrix, target, free = factor[:, :-1], factor[:, -1], _least_squares(factor, hypothesis)
-    w_1, w_2, M_bar = (
-        free[0],
-        free[1],
-        -(free[0] * free[2] + free[1] * free[3]) / (free[0] ** 2 + free[1] ** 2),
+    """Parameters that fit best, searched from `near`, else from several starts.
+
+    `near` has one more where a last column of the factor, beside the regressors, may be added in any size.
+    """
+    matrix, target = factor[:, :-1], factor[:, -1]
+    starts = [near] if near is not None else _starts(factor, hypothesis)
+    more, enough = (
+        np.eye(len(starts[0]) - 5),
+        np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor, hypothesis)),
     )
-    second = free[6] / M_bar
-    if hypothesis.surface != LINEAR and hypothesis.readings["eta_in_controller_2"] == "dropped":
-        second = free[7] / free[5]
-    published = _published(hypothesis)
-    extrapolating = np.array([1.15, -0.15, *published[2:]])
-    starts = [np.array([w_1, w_2, M_bar, free[5] / M_bar, second]), published, extrapolating]
-    starts = starts if near is None else [near]
 
     def misses(x: Array) -> Array:
-        return target - matrix @ coefficients(x, hypothesis)
+        return target - matrix @ np.append(coefficients(x[:5], hypothesis), x[5:])
 
     def slopes(x: Array) -> Array:
-        return -matrix @ coefficient_slopes(x, hypothesis)
+        return -matrix @ block_diag(coefficient_slopes(x[:5], hypothesis), more)
 
-    best, least = published, np.inf
-    for start in (point for point in starts if np.isfinite(point).all()):
+    best, least = starts[-1], np.inf
+    for start in starts:
         scale = np.maximum(np.abs(start), 1e-3)
         # MINPACK without the layers of `least_squares`, which take three times as long as the work.
         solution, _, details, _, _ = leastsq(
@@ -309,9 +382,22 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
         if left < least:
             best, least = np.asarray(solution), left
         # No parameters fit better than free coefficients do.
-        if least <= np.sqrt(CLOSE_TO_FREE) * _residual(factor, free):
+        if least <= enough:
             break
     return best
+
+
+def _starts(factor: Array, hypothesis: Hypothesis) -> list[Array]:
+    """Parameters (5,) of free coefficients, where these are of any, and published ones."""
+    w_1, w_2, *others = free = _least_squares(factor, hypothesis)
+    published = _published(hypothesis)
+    dropped = hypothesis.surface != LINEAR and hypothesis.readings["eta_in_controller_2"] == "dropped"
+    with np.errstate(all="ignore"):  # without torques or accelerations there are none
+        M_bar = -(w_1 * others[0] + w_2 * others[1]) / (w_1**2 + w_2**2)
+        second = free[7] / free[5] if dropped else free[6] / M_bar
+        starts = np.array([[w_1, w_2, M_bar, free[5] / M_bar, second], published, EXTRAPOLATING])
+    starts[2, 2:] = published[2:]
+    return [start for start in starts if np.isfinite(start).all()]
 
 
 def _published(hypothesis: Hypothesis) -> Array:

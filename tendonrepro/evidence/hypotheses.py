@@ -88,9 +88,19 @@ class Hypothesis:
         return replace(self, settings=(*self.settings, ("reference_acceleration", "absent")))
 
     @property
+    def is_pid(self) -> bool:
+        """Whether it is a discrete PID without a filter where its weights are 1 and 0."""
+        apart = {axis for axis, _ in self.settings} - {"error_rate", "reference_acceleration"}
+        return self.surface == LINEAR and self.newest == 1.0 and apart == {"differencing"}
+
+    @property
     def name(self) -> str:
         """``printed``, or the settings joined by ``+``."""
         return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
+
+
+PID = Hypothesis(LINEAR, (("differencing", "centred"),))
+"""The simplest one that a PID has, too; see `Hypothesis.is_pid`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +110,11 @@ class Regression:
     y: Array
     X: Array
     rows: NDArray[np.int64]
+
+    def of(self, rows: NDArray[np.int64]) -> Regression:
+        """At some of its samples alone."""
+        places = np.searchsorted(self.rows, rows)
+        return Regression(self.y[places], self.X[places], rows)
 
 
 def hypotheses(log: Log) -> Iterator[Hypothesis]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -90,7 +91,7 @@ def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: Comp
     q_d, dq_d, ddq_d = desired_motion(trace, L)
     step = expected.manipulator.encoders.joint.resolution.si
     q, rounding = zip(*(without_rounding(column, step) for column in trace["q_encoder"].T), strict=True)
-    S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else coupling(expected)[0]
+    S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else _coupling(expected, trace.joint)
     gains = expected.control.gains
     return Log(
         run=trace.name,
@@ -109,6 +110,15 @@ def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: Comp
         angle_rounding=np.array(rounding),
         encoder_step=step,
     )
+
+
+def _coupling(config: CompareConfig, joints: Sequence[int]) -> Array:
+    """Coupling of the joints of a record; one that the configuration does not move stands alone."""
+    S, matrix = coupling(config)[0], np.eye(len(joints))
+    for i, j in product(range(len(joints)), repeat=2):
+        if {joints[i], joints[j]} <= {*config.joints}:
+            matrix[i, j] = S[config.joints.index(joints[i]), config.joints.index(joints[j])]
+    return matrix
 
 
 def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> Array:
@@ -170,9 +180,15 @@ def resolution(values: Array) -> float:
     return float(gaps.min()) if gaps.size else 0.0
 
 
+def _step_of(values: Array) -> float:
+    """Step of the grid that values evidently stood on, else the smallest difference of any two."""
+    return without_rounding(values, 0.0)[1]
+
+
 def torque_rounding(log: Log) -> Array:
     """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
-    of_joints = np.array([resolution(column) for column in log.command.T])
-    of_winches = np.array([resolution(column) for column in (log.command @ log.S).T])
+    of_joints = np.array([_step_of(column) for column in log.command.T])
+    # A record may round once more what a drive has rounded.
+    of_winches = np.array([_step_of(column) for column in (log.command @ log.S).T])
     mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
     return np.asarray(np.maximum(of_joints, mapped))

@@ -27,9 +27,11 @@ from tendonrepro.results.records import TraceFile
 
 
 def recover_controllers(
-    file: TraceFile, loaded: LoadedConfig, talk: Talk, start: Start = map
+    file: TraceFile, loaded: LoadedConfig, talk: Talk, start: Start = map, *, own: bool = False
 ) -> list[RecoveredController]:
     """Read the controller off every run and joint; `start` works at several at once.
+
+    Gains are compared with the paper's configuration, or with the user's `own`.
 
     Raises
     ------
@@ -39,7 +41,7 @@ def recover_controllers(
         If every run that has it is too short, or has too long a pause.
     """
     assert isinstance(loaded.config, CompareConfig)
-    expected = expected_of(file, loaded.config)
+    expected = loaded.config if own else expected_of(file, loaded.config)
     logs, refused = read_logs(file, expected)
     if refused and not logs:
         raise refused[0]
@@ -51,9 +53,11 @@ def recover_controllers(
     tasks = [(log, joint) for log in logs for joint in log.joints if joint in expected.joints]
     if not tasks:
         joints = " and ".join(map(str, expected.joints))
-        raise UsageError(f"the paper gives gains of joints {joints}, and no run has one of these")
+        whose = loaded.origin if own else "the paper"
+        hint = "name a configuration with gains of these joints: --config"
+        raise UsageError(f"{whose} gives gains of joints {joints}, and no run has one of these", hint=hint)
     # A bar has a thread, and a process with threads cannot be copied: the work begins before it.
-    of_paper = expected is loaded.config
+    of_paper = expected is loaded.config and not own
     begun = start(partial(_of_joint, expected, of_paper), tasks)
     with talk.bar("fitting controllers", len(tasks)) as progress:
         return list(counted(begun, progress))

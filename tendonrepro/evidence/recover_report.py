@@ -9,7 +9,7 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.controller import RecoveredController
-from tendonrepro.evidence.fit import Fit, equally_good
+from tendonrepro.evidence.fit import Fit
 from tendonrepro.evidence.recover import recover_controllers
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
@@ -19,6 +19,8 @@ from tendonrepro.studies.study import Site
 
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
 """Columns of the table of parameters that the terminal shows."""
+HYPOTHESES = ("run", "joint", "hypothesis", "as_good", "unexplained", "information")
+"""Those of the table of hypotheses, which it shows where several fit."""
 OWN_GAINS = "The paper has no gains of this arm. The log is compared with its own configuration."
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
@@ -35,7 +37,9 @@ def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict
         return []
 
 
-def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site) -> Outcome:
+def recover_outcome(
+    file: TraceFile, name: str, loaded: LoadedConfig, site: Site, *, own: bool = False
+) -> Outcome:
     """Find which controller made each run of a log that is called `name`.
 
     Raises
@@ -43,48 +47,62 @@ def recover_outcome(file: TraceFile, name: str, paper: LoadedConfig, site: Site)
     UsageError
         If no run has torque, desired and measured angles.
     """
-    controllers = recover_controllers(file, paper, site.talk, site.start)
-    own = not controllers[0].of_paper
+    controllers = recover_controllers(file, loaded, site.talk, site.start, own=own)
+    of_paper = controllers[0].of_paper
     data = {
         "schema_version": 1,
         "log": name,
-        "gains_from": "configuration" if own else "paper",
+        "gains_from": "paper" if of_paper else "configuration",
         "runs": [controller_data(controller) for controller in controllers],
     }
     sentences = "\n".join(controller.sentence for controller in controllers)
-    return Outcome(data, [*([OWN_GAINS] if own else []), sentences, *controller_tables(controllers)])
+    whose = [] if of_paper or own else [OWN_GAINS]
+    return Outcome(data, [*whose, sentences, *controller_tables(controllers)])
 
 
-def controller_data(controller: RecoveredController) -> dict[str, object]:
-    """What is told of one joint of one run, as plain values."""
-    head: dict[str, object] = {
+def controller_row(controller: RecoveredController) -> dict[str, object]:
+    """What is told of one joint of one run; numbers stand there where the log tells, and are true."""
+    row: dict[str, object] = {
         "run": controller.run,
         "joint": controller.joint,
         "answer": controller.answer,
+        "controllers": " or ".join(controller.controllers) if controller.prints_weights else None,
+        "surface": None,
+        "readings": None,
+        "weights": controller.weights or None,
+        "as_good": len(controller.equal) - 1 if controller.fits else None,
         "advice": controller.advice,
+        "sentence": controller.sentence,
     }
-    head["sentence"] = controller.sentence
     if not controller.fits:
-        return head
-    return head | {
-        "surface": controller.best.hypothesis.surface,
-        "readings": controller.best.hypothesis.name,
-        "weights": controller.weights,
-        "parameters": {
-            name: {"value": value, "half_90": half, "published": published}
-            for name, value, half, published in (controller.parameters() if controller.prints_weights else ())
-        },
-        "equally_good": [_named(fit) for fit in equally_good(controller.fits)],
+        return row
+    best = controller.best
+    if controller.prints_weights:
+        gain, gain_half = controller.position_gain
+        row |= {"surface": best.hypothesis.surface, "readings": best.hypothesis.name}
+        row |= {"position_gain": gain, "position_gain_half_90": gain_half}
+    return row | {
         "unexplained": controller.unexplained,
         "rounding": controller.rounding,
         "torque_rounding": controller.torque_rounding,
         "angle_rounding": controller.angle_rounding,
         "period": controller.log.L,
-        "position_gain": controller.position_gain[0] if controller.prints_weights else None,
-        "position_gain_half_90": controller.position_gain[1] if controller.prints_weights else None,
-        "condition": controller.best.condition,
-        "bias": controller.best.bias,
-        "samples": controller.best.samples,
+        "condition": best.condition,
+        "bias": best.bias,
+        "samples": best.samples,
+    }
+
+
+def controller_data(controller: RecoveredController) -> dict[str, object]:
+    """The row of a joint, with its parameters and with all that fits equally well, for ``--json``."""
+    told = controller.parameters() if controller.prints_weights else ()
+    return controller_row(controller) | {
+        "parameters": {
+            name: {"value": value, "half_90": half, "published": published}
+            for name, value, half, published in told
+        },
+        "equally_good": [_named(fit) for fit in controller.equal],
+        "pid": controller.pid or None,
     }
 
 
@@ -94,21 +112,7 @@ def _named(fit: Fit) -> str:
 
 def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
     """Answers, parameters and hypotheses."""
-    fitted = [controller for controller in controllers if controller.fits]
-    answers = [
-        {
-            "run": controller.run,
-            "joint": controller.joint,
-            "answer": controller.answer,
-            "surface": controller.best.hypothesis.surface if controller.prints_weights else None,
-            "readings": controller.best.hypothesis.name if controller.prints_weights else None,
-            "as_good": len(equally_good(controller.fits)) - 1 if controller.fits else None,
-            "weights": controller.weights or None,
-            "unexplained": controller.unexplained if controller.fits else None,
-            "advice": controller.advice,
-        }
-        for controller in controllers
-    ]
+    told = [controller for controller in controllers if controller.prints_weights]
     parameters = [
         {"run": controller.run, "joint": controller.joint}
         | {
@@ -116,33 +120,38 @@ def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
             for name, value, half, _ in controller.parameters()
             for key, number in ((name, value), (f"{name}_half_90", half))
         }
-        for controller in fitted
-        if controller.prints_weights
+        for controller in told
     ]
     tried = [
         {
             "run": controller.run,
             "joint": controller.joint,
             "hypothesis": _named(fit),
+            "as_good": fit in controller.equal,
             "unexplained": fit.residual / fit.step,
             "information": fit.information - min(other.information for other in controller.fits),
             "condition": fit.condition,
         }
-        for controller in fitted
-        for fit in controller.fits[:SHOWN]
+        for controller in controllers
+        for fit in controller.fits[: max(SHOWN, len(controller.equal))]
     ]
-    shown = ("run", "joint", "answer", "surface", "readings", "weights", "as_good")
+    shown = ("run", "joint", "answer", "controllers", "readings", "as_good")
     # Where nothing can be told there are no columns to choose from.
     numbers = NUMBERS if parameters else ()
     return [
-        Table("controllers", "Which controller made the log.", answers, terminal=shown),
+        Table(
+            "controllers",
+            "Which controller made the log.",
+            [*map(controller_row, controllers)],
+            terminal=shown,
+        ),
         Table(
             "parameters", "Its numbers, SI, with half of their 90 % interval.", parameters, terminal=numbers
         ),
         Table(
             "hypotheses",
-            "The best hypotheses, with the information criterion above the best.",
+            "The best hypotheses, all that fit alike among them, with the criterion above the best.",
             tried,
-            terminal=(),
+            terminal=HYPOTHESES if any(len(controller.equal) > 1 for controller in told) else (),
         ),
     ]

@@ -226,6 +226,54 @@ def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: floa
     assert one.answer == answer
     assert one.best.parameters[2] == pytest.approx(K_d * L, rel=1e-6)
     assert ("M_bar" in one.advice) == (answer == NONE)
+    # Where a PID explains as much, it is named as well.
+    assert one.pid == pytest.approx({"K_p": 10.0 * K_d, "K_i": K_p * K_d, "K_d": K_d}, rel=1e-5, abs=1e-5)
+    assert "PID" in one.sentence
+
+
+@pytest.mark.usefixtures("one_filter")
+@pytest.mark.parametrize("controller", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_rounded_motion_with_corners_makes_no_hypothesis_win_by_its_samples(controller: int) -> None:
+    """Near corners a spline tells no derivatives: a law that needs none has more samples."""
+    one = joint_3(rounded(run(controller=controller), torque=1e-3, angle_deg=0.001))
+    assert one.answer == RECOVERED
+    assert len({fit.samples for fit in one.fits}) == 1
+    assert one.best.samples < len(one.log.q) - 100
+    assert f"Controller {controller}" in one.controllers
+    truth = Hypothesis(LINEAR if controller == 3 else NTSM)
+    assert truth in [fit.hypothesis for fit in one.equal]
+    assert "absent" not in one.best.hypothesis.name
+
+
+def test_all_that_fit_equally_well_are_named() -> None:
+    one = joint_3(rounded(run("weights=extrapolating"), torque=0.01, angle_deg=0.001))
+    data, rows = controller_data(one), controller_tables([one])[2].rows
+    assert data["as_good"] == len(one.equal) - 1 > 0
+    assert [row["hypothesis"] for row in rows if row["as_good"]] == data["equally_good"]
+    assert all(name in one.sentence for name in one.controllers)
+
+
+def test_intervals_beside_a_filter_count_that_its_cutoff_is_fitted() -> None:
+    file = run("estimate_filter=estimate", more=(("reference.amplitude", 4),))
+    one = joint_3(rounded(file, torque=0.01, angle_deg=0.001))
+    assert "estimate_filter=estimate" in one.best.hypothesis.name
+    assert abs(one.best.parameters[1] - 0.2) <= one.half[1]
+    assert abs(one.best.parameters[2] - 0.01) <= one.half[2]
+
+
+def test_gains_of_ones_own(joints_1_2: TraceFile, tmp_path: Path) -> None:
+    """A measured record of joints without published gains is compared with those of a configuration."""
+    own = tmp_path / "own.yaml"
+    own.write_text(joints_1_2.config_yaml)
+    write_traces(tmp_path / "log.h5", replace(joints_1_2, source="measured"))
+    found = answer("data", "recover", "log.h5", "--config", "own.yaml", cwd=tmp_path)
+    assert found["gains_from"] == "configuration"
+    assert [(row["joint"], row["answer"]) for row in found["runs"]] == [(1, RECOVERED), (2, RECOVERED)]
+    other = answer(
+        "data", "recover", "log.h5", "--config", "own.yaml", "--set", "control.gains.M_bar=[0.1, 0.1]",
+        "--out", "other", cwd=tmp_path,
+    )  # fmt: skip
+    assert {row["answer"] for row in other["runs"]} == {NONE}
 
 
 @pytest.mark.slow
@@ -329,10 +377,21 @@ def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
     """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
     (log,), _ = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
     for joint in (0, 1):
-        found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0))
+        rows = fit.rows_of_all(log, joint, [Hypothesis(LINEAR)])
+        found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0), rows)
         assert found.position_gain == pytest.approx(found.parameters[4] / 16.0)
         assert found.position_gain_half == pytest.approx(found.half[4] / 16.0)
         assert found.position_gain_half > 0.0
+
+
+def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() -> None:
+    """Free coefficients are zero there, and say nothing of parameters."""
+    (log,), _ = read_logs(run(controller=2), PUBLISHED.config)
+    still = replace(log, q=0.0 * log.q, q_d=0.0 * log.q, dq_d=0.0 * log.q, ddq_d=0.0 * log.q, applied=None)
+    pushed = replace(still, command=np.random.default_rng(1).normal(size=log.q.shape))
+    for hypothesis in (Hypothesis(NTSM), Hypothesis(LINEAR)):
+        rows = fit.rows_of_all(pushed, 0, [hypothesis])
+        assert np.isfinite(fit.fitted(pushed, 0, hypothesis, (0.0, 0.0), rows).residual)
 
 
 def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
