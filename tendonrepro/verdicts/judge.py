@@ -147,7 +147,7 @@ def _verdict(paper: Published, identifier: str, rulings: Rulings, beside: Eviden
             if other.verdict not in {ruling.verdict, "not_testable"}
         ),
         by_choice=tuple(
-            ByChoice(reading, other.verdict, other.ours)
+            ByChoice(reading, other.verdict, other.ours, other.evidence.get("opposite", {}).get("share"))
             for reading, other in others.items()
             if is_choice(reading)
         ),

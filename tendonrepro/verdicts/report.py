@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import every_run
 from tendonrepro.configuration.strict_yaml import dump
@@ -118,21 +120,23 @@ def headline(verdicts: Sequence[Verdict]) -> str:
     """Count by heading, and say what is not counted."""
     counts = summary(verdicts)
     powerless = counts.pop("no_power")
-    holds, fails, opposite, untested = (
-        sum(counts.get(name, 0) for name in names) for names in HEADINGS.values()
-    )
-    lines = [
-        f"{count_of(sum(counts.values()), 'claim')} judged: {holds} hold, {fails} do not hold, of {opposite} "
-        f"the opposite holds, {untested} cannot be tested here."
-    ]
+    lines = [f"{count_of(sum(counts.values()), 'claim')} judged: {_by_heading(counts)}."]
     if powerless:
         lines.append(
             f"Not counted: {count_of(powerless, 'number')} that the plants allow, since they allow most "
             "other values, too."
         )
-    if repeated := sum(verdict.repeats is not None for verdict in verdicts):
-        lines.append(f"Not counted: {count_of(repeated, 'number')} of a claim that is counted already.")
+    if repeated := Counter(verdict.verdict for verdict in verdicts if verdict.repeats is not None):
+        number = count_of(repeated.total(), "number")
+        lines.append(f"Not counted: {number} of a claim that is counted already: {_by_heading(repeated)}.")
     return "\n".join(lines)
+
+
+def _by_heading(counts: Mapping[str, int]) -> str:
+    """How many verdicts stand under each heading that has some."""
+    told = ("{} hold", "{} do not hold", "the opposite of {} holds", "{} cannot be tested here")
+    sums = (sum(counts.get(name, 0) for name in names) for names in HEADINGS.values())
+    return ", ".join(words.format(total) for words, total in zip(told, sums, strict=True) if total)
 
 
 def unless_text(verdict: Verdict) -> str:
@@ -197,13 +201,47 @@ def details_text(verdict: Verdict) -> str:
         f"verdict: {verdict.verdict}{_marks(verdict)}",
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
+        *_of_the_headline(verdict),
         f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
-        f"other motions or starts with another verdict: {unless_text(verdict) or 'none of those run'}",
+        *_under_choices(verdict),
         f"readings with another verdict: {', '.join(verdict.readings_that_change_it) or 'none of those run'}",
     ]
     plain = to_json({"evidence": verdict.evidence})
     rounded = json.loads(plain, parse_float=lambda digits: float(f"{float(digits):.4g}"))
     return "\n".join([*head, dump(rounded).rstrip(), *shipped_note([verdict])])
+
+
+def _of_the_headline(verdict: Verdict) -> list[str]:
+    """Of an order also how often Controller 1 is last, and behind Controller 2, as README has it."""
+    rows = verdict.evidence.get("beside", ())
+    last = next((row for row in rows if row["statement"].startswith(f"{FIRST} has the largest")), None)
+    if last is None:
+        return []
+    ahead = verdict.evidence["statements"][0]
+    return [
+        f"on the same plants: {last['statement']}: {100.0 * last['share']:.3g} %; "
+        f"not {ahead['statement']}: {100.0 * (1.0 - ahead['share']):.3g} %"
+    ]
+
+
+def _under_choices(verdict: Verdict) -> list[str]:
+    """The verdict under each other motion, start and friction that was run, with shares."""
+    rows = [
+        [
+            f"  {choice.reading}",
+            choice.verdict,
+            _size(verdict, choice.ours),
+            _opposite(verdict, choice.opposite).removeprefix(", "),
+        ]
+        for choice in verdict.by_choice
+    ]
+    return ["under other motions, starts and friction:", columns(rows)] if rows else []
+
+
+def _opposite(verdict: Verdict, share: float | None) -> str:
+    """On how many plants the reverse of an order holds."""
+    is_order = "reverse" in verdict.evidence.get("opposite", {}).get("statement", "")
+    return f", reverse {100.0 * share:.3g} %" if is_order and share is not None else ""
 
 
 def _unit(verdict: Verdict) -> str:
@@ -215,9 +253,8 @@ def _ours(verdict: Verdict) -> str:
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
-        text, other = f"holds on {100.0 * verdict.ours:.3g} %", verdict.evidence.get("opposite", {})
-        is_order = "reverse" in other.get("statement", "")
-        return f"{text}, reverse {100.0 * other['share']:.3g} %" if is_order else text
+        opposite = verdict.evidence.get("opposite", {}).get("share")
+        return _size(verdict, verdict.ours) + _opposite(verdict, opposite)
     if verdict.unit is None:
         return f"{verdict.ours:.4g}"
     unit, box = _unit(verdict), verdict.evidence.get("box")

@@ -134,11 +134,19 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
         for runs in (CONTROLLERS, CONTROLLERS[::-1])
     )
     n = len(plants.joints)
+    last = [
+        statement
+        for rival in RIVALS
+        for name, what in statistics.items()
+        for statement in smaller(plants, name, rival, FIRST, what)
+    ]
     beside = [
         Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)
         for text, statements in (("complete order", published), ("complete reverse order", reverse))
     ]
+    largest = f"{FIRST} has the largest {' and '.join(statistics.values())} on all joints"
+    beside.append(Statement(largest, together(last)))
     opposite = Statement("the complete reverse order on all joints", together(reverse))
     chance = _by_chance(plants, factorial(3))
     return Claim(published, *plants.counted(*CONTROLLERS), opposite=opposite, beside=beside, chance=chance)

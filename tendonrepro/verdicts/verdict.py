@@ -9,11 +9,15 @@ from tendonrepro.verdicts.rules import Evidence
 
 @dataclass(frozen=True)
 class ByChoice:
-    """A verdict under another choice of what the paper leaves open, and our share or number under it."""
+    """A verdict under another choice of what the paper leaves open, and our share or number under it.
+
+    `opposite` is the share of plants on which the opposite of a claim holds.
+    """
 
     reading: str
     verdict: str
     ours: float | None
+    opposite: float | None = None
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ class TestKnownAnswers:
         assert found.ours == 0.0
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
-        assert [row["share"] for row in found.evidence["beside"]] == [0.0, 1.0] * 2
+        assert [row["share"] for row in found.evidence["beside"]] == [0.0, 1.0, 0.0, 1.0, 1.0]
         assert any("measured hardware" in remark for remark in found.evidence["remarks"])
         assert verdict_on(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
 
@@ -165,8 +165,9 @@ class TestEveryClaimCanFail:
         assert (found["chance"], found["chance_together"]) == pytest.approx((1.0 / 36.0, 1.0 / 6.0))
         for share in (found["share"], found["opposite"]["share"]):
             assert share == pytest.approx(found["chance"], abs=0.01)
-        for row in found["beside"]:
-            assert row["share"] == pytest.approx(1.0 / 6.0, abs=0.03)
+        *orders, last = (row["share"] for row in found["beside"])
+        assert orders == pytest.approx([1.0 / 6.0] * 4, abs=0.03)
+        assert last == pytest.approx(1.0 / 9.0, abs=0.03)
 
     def test_the_bounds_are_those_of_the_paper(self, data, paper):
         # Omega = .1 gives .0493 by Eq. (30).

@@ -1,6 +1,7 @@
 """What the command reads: other experiments, damaged files, earlier ledgers; and the shipped verdicts."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -15,8 +16,9 @@ from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.ledger import as_data, shipped_ledger, with_shipped
-from tendonrepro.verdicts.rules import EDITION, FAILURES
+from tendonrepro.verdicts.ledger import as_data, read_ledger, shipped_ledger, with_shipped
+from tendonrepro.verdicts.report import details_text, headline
+from tendonrepro.verdicts.rules import EDITION, FAILURES, HEADINGS
 from tendonrepro.verdicts.study import claims_study
 
 
@@ -111,6 +113,23 @@ class TestFreshClone:
         assert origin["source"] == "shipped"
         for key in ("draws", "tendonrepro_version", "created"):
             assert str(origin[key]).partition("T")[0] in ledger.text
+
+    def test_what_is_counted_and_what_is_not_are_all_that_is_listed(self, ledger):
+        verdicts = [entry["verdict"] for entry in entries(ledger.data).values()]
+        listed = [sum(name in names for name in verdicts) for names in HEADINGS.values()]
+        lines = headline([*read_ledger(ledger.data).verdicts.values()]).splitlines()
+        told = [int(number) for line in lines for number in re.findall(r"\d+", line.rpartition(": ")[2])]
+        assert sum(told) == sum(listed)
+        assert 0 not in told
+
+    def test_each_other_choice_of_starts_has_its_share_beside_the_order(self, ledger):
+        order = entries(ledger.data)["C2"]
+        reverse = {choice["reading"]: choice["opposite"] for choice in order["by_choice"]}
+        text = details_text(read_ledger(ledger.data).verdicts["C2"])
+        last = next(row for row in order["evidence"]["beside"] if row["statement"].startswith("controller_1"))
+        for share in (*reverse.values(), last["share"], order["evidence"]["opposite"]["share"]):
+            assert f"{100.0 * share:.3g} %" in text
+        assert reverse["starts=apart"] < 0.2 < order["evidence"]["opposite"]["share"]
 
     def test_they_count_for_a_check_as_any_verdict_does(self, ledger, tmp_path):
         failing = [
