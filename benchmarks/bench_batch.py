@@ -222,14 +222,13 @@ def entries(found, errors, what, stated, default, held_out):
 def mix_case(draws=MIX_DRAWS, turns=TURNS):
     """Experiments per second of what an ensemble runs: draws of the shipped box under all its readings."""
     from tendonrepro.monte_carlo.block import loops_of
-    from tendonrepro.monte_carlo.box import scrambled_sobol
     from tendonrepro.monte_carlo.ensemble import load_study
     from tendonrepro.simulation.batch import simulate_batch
 
     study = load_study(None, (), None, "default")
     block = study.blocks(study.draws_of("box", 1024))[0]
-    box = study.boxes[block.population]
-    rows = box.values(scrambled_sobol(box, study.seed, 0, 0, draws))
+    box = study.populations[block.population]
+    rows = box.sample(study.seed, 0, 0, draws)
     loops = [loop for drawn in loops_of(study, block, rows) for loop in drawn]
     simulate_batch(loops, study.loaded.compare.status)  # compiles what is not there yet
     seconds = statistics.median(

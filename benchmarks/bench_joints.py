@@ -37,14 +37,13 @@ def batch_of(joints, folder):
     from tendonrepro.configuration.models.readings import parse_reading
     from tendonrepro.configuration.own_arm import init_arm
     from tendonrepro.configuration.plants import load_around
-    from tendonrepro.monte_carlo.around import AroundArm
-    from tendonrepro.monte_carlo.plants import drawn_loops
+    from tendonrepro.monte_carlo.population import population_of
     from tendonrepro.simulation.batch import simulate_batch
 
     init_arm(joints, folder / str(joints))
     loaded = load_around(folder / str(joints) / "compare.yaml", SPREAD, None)
-    arm = AroundArm(loaded, loaded.around)
+    arm = population_of(loaded)
     cases = [(f"controller_{k}", parse_reading("printed")) for k in (1, 2, 3)]
-    loops = [*chain.from_iterable(drawn_loops(loaded.base, arm, arm.sample(1, 0, 0, ARMS), cases))]
+    loops = [*chain.from_iterable(arm.loops(arm.sample(1, 0, 0, ARMS), cases))]
     simulate_batch(loops[:3], loaded.compare.status)
     return lambda: int(simulate_batch(loops, loaded.compare.status).steps.max())

@@ -22,7 +22,7 @@ from tendonrepro.evidence.hypotheses import LINEAR, NTSM
 from tendonrepro.evidence.log import Log
 from tendonrepro.evidence.recover import recover_controllers
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.records import PlantRecord, PlantValue, Trace, TraceFile
@@ -66,9 +66,9 @@ RIGHT, HALF, WRONG = "right", "half", "wrong"
 def drawn_plants(plants: int):
     """Plants of the ranges, with what was drawn: of every second one the motion is a raised cosine."""
     loaded, cosine = load_ensemble(None), load_config("compare_cosine", "compare").config.reference
-    box = make_box(loaded.config)
-    for place, row in enumerate(box.values(scrambled_sobol(box, 7, 0, 0, 16 * plants))):
-        drawn = configured(loaded.base, box, row)
+    box = population_of(loaded)
+    for place, row in enumerate(box.sample(7, 0, 0, 16 * plants)):
+        drawn = box.configured(row)
         yield drawn.model_copy(update={"reference": cosine}) if place % 2 else drawn, box.named(row)
 
 

@@ -23,7 +23,6 @@ from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.block import compute_blocks
-from tendonrepro.monte_carlo.box import configured
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.physics.metrics import STATUSES
@@ -72,7 +71,7 @@ def published_study() -> EnsembleStudy:
 
 def preliminary(study: EnsembleStudy) -> Preliminary:
     """Run the first population of a study under its first reading."""
-    first = next(iter(study.boxes))
+    first = next(iter(study.populations))
     blocks = [block for block in study.blocks(DRAWS) if block.population == first]
     shards = compute_blocks(study, blocks)
     places = [study.lookup[run, study.readings[0].name] for run in RUNS]
@@ -91,7 +90,7 @@ def preliminary(study: EnsembleStudy) -> Preliminary:
 def rounded(study: EnsembleStudy, values: Array) -> Array:
     """A sample (P,) of two significant digits in the unit that each range is written in."""
     rows = dict(study.loaded.config.box)
-    box = next(iter(study.boxes.values()))
+    box = next(iter(study.populations.values()))
     scales = [to_si(1.0, getattr(rows[name], "unit", "1")) for name in box.names]
     return np.array([_two_digits(value / scale) * scale for value, scale in zip(values, scales, strict=True)])
 
@@ -108,8 +107,8 @@ def typical_yaml(study: EnsembleStudy, sample: Preliminary) -> str:
     TendonreproError
         If it is not stable any more.
     """
-    values, box = rounded(study, sample.typical()), next(iter(study.boxes.values()))
-    config = configured(study.loaded.base, box, values)
+    values, box = rounded(study, sample.typical()), next(iter(study.populations.values()))
+    config = box.configured(values)
     named = dict(build_loops(config, study.loaded.base.folder))
     loops = [named[run] for run in RUNS]
     batch = simulate_batch(loops, config.status)

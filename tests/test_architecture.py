@@ -54,7 +54,7 @@ OWNERS = {
     "filelock": ["files.py"],
     "loky": ["parallel.py", "dataset/read.py"],
     "distributed": ["monte_carlo/ensemble.py"],
-    "cma": ["monte_carlo/box.py"],
+    "cma": ["monte_carlo/population.py"],
     "rich": ["console.py"],
     "jinja2": ["reporting/page.py"],
     "markdown_it": ["reporting/page.py"],

@@ -5,41 +5,34 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from pydantic import ValidationError
 
 from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.rows import PER_JOINT, SHARED, held_values
 from tendonrepro.configuration.strict_model import explain
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
-PER_JOINT: Mapping[str, str] = {
-    "links.length": "link_length",
-    "links.mass": "link_mass",
-    "links.com": "link_com",
-    "links.inertia": "link_inertia",
-    "tendons.axial_stiffness": "tendon_stiffness",
-    "tendons.axial_damping": "tendon_damping",
+ROWS: Mapping[str, str] = {row.key: name for name, row in PER_JOINT.items()} | {
+    SHARED[name].key: name
+    for name in (
+        "rotor_inertia",
+        "drum_inertia",
+        "winch_viscous",
+        "link_coulomb",
+        "link_viscous",
+        "link_stribeck_velocity",
+        "winch_coulomb",
+        "pulley_loss",
+        "tensioner_force",
+        "transmission_error",
+        "torque_limit",
+    )
 }
-"""Rows of the box that each joint has of its own, by the arm's key; the box has them for joints 2 and 3."""
-
-SHARED: Mapping[str, str] = {
-    "winches.reflected_inertia": "rotor_inertia",
-    "winches.drum_inertia": "drum_inertia",
-    "winches.viscous": "winch_viscous",
-    "friction.link.coulomb": "link_coulomb",
-    "friction.link.viscous": "link_viscous",
-    "friction.link.stribeck_velocity": "link_stribeck_velocity",
-    "friction.winch.coulomb": "winch_coulomb",
-    "friction.per_pulley": "pulley_loss",
-    "tensioner.force": "tensioner_force",
-    "transmission_error.peak_to_peak": "transmission_error",
-    "actuator.torque_limit": "torque_limit",
-}
-"""Rows that all joints share, by the arm's keys; what an arm has off stays off."""
+"""Rows of the box that vary around an arm, by the arm's keys; what an arm has off stays off."""
 
 _OF = {"friction.link.stribeck_velocity": "friction.link.coulomb"}
 """Keys that are of an effect whose size is another one."""
@@ -106,10 +99,9 @@ def ranges_of(ranges: Ranges) -> dict[str, Ends]:
         given = [_read(text) for text in ranges or ()]
     checked = {}
     for key, ends in given:
-        known = (*PER_JOINT, *SHARED)
-        if key not in known:
-            message = f"no key {key!r} varies around an arm{did_you_mean(key, known)}"
-            raise UsageError(message, where="--range", hint=f"There are: {', '.join(known)}")
+        if key not in ROWS:
+            message = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}"
+            raise UsageError(message, where="--range", hint=f"There are: {', '.join(ROWS)}")
         if key in checked:
             message, hint = f"{key} is given twice", "name each key once"
             raise UsageError(message, where="--range", hint=hint)
@@ -128,8 +120,7 @@ def refuse_off(config: CompareConfig, keys: Iterable[str]) -> None:
     moving = slice(-len(config.joints), None)
     for key in keys:
         owner = _OF.get(key, key)
-        quantity: Any = reduce(getattr, owner.split("."), config.manipulator)
-        if not np.any(np.atleast_1d(quantity.si)[moving]):
+        if not np.any(held_values(config.manipulator, owner)[moving]):
             message = f"{owner} is 0 on {config.manipulator.name}, so nothing depends on {key}"
             hint = f"give the arm a {owner} above 0, or leave this range out"
             raise UsageError(message, where="--range", hint=hint)

@@ -17,7 +17,7 @@ from tendonrepro.configuration.load import (
     config_digest,
     load_config,
 )
-from tendonrepro.configuration.models.box import WORDS, BoxConfig, Confidence
+from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
@@ -29,10 +29,8 @@ from tendonrepro.configuration.strict_yaml import Key, Tree
 from tendonrepro.errors import UsageError
 from tendonrepro.physics.trajectory import trapezoid_times
 
-FAST_PERIOD = 3.33  # of the motion fast_sine, s: 0.3 Hz
 
-
-class Population(Model):
+class PopulationConfig(Model):
     """Draws in which rows of some confidences vary and the others stay nominal."""
 
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
@@ -51,7 +49,7 @@ class EnsembleConfig(Model):
     block: Annotated[Scalar, whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0)]
     shortest_run: Annotated[Scalar, positive("s", "periods are repeated until a run lasts this long")]
     longest_run: Annotated[Scalar, positive("s", "no run of the box may last longer")]
-    populations: Annotated[dict[Identifier, Population], Field(min_length=1)]
+    populations: Annotated[dict[Identifier, PopulationConfig], Field(min_length=1)]
     pairs: tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...]
     """settings axis=value that are run together"""
     variations: tuple[str, ...]

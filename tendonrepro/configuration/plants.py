@@ -1,4 +1,4 @@
-"""Plants to draw: those of an ensemble, or around the arm of a comparison."""
+"""Plants to draw, and readings to run them under: those of an ensemble, or around the arm of a comparison."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble, load_ensemble
 from tendonrepro.configuration.load import ConfigLike, config_digest, find_source, load_config
 from tendonrepro.configuration.models.control import PRINTED_LAWS
 from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.readings import Reading, named_readings, under
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.errors import ConfigError, UsageError
+
+_DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("run_friction", "drawn")}
+"""Settings of readings whose numbers are rows of the box."""
 
 
 def load_around(
@@ -91,3 +95,32 @@ def with_all_controllers(loaded: LoadedEnsemble) -> LoadedEnsemble:
             message = f"runs: needs a run {name} with the controller of that name, to compare them"
             raise ConfigError(message, where=loaded.origin)
     return loaded
+
+
+def draws_rows(reading: Reading) -> list[str]:
+    """Settings of a reading whose numbers are drawn from the ranges of the paper's arm."""
+    return [f"{name}={value}" for name, value in reading.settings if (name, value) in _DRAWING]
+
+
+def readings_on(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm the printed one leaves its comparison as it is.
+
+    Raises
+    ------
+    UsageError
+        For an unknown one. Around an arm also for one that draws from the ranges of the paper's arm, or that
+        the comparison lacks something for.
+    """
+    readings = named_readings(names)
+    for reading in readings if loaded.around else ():
+        if drawing := draws_rows(reading):
+            message = f"{drawing[0]} draws from the ranges of the paper's arm"
+            hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"
+            raise UsageError(message, where="--readings", hint=hint)
+        try:
+            changed = under(reading, loaded.compare, {})
+            CompareConfig.model_validate(changed.model_dump(mode="json", exclude_none=True))
+        except ValueError as error:
+            message = f"the comparison cannot be run under {reading.name}: {error}"
+            raise UsageError(message, where="--readings") from error
+    return readings

@@ -17,7 +17,7 @@ Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | Non
 Tree: TypeAlias = dict[str, Node]
 """Values by their keys."""
 Section: TypeAlias = dict[str, Any]
-"""Part of a tree that is known to be sound; of many draws, with arrays as values."""
+"""Part of a tree that is known to be sound."""
 Key: TypeAlias = tuple[str | int, ...]
 
 Parsed: TypeAlias = Any

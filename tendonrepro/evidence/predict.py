@@ -16,9 +16,7 @@ from tendonrepro.configuration.models.control import FIRST, RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
 from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, BenchExperiment, experiments_on
-from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import Box, make_box
-from tendonrepro.monte_carlo.plants import drawn_loops
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -57,14 +55,13 @@ def predictions(
     """Yield every experiment's ratio under every reading on every joint."""
     joints, experiments = loaded.compare.joints, experiments_on(loaded)
     base = [run for run in RUNS if run in loaded.compare.runs]
-    plants = AroundArm(loaded, loaded.around) if loaded.around else make_box(loaded.config)
-    values = plants.sample(int(loaded.config.seed.si), 0, 0, draws)
+    values = population_of(loaded).sample(int(loaded.config.seed.si), 0, 0, draws)
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
             errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
             stable = []
             for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
-                loops = [*loops_of_plants(loaded, plants, rows, reading)]
+                loops = [*loops_of_plants(loaded, rows, reading)]
                 limits, threads = loaded.compare.status, processors()
                 batch = simulate_batch(loops, limits, threads=threads)
                 count = len(base) + len(experiments)
@@ -76,17 +73,15 @@ def predictions(
             yield from error_ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
 
 
-def loops_of_plants(
-    loaded: LoadedEnsemble, plants: Box | AroundArm, values: Array, reading: Reading
-) -> Iterator[Loop]:
+def loops_of_plants(loaded: LoadedEnsemble, values: Array, reading: Reading) -> Iterator[Loop]:
     """Loops of plants (N, P) under a reading, plant by plant: those of `RUNS`, then of experiments."""
-    experiments = experiments_on(loaded)
+    plants, experiments = population_of(loaded), experiments_on(loaded)
     runs = [run for run in RUNS if run in loaded.compare.runs]
     cases = {run: (run, reading) for run in runs}
     if any(experiment.name == "period_doubled" for experiment in experiments):
         slower = Reading(DOUBLED_PERIOD, (*reading.settings, ("sampling_period", "2ms")))
         cases[DOUBLED_PERIOD] = FIRST, slower
-    drawn = drawn_loops(loaded.base, plants, values, [*cases.values()])
+    drawn = plants.loops(values, [*cases.values()])
     # What experiments ask of readings, no draw decides.
     readings = under(reading, loaded.compare, plants.named(values[0])).control.readings
     for of_plant in drawn:

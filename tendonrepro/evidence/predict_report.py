@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.configuration.plants import draws_rows, readings_on
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
@@ -19,7 +20,6 @@ from tendonrepro.evidence.predict import (
     predictions,
     told_apart,
 )
-from tendonrepro.monte_carlo.around import draws_rows, readings_on
 from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome

@@ -17,7 +17,7 @@ from tendonrepro.configuration.published import METRICS
 from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
-from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.user_laws import Simulate, stub_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import Loop
@@ -57,17 +57,17 @@ class Bench:
     simulate: Simulate
 
     @property
-    def box(self) -> Box:
+    def box(self) -> Population:
         """Rows of the unit cube."""
         return self.space.box
 
     def beginning(self, values: Array) -> Bench:
         """With other values (P,) that rows have where they are not searched."""
-        return replace(self, space=replace(self.space, box=replace(self.box, nominal=values)))
+        return replace(self, space=replace(self.space, box=self.box.beginning(values)))
 
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
         """With some rows (P,) free and the others held."""
-        return replace(self, space=replace(self.space, box=replace(self.box, free=rows)))
+        return replace(self, space=replace(self.space, box=self.box.freeing(rows)))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
         """Of one point (P,) under a reading."""
@@ -98,8 +98,8 @@ class Bench:
         )
 
     def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        of_points = self.space.loops(self.box.values(units), [(run, reading) for run in runs])
-        return [*chain.from_iterable(of_points)]
+        cases = [(run, reading) for run in runs]
+        return [*chain.from_iterable(self.box.loops(self.box.values(units), cases))]
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
         """Short runs in which everything acts, for each branch of the code.

@@ -22,7 +22,7 @@ from tendonrepro.identification.goal import Goal
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space
-from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.outcome import Outcome
 
@@ -202,7 +202,7 @@ def shape_rows(best: Simulated, goal: Goal) -> list[Json]:
     return rows
 
 
-def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[KnownRow]:
+def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> list[KnownRow]:
     """What is known of every row that was searched, by points (N, P) that come near, the best first.
 
     ``of_range`` is how much of its range they take up. More rows than numbers determine none of them, and
@@ -211,9 +211,9 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
     values, searched = box.values(units), np.flatnonzero(box.free).tolist()
     alone, rows = bool((units == units[0]).all()), list[KnownRow]()
     for p in searched:
-        words, ends = box.words[p], (float(values[:, p].min()), float(values[:, p].max()))
+        words, ends = box.rows[p].words, (float(values[:, p].min()), float(values[:, p].max()))
         # Of a choice two words are all there is to say.
-        share = float(ends[0] < ends[1] if box.choices[p].size else np.ptp(units[:, p]))
+        share = float(ends[0] < ends[1] if box.rows[p].choices else np.ptp(units[:, p]))
         if len(searched) > numbers:
             why = "more parameters than numbers"
         elif not fits:
@@ -225,8 +225,8 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
         best, low, high = (words[int(x)] if words else float(x) for x in (values[0, p], *ends))
         rows.append(
             {
-                "name": box.names[p],
-                "unit": box.units[p],
+                "name": box.rows[p].name,
+                "unit": box.rows[p].unit,
                 "best": best,
                 "lowest": low,
                 "highest": high,
@@ -238,27 +238,26 @@ def known_rows(box: Box, units: Array, numbers: int, *, fits: bool) -> list[Know
     return rows
 
 
-def parameter_rows(box: Box, units: Array) -> list[ParameterRow]:
+def parameter_rows(box: Population, units: Array) -> list[ParameterRow]:
     """Every row of the box at points (N, P), the best first.
 
     What the best plant has switched off is at no bound.
     """
     values, best = box.values(units), units[0]
-    off = [p for p, choices in enumerate(box.choices) if choices.size and values[0, p] == 0.0]
-    idle = set().union(*(switched_by(box.names[p]) for p in off))
+    off = [row.name for p, row in enumerate(box.rows) if row.choices and values[0, p] == 0.0]
+    idle = set().union(*map(switched_by, off))
     rows: list[ParameterRow] = []
-    for p, name in enumerate(box.names):
-        is_choice, words = box.choices[p].size > 0, box.words[p]
-        plants = [words[int(value)] if words else float(value) for value in values[:, p]]
-        can_lean = box.free[p] and not is_choice and name not in idle
+    for p, row in enumerate(box.rows):
+        plants = [row.words[int(value)] if row.words else float(value) for value in values[:, p]]
+        can_lean = row.free and not row.choices and row.name not in idle
         rows.append(
             {
-                "name": name,
-                "unit": box.units[p],
-                "low": float(box.low[p]),
-                "high": float(box.high[p]),
-                "searched": bool(box.free[p]),
-                "choice": is_choice,
+                "name": row.name,
+                "unit": row.unit,
+                "low": row.low,
+                "high": row.high,
+                "searched": row.free,
+                "choice": bool(row.choices),
                 "best": plants[0],
                 "at_bound": _bound(best[p]) if can_lean else None,
                 "plants": plants,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.files import atomic_path
-from tendonrepro.monte_carlo.box import Box, evolution
+from tendonrepro.monte_carlo.population import Population, evolution
 
 
 class Evaluated(NamedTuple):
@@ -247,14 +247,16 @@ def switched_by(name: str) -> set[str]:
     return _SWITCHES.get(name, {name.removesuffix("_acts")})
 
 
-def held_unit(box: Box) -> Array:
+def held_unit(box: Population) -> Array:
     """Unit-cube point (P,) nearest to the values that rows keep where they are not free."""
+    low, high = box.low, box.high
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log(box.nominal / box.low) / np.log(box.high / box.low)
-        shares = (box.nominal - box.low) / (box.high - box.low)
-    unit = np.where(np.array(box.scale) == "log", logs, shares)
-    for row, choices in enumerate(box.choices):
-        if choices.size:
-            unit[row] = (int(np.argmin(np.abs(choices - box.nominal[row]))) + 0.5) / choices.size
+        logs = np.log(box.nominal / low) / np.log(high / low)
+        shares = (box.nominal - low) / (high - low)
+    unit = np.where([row.scale == "log" for row in box.rows], logs, shares)
+    for p, row in enumerate(box.rows):
+        if row.choices:
+            apart = np.abs(np.array(row.choices) - row.nominal)
+            unit[p] = (int(np.argmin(apart)) + 0.5) / len(row.choices)
     # A user's arm may lie beyond the ranges.
     return np.asarray(np.clip(np.nan_to_num(unit), 0.0, 1.0))

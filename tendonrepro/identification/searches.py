@@ -21,6 +21,7 @@ from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
+from tendonrepro.configuration.plants import draws_rows, readings_on
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
@@ -41,10 +42,9 @@ from tendonrepro.identification.search import (
 )
 from tendonrepro.identification.space import space_of
 from tendonrepro.identification.unknowns import rows_that_explain
-from tendonrepro.monte_carlo.around import draws_rows, readings_on
-from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
+from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
@@ -232,7 +232,7 @@ def _from_draws(task: IdentificationTask, folder: Path) -> IdentificationTask:
     return replace(task, begins=begins, draws_of=ensemble.identity)
 
 
-def _check_same_ranges(ensemble: EnsembleData, box: Box, folder: Path) -> None:
+def _check_same_ranges(ensemble: EnsembleData, box: Population, folder: Path) -> None:
     """A UsageError for an ensemble whose draws are no points of the ranges that are searched."""
     draws = ensemble.draws
     if ensemble.names != box.names or np.any((draws < box.low) | (draws > box.high)):
@@ -374,11 +374,11 @@ def _searched(
     else:
         rows, known = rows_that_explain(box, plants(start, sys.maxsize, "rows"), task.unknowns)
     bench = start.searching(rows)
-    starts = [bench.space.points(task.seed, k, effort.population) for k in range(effort.seeds)]
+    starts = [box.points(task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     result = search(
         np.where(rows, np.stack(starts), held_unit(box)),
         rows,
-        rows & [choices.size == 0 for choices in box.choices],
+        rows & [not row.choices for row in box.rows],
         partial(plants, bench, effort.plants),
         effort,
         task.seed,
@@ -387,10 +387,10 @@ def _searched(
     return {reading.name: _reading_data(task, bench, case, reading, result) for reading in readings}
 
 
-def _named_rows(text: str, box: Box) -> tuple[str, ...]:
+def _named_rows(text: str, box: Population) -> tuple[str, ...]:
     """Rows of a list with commas between; a UsageError for one that there is not, or that cannot move."""
     rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    free = [name for name, is_free in zip(box.names, box.free, strict=True) if is_free]
+    free = [row.name for row in box.rows if row.free]
     for name in rows:
         if name not in box.names:
             close = ", ".join(get_close_matches(name, free)) or f"there are: {', '.join(free)}"
@@ -425,7 +425,7 @@ def _reading_data(
         "near_count": len(units) - 1,
         "misfit_by_seed": searched.misfits.tolist(),
         "seeds_agree": searched.agree,
-        "rows_searched": np.array(bench.box.names)[bench.box.free].tolist(),
+        "rows_searched": [row.name for row in bench.box.rows if row.free],
         "best_shape": report.shape_rows(ours, goal),
         "numbers": report.number_rows(ours, goal),
         "parameters": report.parameter_rows(bench.box, units),

@@ -7,24 +7,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.around import PER_JOINT
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.strict_yaml import Section, section
-from tendonrepro.experiments.loops import Case
-from tendonrepro.monte_carlo.around import AroundArm, Factor, sobol
-from tendonrepro.monte_carlo.box import Box, configured, make_box, scrambled_sobol
-from tendonrepro.monte_carlo.comparison_values import box_at
-from tendonrepro.monte_carlo.plants import drawn_loops
-from tendonrepro.simulation.loop import Loop
+from tendonrepro.monte_carlo.population import Population, holding_base, population_of
 
 _FOLLOWS = {"links.com": ("links.length",), "links.inertia": ("links.mass", "links.length")}
 """Values of an arm that move with others, too."""
@@ -35,31 +29,31 @@ _OF_JOINT = re.compile("(_joint)?_[23]$")
 
 
 @dataclass(frozen=True)
-class PaperSpace:
-    """The ensemble's ranges; rows that are not searched keep what its base has."""
+class _Searched:
+    """A population in which is searched: rows that are not searched keep what its base has."""
 
-    base: LoadedConfig
-    box: Box
+    box: Population
 
-    within: ClassVar[str] = "the box"
-
-    def points(self, seed: int, replicate: int, count: int) -> Array:
-        """Points (count, P) of the unit cube, spread evenly."""
-        return scrambled_sobol(self.box, seed, replicate, 0, count)
+    @property
+    def base(self) -> LoadedConfig:
+        """The comparison whose plants are searched, or around whose arm."""
+        return self.box.loaded.base
 
     def config(self, values: Array, reading: Reading) -> CompareConfig:
         """Configuration of values (P,) under a reading."""
-        return under(reading, configured(self.base, self.box, values), self.box.named(values))
+        return under(reading, self.box.configured(values), self.box.asked_by_readings(values))
 
-    def loops(self, values: Array, cases: Sequence[Case]) -> Iterator[list[Loop]]:
-        """Yield the closed loops of each of values (N, P)."""
-        return drawn_loops(self.base, self.box, values, cases)
+
+class PaperSpace(_Searched):
+    """The ensemble's ranges."""
+
+    within: ClassVar[str] = "the box"
 
     def acting(self) -> Array:
         """Points at which every effect acts, for each disturbance, with and without torque steps."""
         box = self.box
         disturbance, steps = (box.names.index(name) for name in ("disturbance", "torque_resolution_acts"))
-        kinds = box.choices[disturbance].size
+        kinds = len(box.rows[disturbance].choices)
         # Off the middle, where a value might be exactly one.
         units = np.full((2 * kinds, len(box.names)), 0.4142)
         # The last of the sides of friction are the most.
@@ -85,31 +79,10 @@ class PaperSpace:
         return _plain(re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True)))
 
 
-@dataclass(frozen=True)
-class ArmSpace:
+class ArmSpace(_Searched):
     """Ranges around an arm of one's own: rows are factors on its values, and 1 is the arm itself."""
 
-    arm: AroundArm
-    box: Box
-
     within: ClassVar[str] = "these ranges"
-
-    @property
-    def base(self) -> LoadedConfig:
-        """The comparison around whose arm is searched."""
-        return self.arm.loaded.base
-
-    def points(self, seed: int, replicate: int, count: int) -> Array:
-        """Points (count, P) of the unit cube, spread evenly."""
-        return sobol(len(self.box.names), [seed, replicate], 0, count)
-
-    def config(self, values: Array, reading: Reading) -> CompareConfig:
-        """Configuration of factors (P,) under a reading."""
-        return under(reading, self.arm.configured(values), {})
-
-    def loops(self, values: Array, cases: Sequence[Case]) -> Iterator[list[Loop]]:
-        """Yield the closed loops of each of factors (N, P)."""
-        return drawn_loops(self.base, self.arm, values, cases)
 
     def acting(self) -> Array:
         """No points: what an arm has off stays off, so all plants share their code."""
@@ -118,23 +91,24 @@ class ArmSpace:
     def shown(self, config: CompareConfig) -> Mapping[str, tuple[float, str]]:
         """The value that each row gives an arm, with its unit, by its name."""
         found, arm = {}, _plain(config.manipulator.model_dump_json())
-        for factor in self.arm.factors:
-            quantity: Section = section(arm, *factor.key.split("."))
-            held = np.atleast_1d(quantity["value"])[factor.joint - 1 if factor.joint else -1]
-            found[factor.name] = float(held), quantity["unit"]
+        for row in self.box.rows:
+            quantity: Section = section(arm, *row.key.split("."))
+            held = np.atleast_1d(quantity["value"])[row.joint - 1 if row.joint else -1]
+            found[row.name] = float(held), quantity["unit"]
         return found
 
     def sourced(self, config: CompareConfig, source: str, rows: Sequence[str]) -> Section:
         """A configuration as plain values; what was not searched keeps the source that it has."""
         tree = _plain(config.model_dump_json(exclude_none=True))
-        factors, joints = self.arm.factors, config.manipulator.joints
+        factors, joints = self.box.rows, config.manipulator.joints
         for key in dict.fromkeys(factor.key for factor in factors):
             moving = (key, *_FOLLOWS.get(key, ()))
             searched = [factor for factor in factors if factor.key in moving and factor.name in rows]
             value = section(tree, "manipulator", *key.split("."))
             value["source"] = own = section(self.base.tree, "manipulator", *key.split("."))["source"]
             if searched:
-                all_joints = key not in PER_JOINT or len({factor.joint for factor in searched}) == joints
+                moved = {factor.joint for factor in searched}
+                all_joints = None in moved or len(moved) == joints
                 others = "" if all_joints else f"; the others {own}"
                 value["source"] = f"{source}, {', '.join(factor.name for factor in searched)}{others}"
         if tree["reference"]["kind"] == "sampled":
@@ -148,36 +122,8 @@ Space: TypeAlias = PaperSpace | ArmSpace
 
 def space_of(loaded: LoadedEnsemble) -> Space:
     """The space of an ensemble, or around the arm of a comparison."""
-    if loaded.around:
-        arm = AroundArm(loaded, loaded.around)
-        return ArmSpace(arm, _box_around(arm))
-    return PaperSpace(loaded.base, box_at(make_box(loaded.config), loaded.compare))
-
-
-def _box_around(arm: AroundArm) -> Box:
-    """The factors as a box; free are those that can vary, and have something to act on."""
-    factors, count = arm.factors, len(arm.factors)
-    low, high = np.array([(factor.low, factor.high) for factor in factors]).T
-    return Box(
-        names=arm.names,
-        units=("1",) * count,
-        low=low,
-        nominal=np.clip(1.0, low, high),
-        high=high,
-        scale=tuple("log" if factor.log else "linear" for factor in factors),
-        confidence=("",) * count,
-        choices=(np.empty(0),) * count,
-        words=((),) * count,
-        free=(low < high) & [_acts(arm, factor) for factor in factors],
-        shortest_run=0.0,
-    )
-
-
-def _acts(arm: AroundArm, factor: Factor) -> bool:
-    """Whether what a factor multiplies is not off."""
-    quantity: Section = section(arm.loaded.base.tree, "manipulator", *factor.key.split("."))
-    held = np.atleast_1d(quantity["value"])
-    return bool(np.any(held if factor.joint is None else held[factor.joint - 1]))
+    population = holding_base(population_of(loaded))
+    return ArmSpace(population) if loaded.around else PaperSpace(population)
 
 
 def _plain(text: str) -> Section:

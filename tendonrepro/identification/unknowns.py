@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear
 
 from tendonrepro.arrays import Array
 from tendonrepro.identification.search import Misfit, Rows, held_unit
-from tendonrepro.monte_carlo.box import Box
+from tendonrepro.monte_carlo.population import Population
 
 STEP = 0.25
 """How far a row is moved alone, and all of them together at a step, as a share of the range."""
@@ -57,7 +57,7 @@ class Chosen(NamedTuple):
     point: Array
 
 
-def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
+def rows_that_explain(box: Population, look: Misfit, most: int) -> Chosen:
     """Choose at most `most` of the box's free rows, (P,), from the point at which every row is held.
 
     Forwards, one after the other, a few more than asked for: each explains most of what is missing, with
@@ -78,7 +78,7 @@ def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
             break
         chosen.append(row)
         tried = place.point + np.outer(_SHARES, target - place.point)
-        if box.choices[row].size:
+        if box.rows[row].choices:
             tried[:, row] = target[row]
         place = min(place, _nearest(look, tried), key=lambda one: one.misfit)
     while len(chosen) > most:
@@ -86,7 +86,9 @@ def rows_that_explain(box: Box, look: Misfit, most: int) -> Chosen:
     return Chosen(np.isin(np.arange(len(box.names)), chosen), place.point)
 
 
-def _without_the_least(box: Box, look: Misfit, place: _Place, chosen: list[int], resting: Array) -> _Place:
+def _without_the_least(
+    box: Population, look: Misfit, place: _Place, chosen: list[int], resting: Array
+) -> _Place:
     """Take the row out of `chosen` that the others make up for best, and go where they do."""
     starts = np.tile(place.point, (len(chosen), 1))
     starts[np.arange(len(chosen)), chosen] = resting[chosen]
@@ -109,11 +111,11 @@ def _nearest(look: Misfit, points: Array) -> _Place:
     return _Place(points[best], found.sized[best], float(found.misfits[best]))
 
 
-def _ranges(box: Box, rows: Iterable[int]) -> list[int]:
-    return [row for row in rows if not box.choices[row].size]
+def _ranges(box: Population, rows: Iterable[int]) -> list[int]:
+    return [row for row in rows if not box.rows[row].choices]
 
 
-def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _Moves:
+def _moved_alone(box: Population, point: Array, look: Misfit, rows: Iterable[int]) -> _Moves:
     """Some rows moved up and down, and every other choice of them."""
     moved, ends = zip(*_ends(box, point, rows), strict=True)
     points = np.tile(point, (len(moved), 1))
@@ -121,21 +123,20 @@ def _moved_alone(box: Box, point: Array, look: Misfit, rows: Iterable[int]) -> _
     return _Moves(np.array(moved), points, look(points).sized)
 
 
-def _ends(box: Box, point: Array, rows: Iterable[int]) -> Iterator[tuple[int, float]]:
+def _ends(box: Population, point: Array, rows: Iterable[int]) -> Iterator[tuple[int, float]]:
     for row in rows:
-        choices = box.choices[row]
-        if choices.size:
-            here = int(min(point[row] * choices.size, choices.size - 1))
-            yield from ((row, (k + 0.5) / choices.size) for k in range(choices.size) if k != here)
+        if count := len(box.rows[row].choices):
+            here = int(min(point[row] * count, count - 1))
+            yield from ((row, (k + 0.5) / count) for k in range(count) if k != here)
         else:
             yield row, min(point[row] + STEP, 1.0)
             yield row, max(point[row] - STEP, 0.0)
 
 
-def _step(box: Box, moves: _Moves, place: _Place, chosen: list[int], row: int) -> tuple[float, Array]:
+def _step(box: Population, moves: _Moves, place: _Place, chosen: list[int], row: int) -> tuple[float, Array]:
     """Sum of squares that is left with one more row, and where the linear fit has it."""
     ranges = _ranges(box, (*chosen, row))
-    if not box.choices[row].size:
+    if not box.rows[row].choices:
         return _fitted(moves, ranges, place.residuals, place.point)
     # A choice: each other word by what the ranges chosen before can make of it.
     fits = [

@@ -16,7 +16,6 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.data import Block, Shard, ShardArray, shard_image
 from tendonrepro.monte_carlo.plan import EnsembleStudy
-from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.monte_carlo.user_laws import Simulate, runs_alone, simulate_mixed
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.physics.metrics import STATUSES, mae, rmse
@@ -91,7 +90,7 @@ def _filled(pieces: Sequence[tuple[Block, Array]], most: int) -> Iterator[list[t
 def loops_of(study: EnsembleStudy, block: Block, rows: Array) -> list[list[Loop]]:
     """Loops of draws (N, P), by draw and case; what readings leave alone is shared."""
     drawn_from, loops = study.populations[block.population], []
-    drawn = drawn_loops(study.loaded.base, drawn_from, rows, study.cases, study.laws)
+    drawn = drawn_from.loops(rows, study.cases, study.laws)
     for row in rows:
         try:
             loops.append(next(drawn))

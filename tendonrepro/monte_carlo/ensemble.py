@@ -11,26 +11,25 @@ from itertools import chain
 from pathlib import Path
 
 from tendonrepro import __version__
-from tendonrepro.configuration.around import Around, Ranges
+from tendonrepro.configuration.around import Ranges
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.configuration.plants import load_plants, with_all_controllers
+from tendonrepro.configuration.plants import load_plants, readings_on, with_all_controllers
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import to_json, write_atomically
 from tendonrepro.monte_carlo.arm_report import arm_tables
-from tendonrepro.monte_carlo.around import AroundArm, readings_on
 from tendonrepro.monte_carlo.block import make_blocks
-from tendonrepro.monte_carlo.box import make_box
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
@@ -62,16 +61,16 @@ def load_study(
     """
     loaded = with_all_controllers(load_plants(source, spread, ranges, overrides=overrides, seed=seed))
     if loaded.around:
-        return _around(loaded, loaded.around, readings, laws)
+        return _around(loaded, readings, laws)
     if laws:
         message = "runs around an arm of your own"
         raise UsageError(message, where="--law", hint="name a comparison, --config compare.yaml")
-    config, box = loaded.config, make_box(loaded.config)
+    config, box = loaded.config, population_of(loaded)
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else readings_on(loaded, f"{PRINTED},{readings}")
     return EnsembleStudy(
         loaded,
-        boxes={name: box.only(population.confidences) for name, population in config.populations.items()},
+        populations={name: box.only(part.confidences) for name, part in config.populations.items()},
         shares={name: population.share.si for name, population in config.populations.items()},
         readings=chosen,
         variations=tuple(parse_reading(name) for name in config.variations) if default else (),
@@ -81,7 +80,7 @@ def load_study(
     )
 
 
-def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequence[UserLaw]) -> EnsembleStudy:
+def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> EnsembleStudy:
     for law in laws:
         if law.name in (*loaded.compare.runs, *RUNS):
             message = f"there is a run {law.name!r} already"
@@ -89,14 +88,13 @@ def _around(loaded: LoadedEnsemble, around: Around, readings: str, laws: Sequenc
     loaded = replace(loaded, base=with_user_laws(loaded.base, laws))
     study = EnsembleStudy(
         loaded,
-        boxes={},
+        populations={ARMS: population_of(loaded)},
         shares={ARMS: 1.0},
         readings=readings_on(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
         variations=(),
         seed=int(loaded.config.seed.si),
         replicates=LEAST_SCRAMBLINGS,
         block_draws=int(loaded.config.block.si),
-        arm=AroundArm(loaded, around),
         laws=tuple(laws),
     )
     return replace(study, laws=tuple(tried(study, law) for law in laws))
@@ -173,7 +171,7 @@ def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
     blocks = study.blocks(draws)
     cost = study.cost(blocks)
     readings = count_of(len(study.readings), "reading")
-    arms = f" {study.arm.around.told}" if study.arm else ""
+    arms = f" {study.loaded.around.told}" if study.loaded.around else ""
     return {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
@@ -245,7 +243,8 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
         "draws": draws,
         "scramblings": study.replicates,
         "populations": {
-            name: population_summary(read_ensemble(folder, name), study.arm) for name in study.populations
+            name: population_summary(population, read_ensemble(folder, name))
+            for name, population in study.populations.items()
         },
         "spot_check": spot_checks(folder / SHARDS, study.identity, blocks),
         "cost": study.cost(blocks),

@@ -17,9 +17,8 @@ from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import digest_of
-from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import Box
 from tendonrepro.monte_carlo.data import Block, CaseName
+from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -73,14 +72,14 @@ def _bare_code(path: Path) -> str:
 class EnsembleStudy:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Claims are judged by the first of the populations `boxes`. Around an arm of a user's own there is the
-    population `arm` instead, and a user's `laws` run too. `shares` are their parts of the number asked for.
+    Claims are judged by the first of the `populations`, whose `shares` are their parts of the number asked
+    for. Around an arm of a user's own a user's `laws` run too.
     `replicates` are independent scramblings. A block of `block_draws`, a power of two, is the most work
     that a kill can cost a process.
     """
 
     loaded: LoadedEnsemble
-    boxes: Mapping[str, Box]
+    populations: Mapping[str, Population]
     shares: Mapping[str, float]
     readings: tuple[Reading, ...]
     variations: tuple[Reading, ...]
@@ -88,20 +87,14 @@ class EnsembleStudy:
     replicates: int
     block_draws: int
     check_every: int = CHECK_EVERY
-    arm: AroundArm | None = None
     laws: tuple[UserLaw, ...] = ()
-
-    @property
-    def populations(self) -> Mapping[str, Box | AroundArm]:
-        """What is drawn from, by name."""
-        return {ARMS: self.arm} if self.arm else self.boxes
 
     @property
     def runs(self) -> tuple[str, ...]:
         """The paper's runs, or those of the comparison around whose arm plants are drawn, and of laws."""
         config = self.loaded.compare
         own = [run for law in self.laws for run in runs_of(law, config)]
-        return (*config.runs, *own) if self.arm else RUNS
+        return (*config.runs, *own) if self.loaded.around else RUNS
 
     @property
     def alone(self) -> tuple[UserLaw, ...]:

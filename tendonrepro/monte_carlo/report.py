@@ -10,51 +10,52 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.readings import Reading, parse_reading, under
+from tendonrepro.configuration.rows import Draw
 from tendonrepro.console import count_of
+from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.monte_carlo.arm_report import pair_rows
-from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
+from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.monte_carlo.summary import PopulationSummary, ReadingSummary, Summary
-from tendonrepro.physics.control import estimator_weights
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 
+SOME = 8
+"""Draws by which it shows whether a drawn number enters the ratio of slow errors."""
 
-def population_summary(data: EnsembleData, arm: AroundArm | None = None) -> PopulationSummary:
-    """What there is to say about one population; ``laws`` counts statuses under the printed reading.
 
-    Around an `arm` of a user's own, theory follows the gains and readings of its comparison.
-    """
-    readings = [reading_summary(data, name) for name in data.readings]
+def population_summary(population: Population, data: EnsembleData) -> PopulationSummary:
+    """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
+    readings, joints = [reading_summary(data, name) for name in data.readings], data.joints
+    seed = int(population.loaded.config.seed.si)
+    draws = population.sample(seed, 0, 0, SOME)
+    plants = [(population.configured(draw), population.asked_by_readings(draw)) for draw in draws]
     for reading in readings:
-        name = reading["name"]
-        ratio = arm.slow_ratio(name) if arm else slow_ratio(data, name)
-        joints = (f"joint_{joint}" for joint in data.joints)
-        reading["theory"] = dict(zip(joints, ratio.tolist(), strict=True))
+        ratio = slow_ratio(plants, parse_reading(reading["name"]))
+        reading["theory"] = dict(zip((f"joint_{joint}" for joint in joints), ratio.tolist(), strict=True))
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in readings[0]["status"].items()
     }
-    population: PopulationSummary = {
+    summary: PopulationSummary = {
         "plants": len(data),
-        "joints": list(data.joints),
+        "joints": list(joints),
         "laws": laws,
         "readings": readings,
     }
-    return {**population, "pairs": [*pair_rows(data)]} if data.around else population
+    return {**summary, "pairs": [*pair_rows(data)]} if data.around else summary
 
 
-def slow_ratio(data: EnsembleData, name: str) -> Array:
-    """Ratio C1/C2 of slowly changing errors (n,), docs/theory.md; NaN where a drawn number enters."""
-    settings = dict(parse_reading(name).settings)
-    applied, drawn = settings.get("stored_torque") == "applied", settings.get("hardware") == "drawn"
-    waited = float(settings.get("output_delay", 0)) if applied else 0.0
-    if settings.get("estimate_filter") == "estimate" or (applied and drawn):
-        waited = float("nan")
-    ages = (1.0, 2.0) @ estimator_weights(np.array(data.alpha), settings.get("weights", "interpolating"))
-    return np.asarray((ages + waited) / (1.0 + waited))
+def slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Reading) -> Array:
+    """Ratio C1/C2 of slowly changing errors under a reading (n,), docs/theory.md.
+
+    It is NaN where a drawn number enters, so that some plants, each with its draw, differ.
+    """
+    ratios = [slow_error_ratio(under(reading, config, draw), CONTROLLERS[:2]) for config, draw in plants]
+    return np.where(np.isclose(ratios, ratios[0]).all(axis=0), ratios[0], np.nan)
 
 
 def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, object]:

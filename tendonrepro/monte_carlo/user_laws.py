@@ -16,7 +16,6 @@ from tendonrepro.experiments.loops import run_status
 from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes
 from tendonrepro.monte_carlo.data import ShardArray
 from tendonrepro.monte_carlo.plan import EnsembleStudy
-from tendonrepro.monte_carlo.plants import drawn_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.records import Trace
 from tendonrepro.results.statistics import statistics
@@ -52,9 +51,8 @@ def tried(study: EnsembleStudy, law: UserLaw) -> UserLaw:
 def _start_of(study: EnsembleStudy, law: UserLaw) -> Loop:
     """The first samples of a law on the arm itself."""
     study = replace(study, laws=(law,))
-    assert study.arm is not None
-    itself = np.ones((1, len(study.arm.names)))
-    (loops,) = drawn_loops(study.loaded.base, study.arm, itself, study.cases, study.laws)
+    (arms,) = study.populations.values()
+    (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, study.laws)
     return stub_of(loops[study.lookup[law.name, PRINTED]])
 
 

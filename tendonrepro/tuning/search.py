@@ -19,8 +19,7 @@ from scipy.stats import gmean
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import SECOND
-from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import configured, evolution, make_box
+from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.tuning.bench import (
     ALL_RUNS,
@@ -205,11 +204,8 @@ class TuningTask:
 
     def draw(self, number: int) -> TrialPlants:
         """Draw of a number from the box, or around a user's arm."""
-        if self.loaded.around:
-            config = AroundArm(self.loaded, self.loaded.around).draw(number)
-        else:
-            box, seed = make_box(self.loaded.config), int(self.loaded.config.seed.si)
-            config = configured(self.loaded.base, box, box.sample(seed, 0, number, 1)[0])
+        population, seed = population_of(self.loaded), int(self.loaded.config.seed.si)
+        config = population.configured(population.sample(seed, 0, number, 1)[0])
         return posed(config)
 
     def tuned(self, number: int) -> TunedRow:

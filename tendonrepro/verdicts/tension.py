@@ -15,9 +15,10 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.rows import PER_JOINT, Joint
 from tendonrepro.experiments.statics import COURSES, Mechanism, mechanism
-from tendonrepro.monte_carlo.box import make_box, put_links, scrambled_sobol
 from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.shares import share_of
 from tendonrepro.physics.arm import weight_moment
 from tendonrepro.physics.statics import SLACK, tendon_tension
@@ -25,6 +26,8 @@ from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, Rulings, not_test
 
 MARGINS = (5.0, 10.0, 20.0)
 """How far every link stays away from the edges of the half-plane, deg; a verdict has to hold for all."""
+
+_LINKS = ("length", "mass", "com")
 
 DRAWS = 1024
 """Plants drawn where no ensemble is at hand, as many as `tendonrepro ensemble` draws."""
@@ -99,10 +102,11 @@ def _tense(margin: float, plants: PlantsAtRest, route: Mechanism) -> Mask:
 
 @cache
 def _shipped_draws() -> tuple[tuple[str, ...], Array, NDArray[np.int64]]:
-    config = load_ensemble(None).config
-    box, seed, replicates = make_box(config), int(config.seed.si), int(config.scramblings.si)
+    loaded = load_ensemble(None)
+    box, seed = population_of(loaded), int(loaded.config.seed.si)
+    replicates = int(loaded.config.scramblings.si)
     each = DRAWS // replicates
-    draws = [box.values(scrambled_sobol(box, seed, k, 0, each)) for k in range(replicates)]
+    draws = [box.sample(seed, k, 0, each) for k in range(replicates)]
     return box.names, np.concatenate(draws), np.repeat(np.arange(replicates), each)
 
 
@@ -113,11 +117,12 @@ def plants_at_rest(data: EnsembleData | None, manipulator: Manipulator) -> Plant
     else:
         names, draws, replicate = _shipped_draws()
     draw = dict(zip(names, draws.T, strict=True))
-    tree: dict[str, dict[str, Array]] = {}
-    put_links(tree, draw)
-    links = {key: np.array(tree[key]["value"]) for key in ("length", "mass", "com")}
-    for key, values in links.items():
-        # The box has no link 1, which is held in the comparison.
-        values[0] = getattr(manipulator.links, key).si[0]
-    moment = weight_moment(**links, payload_mass=0.0, gravity=manipulator.gravity.si)
+    # The box has no link 1, which is held in the comparison.
+    links = {key: [np.full(len(draws), getattr(manipulator.links, key).si[0])] for key in _LINKS}
+    for joint in (2, 3):
+        of = Joint(draw[f"link_length_{joint}"], draw[f"link_mass_{joint}"])
+        for key, values in links.items():
+            values.append(PER_JOINT[f"link_{key}"].put(draw[f"link_{key}_{joint}"], of))
+    length, mass, com = (np.array(links[key]) for key in _LINKS)
+    moment = weight_moment(length, mass, com, payload_mass=0.0, gravity=manipulator.gravity.si)
     return PlantsAtRest(moment, draw["tensioner_force"], replicate)

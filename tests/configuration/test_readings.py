@@ -24,7 +24,7 @@ from tendonrepro.configuration.models.readings import (
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import hypotheses
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.control import Law, Surface
 from tendonrepro.simulation.loop import Loop
 
@@ -36,11 +36,11 @@ UNREAD_BY_TSM = ("eta", "b", "Delta", "phi_is_odd", "power_inside", "power_floor
 def drawing() -> tuple[CompareConfig, dict[str, float]]:
     """A draw whose hardware differs from the printed one in everything."""
     ensemble = load_ensemble(None)
-    box = make_box(ensemble.config)
-    values = box.values(scrambled_sobol(box, 1, 0, 0, 8))[3]
+    box = population_of(ensemble)
+    values = box.sample(1, 0, 0, 8)[3]
     for name, value in {"encoder_count": np.deg2rad(0.088), "output_delay": 2.0, "error_rate": 1.0}.items():
         values[box.names.index(name)] = value
-    return configured(ensemble.base, box, values), box.named(values)
+    return box.configured(values), box.named(values)
 
 
 @cache

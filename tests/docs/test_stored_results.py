@@ -43,7 +43,7 @@ def sample() -> dict[str, Any]:
 def made_again(sample: dict[str, Any]) -> dict[str, Batch]:
     """The same plants simulated by the code of today; a row that was added since is at its nominal value."""
     study = load_study(None, (), None, sample["reading"])
-    box = study.boxes["box"]
+    box = study.populations["box"]
     count = len(next(iter(sample["draws"].values())))
     nominal = dict(zip(box.names, box.nominal, strict=True))
     columns = [sample["draws"].get(name, [nominal[name]] * count) for name in box.names]

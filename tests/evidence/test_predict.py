@@ -28,9 +28,7 @@ from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.around import AroundArm
-from tendonrepro.monte_carlo.box import configured, make_box
-from tendonrepro.monte_carlo.plants import drawn_loops
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -41,7 +39,7 @@ LOOPS = dict(build_loops(COMPARE, LOADED.base.folder))
 SLOWER = under(parse_reading("sampling_period=2ms"), COMPARE, {})
 LOOPS[DOUBLED_PERIOD] = dict(build_loops(SLOWER, LOADED.base.folder))[FIRST]
 BY_NAME = {one.name: one for one in EXPERIMENTS}
-BOX = make_box(LOADED.config)
+BOX = population_of(LOADED)
 NOMINAL = BOX.named(BOX.nominal)
 
 
@@ -118,11 +116,11 @@ def test_loops_of_a_plant_are_those_of_its_configuration() -> None:
     """The array way to a plant gives what its configuration gives; at twice the period, too."""
     row = BOX.sample(7, 0, 0, 1)
     reading = parse_reading("weights=extrapolating")
-    config = under(reading, configured(LOADED.base, BOX, row[0]), BOX.named(row[0]))
+    config = under(reading, BOX.configured(row[0]), BOX.named(row[0]))
     slower = under(parse_reading("sampling_period=2ms"), config, {})
     expected = dict(build_loops(config, LOADED.base.folder))
     expected[DOUBLED_PERIOD] = dict(build_loops(slower, LOADED.base.folder))[FIRST]
-    given = [*predict.loops_of_plants(LOADED, BOX, row, reading)]
+    given = [*predict.loops_of_plants(LOADED, row, reading)]
     assert len(given) == len(RUNS) + len(EXPERIMENTS)
     names = [one.name for one in EXPERIMENTS]
     shown = [
@@ -253,11 +251,10 @@ def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: 
 def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path: Path) -> None:
     init_arm(1, tmp_path / "one")
     loaded = load_around(tmp_path / "one" / "compare.yaml", 0.2)
-    assert loaded.around is not None
-    arm = AroundArm(loaded, loaded.around)
+    arm = population_of(loaded)
     slower = Reading(DOUBLED_PERIOD, (("sampling_period", "2ms"),))
     cases = [(FIRST, parse_reading("printed")), (FIRST, slower)]
-    ((first, doubled),) = drawn_loops(loaded.base, arm, arm.sample(1, 0, 0, 1), cases)
+    ((first, doubled),) = arm.loops(arm.sample(1, 0, 0, 1), cases)
     assert (first.L, doubled.L) == (0.001, 0.002)
     assert doubled.reference.time == pytest.approx(first.reference.time[::2])
     assert doubled.reference.q_d == pytest.approx(first.reference.q_d[::2], abs=1e-12)

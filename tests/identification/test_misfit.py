@@ -8,7 +8,6 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.identification.misfit import Bench, Simulated, log_misfit, rounding_misfit
 from tendonrepro.identification.space import space_of
-from tendonrepro.monte_carlo.box import scrambled_sobol
 
 
 class TestMisfit:
@@ -52,7 +51,7 @@ class TestBench:
         space = space_of(loaded())
         box = space.box
         found = dict(zip(box.names, box.values(space.acting()).T, strict=True))
-        both = box.words[box.names.index("friction_sides")].index("both")
+        both = box.rows[box.names.index("friction_sides")].words.index("both")
         assert set(found["friction_sides"]) == {both}
         steps, disturbance = found.pop("torque_resolution_acts"), found["disturbance"]
         assert all((values == 1.0).all() for name, values in found.items() if name.endswith("_acts"))
@@ -68,7 +67,7 @@ class TestBench:
         monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
         space = space_of(loaded())
         bench = Bench(space, "whole", counting)
-        found = bench.measure(scrambled_sobol(space.box, 1, 0, 0, 20), reading({}), RUNS[1:3])
+        found = bench.measure(space.box.points(1, 0, 0, 20), reading({}), RUNS[1:3])
         assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
         stubs = 2 * len(space.acting())
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]

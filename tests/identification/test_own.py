@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +120,7 @@ def test_more_parameters_than_numbers_determine_nothing(compare: Path, tmp_path:
 
 def test_what_near_plants_differ_in_is_not_determined(loaded: LoadedEnsemble) -> None:
     rows = [name in {"links.mass_1", "links.mass_2"} for name in space_of(loaded).box.names]
-    box = replace(space_of(loaded).box, free=np.array(rows))
+    box = space_of(loaded).box.freeing(np.array(rows))
     units = np.full((3, len(rows)), 0.5)
     units[1:, box.names.index("links.mass_1")] = 0.2, 0.7
     units[1:, box.names.index("links.mass_2")] = 0.45, 0.55

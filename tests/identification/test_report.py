@@ -1,7 +1,5 @@
 """Numbers of plants beside the printed ones, on plants made around the print."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.made_plants import PRINTED, RINGING, loaded, plants
@@ -10,7 +8,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
-from tendonrepro.monte_carlo.box import make_box
+from tendonrepro.monte_carlo.population import population_of
 
 
 def test_numbers_of_the_first_plant_and_the_range_of_all():
@@ -35,7 +33,7 @@ def test_runs_that_are_not_ok_are_left_out_of_ranges():
 
 
 def test_parameters_have_values_words_and_bounds():
-    box = make_box(loaded().config)
+    box = population_of(loaded())
     units = np.full((3, len(box.names)), 0.5)
     place = {name: k for k, name in enumerate(box.names)}
     units[0, place["winch_viscous"]], units[0, place["posture"]] = 0.995, 0.004
@@ -44,8 +42,8 @@ def test_parameters_have_values_words_and_bounds():
     assert rows["winch_viscous"]["plants"][1] == pytest.approx(1.0, rel=0.02)  # middle of 0.2 to 5, log
     at = {name: row["at_bound"] for name, row in rows.items() if row["at_bound"]}
     assert at == {"winch_viscous": "high", "posture": "low"}
-    assert rows["motion"]["best"] in box.words[place["motion"]]
-    held = replace(box, free=np.zeros(len(box.names), dtype=bool))
+    assert rows["motion"]["best"] in box.rows[place["motion"]].words
+    held = box.freeing(np.zeros(len(box.names), dtype=bool))
     assert not any(row["at_bound"] for row in parameter_rows(held, units))
 
 

@@ -7,6 +7,7 @@ import pytest
 from support.made_plants import Killed, loaded
 
 from tendonrepro.configuration.models.readings import reading
+from tendonrepro.configuration.rows import values_of
 from tendonrepro.identification.misfit import Bench
 from tendonrepro.identification.search import (
     Evaluated,
@@ -17,8 +18,7 @@ from tendonrepro.identification.search import (
     search,
 )
 from tendonrepro.identification.space import space_of
-from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.comparison_values import box_at, values_of
+from tendonrepro.monte_carlo.population import holding_base, population_of
 
 EFFORT = SearchEffort(generations=30, population=24, seeds=3)
 ROWS = 6
@@ -126,14 +126,14 @@ def test_seeds_agree_to_five_per_cent():
     assert [one.agree for one in found] == [True, False]
 
 
-BOX = make_box(loaded().config)
+BOX = population_of(loaded())
 
 
 def test_held_rows_keep_their_value_to_the_last_bit():
     bench = Bench(space_of(loaded()), "whole", None)
     rows = np.array([name == "winch_viscous" for name in BOX.names])
     config = bench.searching(rows).config(np.full(len(BOX.names), 0.9), reading({}))
-    draw = dict(zip(BOX.names, values_of(loaded().compare, BOX), strict=True))
+    draw = values_of(loaded().compare, BOX.named(BOX.nominal))
     assert config.manipulator.tensioner.force.si == draw["tensioner_force"]
     assert config.manipulator.links.mass.value[1] == draw["link_mass_2"]
     assert config.manipulator.winches.viscous.value[1] == pytest.approx(
@@ -143,6 +143,6 @@ def test_held_rows_keep_their_value_to_the_last_bit():
 
 def test_the_point_of_what_is_held_has_its_values():
     """As near as the ranges allow: of an effect that is off, the size is any."""
-    held = box_at(BOX, loaded().compare)
+    held = holding_base(BOX)
     values = BOX.values(held_unit(held)[np.newaxis])[0]
     np.testing.assert_allclose(values, np.clip(held.nominal, BOX.low, BOX.high), rtol=1e-9)

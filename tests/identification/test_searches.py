@@ -21,7 +21,7 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import searches
 from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.identification.space import PaperSpace
-from tendonrepro.monte_carlo.box import make_box, scrambled_sobol
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.simulation.batch import simulate_batch
@@ -221,9 +221,9 @@ EXTRAPOLATING = "weights=extrapolating"
 def truth():
     """Numbers, (4, 2, 2), of the first plant of the box all of whose runs are ok."""
     loaded = load_ensemble(None, overrides=OVERRIDES)
-    box = make_box(loaded.config)
-    bench = Bench(PaperSpace(loaded.base, box), "whole", simulate_batch)
-    found = bench.measure(scrambled_sobol(box, 77, 0, 0, 32), parse_reading(EXTRAPOLATING), RUNS)
+    box = population_of(loaded)
+    bench = Bench(PaperSpace(box), "whole", simulate_batch)
+    found = bench.measure(box.points(77, 0, 0, 32), parse_reading(EXTRAPOLATING), RUNS)
     well = found.ok.all(axis=1) & (found.sizes.max(axis=(1, 2, 3)) < 2.0)
     return found.sizes[np.flatnonzero(well)[0]]
 
@@ -243,9 +243,9 @@ def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(
 def drawn(count=40, names=None):
     """An ensemble of the ranges under the made-up stepper; every fourth draw diverges."""
     loaded = load_ensemble(None)
-    box = make_box(loaded.config)
-    bench = Bench(PaperSpace(loaded.base, box), "whole", simulate_batch)
-    units = scrambled_sobol(box, 5, 0, 0, count)
+    box = population_of(loaded)
+    bench = Bench(PaperSpace(box), "whole", simulate_batch)
+    units = box.points(5, 0, 0, count)
     sizes = np.deg2rad(cheap(bench, units, None, RUNS).sizes)
     diverged = np.arange(count) % 4 == 0
 

@@ -7,10 +7,9 @@ from support.made_plants import PRINTED, loaded, measured
 from tendonrepro.identification.misfit import log_misfit, log_residuals
 from tendonrepro.identification.search import Evaluated, held_unit
 from tendonrepro.identification.unknowns import rows_that_explain
-from tendonrepro.monte_carlo.box import make_box
-from tendonrepro.monte_carlo.comparison_values import box_at
+from tendonrepro.monte_carlo.population import holding_base, population_of
 
-BOX = box_at(make_box(loaded().config), loaded().compare)
+BOX = holding_base(population_of(loaded()))
 HELD = held_unit(BOX)
 FEW = 3
 
@@ -95,11 +94,11 @@ def test_a_choice_that_explains_is_made():
 def test_what_only_acts_after_a_choice_is_found_after_it():
     """The rise moves nothing while the motion has none."""
     row = BOX.names.index("motion")
-    kinds = BOX.choices[row]
-    other = (int(HELD[row] * kinds.size) + 1) % kinds.size
+    kinds = len(BOX.rows[row].choices)
+    other = (int(HELD[row] * kinds) + 1) % kinds
 
     def logs(values):
-        rises = (values["motion"] * kinds.size).astype(int) == other
+        rises = (values["motion"] * kinds).astype(int) == other
         return [np.where(rises, off(values, "rise", 0.2), 1.0)] * 16
 
     found, seen = chosen(logs)

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from support.fake_batch import fake_batch
 
+from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
-from tendonrepro.monte_carlo.around import AroundArm
 from tendonrepro.monte_carlo.block import compute_blocks, loops_of
 from tendonrepro.monte_carlo.data import Block, read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
-from tendonrepro.monte_carlo.plants import drawn_loops
+from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
 from tendonrepro.physics.control import estimator_weights
 from tendonrepro.simulation.batch import simulate_batch
@@ -39,16 +39,18 @@ def compare(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def around(path: Path, spread: float | None) -> AroundArm:
-    loaded = load_around(path, spread)
-    assert loaded.around is not None
-    return AroundArm(loaded, loaded.around)
+def around(path: Path, spread: float | None) -> Population:
+    return population_of(load_around(path, spread))
+
+
+def draw(arm: Population, number: int) -> CompareConfig:
+    return arm.configured(arm.sample(int(arm.loaded.config.seed.si), 0, number, 1)[0])
 
 
 def test_values_stay_within_the_spread_and_inertias_follow(compare: Path) -> None:
     arm = around(compare, 0.2)
     own = arm.loaded.compare.manipulator
-    drawn = [arm.draw(number).manipulator for number in range(8)]
+    drawn = [draw(arm, number).manipulator for number in range(8)]
     for name in ("length", "mass"):
         ratio = np.array([getattr(one.links, name).si for one in drawn]) / getattr(own.links, name).si
         assert (ratio[:, 0] == 1.0).all()  # joint 1 is held
@@ -70,7 +72,7 @@ def test_values_stay_within_the_spread_and_inertias_follow(compare: Path) -> Non
 
 def test_without_a_spread_the_shipped_ranges_are_relative(compare: Path) -> None:
     arm = around(compare, None)
-    ends = {(one.key, one.joint): (one.low, one.high) for one in arm.factors}
+    ends = {(one.key, one.joint): (one.low, one.high) for one in arm.rows}
     assert ends["links.mass", 2] == pytest.approx((0.25 / 0.47, 0.9 / 0.47))
     assert ends["links.mass", 4] == pytest.approx((0.10 / 0.22, 0.5 / 0.22))
     assert ends["winches.viscous", None] == pytest.approx((0.2, 5.0))
@@ -79,8 +81,8 @@ def test_without_a_spread_the_shipped_ranges_are_relative(compare: Path) -> None
 
 def test_the_same_number_is_the_same_plant(compare: Path) -> None:
     arm = around(compare, 0.5)
-    assert arm.draw(3) == arm.draw(3)
-    assert arm.draw(3) != arm.draw(4)
+    assert draw(arm, 3) == draw(arm, 3)
+    assert draw(arm, 3) != draw(arm, 4)
     assert load_around(compare, 0.5).sha256 != load_around(compare, 0.4).sha256
 
 
@@ -92,18 +94,18 @@ def test_a_spread_that_is_none(compare: Path, spread: float) -> None:
 
 def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
     loaded = load_around(compare, 0.2, ["links.mass=0.5,3", "links.length=1", "winches.viscous=2"])
-    assert loaded.around is not None
-    arm = AroundArm(loaded, loaded.around)
-    ends = {factor.key: (factor.low, factor.high) for factor in arm.factors}
+    arm = population_of(loaded)
+    ends = {factor.key: (factor.low, factor.high) for factor in arm.rows}
     assert ends["links.mass"] == (0.5, 3.0)
     assert ends["links.length"] == (1.0, 1.0)
     assert ends["tendons.axial_stiffness"] == pytest.approx((1 / 1.2, 1.2))
-    own, drawn = loaded.compare.manipulator, [arm.draw(number).manipulator for number in range(8)]
+    own, drawn = loaded.compare.manipulator, [draw(arm, number).manipulator for number in range(8)]
     mass = np.array([one.links.mass.si / own.links.mass.si for one in drawn])[:, 1:]
     assert (mass.min() >= 0.5) & (mass.min() < 1 / 1.2) & (mass.max() > 1.2) & (mass.max() <= 3.0)
     for one in drawn:
         assert (one.links.length.si == own.links.length.si).all()
         assert one.winches.viscous.si == pytest.approx(2.0 * own.winches.viscous.si)
+    assert loaded.around is not None
     assert loaded.around.as_data()["ranges"]["links.mass"] == [0.5, 3.0]
     given = load_around(
         compare, 0.2, {"links.mass": (0.5, 3), "links.length": (1, 1), "winches.viscous": (2, 2)}
@@ -133,17 +135,15 @@ def test_an_impossible_arm_is_told(compare: Path) -> None:
     loaded = load_around(
         compare, None, {"friction.per_pulley": (2.9, 3)}, overrides=["manipulator.friction.per_pulley=0.4"]
     )
-    assert loaded.around is not None
     with pytest.raises(ConfigError):
-        AroundArm(loaded, loaded.around).draw(0)
+        draw(population_of(loaded), 0)
 
 
 def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     """Its pairs follow from the stored errors; its loops are those of the drawn configuration."""
     older = ["control.readings.stored_torque=applied", "manipulator.actuator.output_delay=1"]
     study = replace(load_study(compare, older, 5, "weights=extrapolating", 0.2), check_every=0)
-    arm = study.arm
-    assert arm is not None
+    (arm,) = study.populations.values()
     block = study.blocks(64)[3]
     row = arm.sample(study.seed, block.replicate, block.first, 1)
     (loops,) = loops_of(study, block, row)
@@ -236,9 +236,9 @@ def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> No
     for gain in (3.0, 30.0):
         path.write_text(text.format(gain), "utf-8")
         study = load_study(compare, None, None, "default", 0.2, laws=laws_of([f"{path}:mine"]))
-        assert study.arm is not None
-        itself = np.ones((1, len(study.arm.names)))
-        (short,) = drawn_loops(study.loaded.base, study.arm, itself, study.cases, study.laws)
+        (arms,) = study.populations.values()
+        itself = np.ones((1, len(arms.rows)))
+        (short,) = arms.loops(itself, study.cases, study.laws)
         errors.append(simulate_batch([short[study.lookup["mine", "printed"]]], study.loaded.compare.status))
     assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 

@@ -12,7 +12,7 @@ import pytest
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import BoxRange
-from tendonrepro.monte_carlo.box import configured, make_box
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.reporting.contents import quantities
 
 
@@ -46,8 +46,8 @@ def test_what_acts_in_no_equation_is_off_in_the_nominal_draw():
 def arms():
     """Comparisons of the nominal draw, and of the plain arm."""
     loaded = load_ensemble(None)
-    box = make_box(loaded.config)
-    drawn = configured(loaded.base, box, box.nominal)
+    box = population_of(loaded)
+    drawn = box.configured(box.nominal)
     return drawn, load_config("plain", "compare").config
 
 

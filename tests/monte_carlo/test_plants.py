@@ -16,10 +16,9 @@ from tendonrepro.configuration.models.readings import Reading, parse_reading, un
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.box import Box, configured, scrambled_sobol
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
-from tendonrepro.monte_carlo.plants import drawn_loops
+from tendonrepro.monte_carlo.population import Population
 
 
 @cache
@@ -27,15 +26,15 @@ def study() -> EnsembleStudy:
     return load_study(None, (), None, "default")
 
 
-def drawn(count: int) -> tuple[Box, np.ndarray]:
-    box = study().boxes["box"]
-    return box, box.values(scrambled_sobol(box, 7, 0, 0, count))
+def drawn(count: int) -> tuple[Population, np.ndarray]:
+    box = study().populations["box"]
+    return box, box.sample(7, 0, 0, count)
 
 
-def assert_same(box: Box, row: np.ndarray, cases: Sequence[tuple[str, Reading]]) -> None:
-    (loops,) = drawn_loops(study().loaded.base, box, row[np.newaxis], cases)
+def assert_same(box: Population, row: np.ndarray, cases: Sequence[tuple[str, Reading]]) -> None:
+    (loops,) = box.loops(row[np.newaxis], cases)
     base = study().loaded.base
-    config = configured(base, box, row)
+    config = box.configured(row)
     for (run, reading), loop in zip(cases, loops, strict=True):
         changed = under(reading, config, box.named(row))
         alone = changed.model_copy(update={"runs": {run: changed.runs[run]}})
@@ -65,7 +64,7 @@ def test_256_draws_under_every_reading_equal_each_run_alone() -> None:
 def test_runs_share_what_is_the_same() -> None:
     box, values = drawn(2)
     printed = load_study(None, (), None, "printed").cases
-    both = drawn_loops(study().loaded.base, box, values, printed)
+    both = box.loops(values, printed)
     first, second = (dict(zip([run for run, _ in printed], loops, strict=True)) for loops in both)
     assert first["controller_1"].plant is first["controller_3"].plant
     assert first["controller_1"].plant is not first["controller_1_payload"].plant
@@ -77,10 +76,10 @@ def test_draws_on_one_motion_share_it(tmp_path: Path) -> None:
     """Around an arm of one's own all follow its motion, but where a reading samples it otherwise."""
     init_arm(2, tmp_path)
     other = load_study(tmp_path / "compare.yaml", None, None, "printed", 0.2)
-    assert other.arm is not None
+    (arms,) = other.populations.values()
     slower = parse_reading("sampling_period=2ms")
     cases = [*other.cases, ("controller_1", slower)]
-    first, second = drawn_loops(other.loaded.base, other.arm, other.arm.sample(1, 0, 0, 2), cases)
+    first, second = arms.loops(arms.sample(1, 0, 0, 2), cases)
     assert first[0].reference is second[0].reference is not first[-1].reference
     assert first[-1].reference is second[-1].reference
     assert (first[0].plant.arm.b != second[0].plant.arm.b).any()
@@ -90,11 +89,12 @@ def test_a_motion_that_no_sampling_period_divides_is_refused() -> None:
     """The shipped motion lasts 9500 samples of 1.6 ms, but not every drawn one a whole number."""
     keys = ("base.sampling_period.value=1.6", "base.solver.max_step.value=1.6")
     other = load_study(None, keys, None, "printed")
-    box, values = drawn(16)
+    box = other.populations["box"]
+    values = box.sample(7, 0, 0, 16)
     fitting = 0
     for row in values:
         with suppress(ValidationError, ConfigError):
-            (loops,) = drawn_loops(other.loaded.base, box, row[np.newaxis], other.cases)
+            (loops,) = box.loops(row[np.newaxis], other.cases)
             assert loops[0].reference.time[-1] / loops[0].L == pytest.approx(len(loops[0].reference.time) - 1)
             fitting += 1
     assert 0 < fitting < len(values)

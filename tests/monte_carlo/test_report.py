@@ -2,19 +2,19 @@
 
 import csv
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, ensemble, random_errors, whole
+from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, box, ensemble, random_errors, whole
 
+from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures
 from tendonrepro.monte_carlo.report import ensemble_tables, population_summary, slow_ratio
 from tendonrepro.monte_carlo.shares import printed_ratios
 
 
 def test_theory_follows_the_weights(mixed):
-    readings = {entry["name"]: entry["theory"] for entry in population_summary(mixed)["readings"]}
+    readings = {entry["name"]: entry["theory"] for entry in population_summary(box(), mixed)["readings"]}
     assert readings["printed"] == pytest.approx({"joint_2": 1.1, "joint_3": 1.2})
     assert readings["weights=extrapolating"] == pytest.approx({"joint_2": 0.9, "joint_3": 0.8})
 
@@ -29,10 +29,11 @@ def test_theory_follows_the_weights(mixed):
         ("estimate_filter=estimate", np.nan),
     ],
 )
-def test_theory_knows_what_makes_the_estimate_older(mixed, reading, joint_2):
-    """Against the age that the law itself says, see tests/explain."""
-    mixed = SimpleNamespace(joints=mixed.joints, alpha=mixed.alpha)
-    assert slow_ratio(mixed, reading)[0] == pytest.approx(joint_2, nan_ok=True)
+def test_theory_knows_what_makes_the_estimate_older(reading, joint_2):
+    """Against the age that the law itself says, see tests/explain; of eight draws of the box."""
+    draws = box().sample(1, 0, 0, 8)
+    plants = [(box().configured(draw), box().named(draw)) for draw in draws]
+    assert slow_ratio(plants, parse_reading(reading))[0] == pytest.approx(joint_2, nan_ok=True)
 
 
 def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):
@@ -70,7 +71,7 @@ def test_a_table_without_plants_has_no_numbers(nowhere_stable):
 
 
 def test_ratios_show_median_print_and_theory(mixed):
-    summary = population_summary(mixed)
+    summary = population_summary(box(), mixed)
     drawn = draw_ratios("box", summary)
     assert [panel.get_title(loc="left") for panel in drawn.axes] == [
         f"{ratio}, joint {joint}" for ratio in ("C1/C2", "C2/C3") for joint in JOINTS

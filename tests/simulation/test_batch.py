@@ -13,7 +13,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
@@ -169,10 +169,10 @@ def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: st
 def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop]]:
     """Controller 1 on the box's first plants whose linear loop decays at 0.5 s⁻¹ or faster."""
     ensemble = load_ensemble(None)
-    box = make_box(ensemble.config)
+    box = population_of(ensemble)
     loops: list[Loop] = []
-    for values in box.values(scrambled_sobol(box, 1, 0, 0, 512)):
-        config = configured(ensemble.base, box, values)
+    for values in box.sample(1, 0, 0, 512):
+        config = box.configured(values)
         loop = next(loop for _, loop in build_loops(config, ensemble.base.folder))
         assert isinstance(loop.controller, TimeDelayController)
         posture = [np.zeros(2), loop.reference.q_d.max(axis=0)]

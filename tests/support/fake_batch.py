@@ -61,7 +61,7 @@ def small_study():
     study = load_study(None, (), None, "default")
     return replace(
         study,
-        boxes={"box": study.boxes["box"]},
+        populations={"box": study.populations["box"]},
         shares={"box": 1.0},
         readings=study.readings[:3],
         variations=study.variations[:1],

@@ -13,7 +13,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw
-from tendonrepro.monte_carlo.box import configured, make_box
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.control import error_rate
 from tendonrepro.physics.dynamics import frictionless
 from tendonrepro.physics.instruments import Encoder
@@ -51,8 +51,8 @@ GOOD = {law: {name: np.array(value) for name, value in gains.items()} for law, g
 def nominal() -> TrialPlants:
     """The box's middle, with ideal encoders."""
     loaded = load_ensemble(None)
-    box = make_box(loaded.config)
-    plants = posed(configured(loaded.base, box, box.nominal))
+    box = population_of(loaded)
+    plants = posed(box.configured(box.nominal))
     ideal = Encoder(0.0, 0.0)
     return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 

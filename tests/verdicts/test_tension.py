@@ -9,10 +9,10 @@ from support.oracles import ROPE, TENDON_4
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.monte_carlo.box import configured, make_box
+from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.verdicts import tension as rule
 
-BOX = make_box(load_ensemble(None).config)
+BOX = population_of(load_ensemble(None))
 ARM = load_config(None, "decouple").config.manipulator
 
 
@@ -51,9 +51,8 @@ def test_moments_are_those_of_the_plants_that_are_simulated():
     values = BOX.values(np.random.default_rng(1).random((3, len(BOX.names))))
     data = SimpleNamespace(names=BOX.names, draws=values, replicate=np.zeros(3, dtype=int))
     plants = rule.plants_at_rest(data, ARM)
-    base = load_ensemble(None).base
     for k in range(3):
-        links = configured(base, BOX, values[k]).manipulator.links
+        links = BOX.configured(values[k]).manipulator.links
         mass, length, com = (getattr(links, name).si for name in ("mass", "length", "com"))
         by_hand = 9.81 * np.array([mass[1] * com[1] + mass[2] * length[1], mass[2] * com[2]])
         assert plants.moment[1:, k] == pytest.approx(by_hand)

@@ -27,6 +27,9 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }
 """What rows of words may choose from; a draw holds the place of a word here, from 0."""
 
+FAST_PERIOD = 3.33
+"""Period of the motion ``fast_sine``, s: 0.3 Hz."""
+
 Confidence: TypeAlias = Literal["high", "medium", "low"]
 
 

@@ -9,8 +9,8 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.readings import UNDER_READINGS, parse_reading, under
 from tendonrepro.configuration.quantity import to_si
-from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
-from tendonrepro.monte_carlo.comparison_values import box_at, values_of
+from tendonrepro.configuration.rows import values_of
+from tendonrepro.monte_carlo.population import holding_base, population_of
 
 DRAWS = 48
 APART = parse_reading("starts=apart+run_friction=drawn")
@@ -23,7 +23,10 @@ def ensemble():
 
 @cache
 def box():
-    return make_box(ensemble().config)
+    return population_of(ensemble())
+
+
+NOMINAL = box().named(box().nominal)
 
 
 def numbers(tree, path=()):
@@ -48,21 +51,21 @@ def assert_same(one, other):
 
 def test_a_draw_comes_back():
     """Whatever kinds of motion, friction and disturbance it has: 48 draws have all of them."""
-    draws = box().values(scrambled_sobol(box(), 1, 0, 0, DRAWS))
+    draws = box().sample(1, 0, 0, DRAWS)
     for row in ("motion", "friction_sides", "disturbance", "clearance_at"):
         column = draws[:, box().names.index(row)]
-        assert len(set(column)) == len(box().choices[box().names.index(row)])
+        assert len(set(column)) == len(box().rows[box().names.index(row)].choices)
     for values in draws:
-        config = under(APART, configured(ensemble().base, box(), values), box().named(values))
-        found = values_of(config, box())
-        again = under(APART, configured(ensemble().base, box(), found), box().named(found))
+        config = under(APART, box().configured(values), box().named(values))
+        found = values_of(config, NOMINAL)
+        again = under(APART, box().configured(np.array([*found.values()])), found)
         assert_same(again, config)
 
 
 def test_what_the_shipped_arm_has_is_held():
     """Its numbers of joints 2 and 3, which are those that move; its motion; and runs that start together."""
     base = ensemble().compare
-    held = configured(ensemble().base, box(), values_of(base, box()))
+    held = box().configured(holding_base(box()).nominal)
     for part in ("links", "tensioner", "transmission_error"):
         arms = held.manipulator, base.manipulator
         ours, theirs = (numbers(getattr(arm, part).model_dump(mode="json")) for arm in arms)
@@ -72,7 +75,7 @@ def test_what_the_shipped_arm_has_is_held():
     assert held.reference.kind == base.reference.kind
     np.testing.assert_allclose(held.reference.amplitude.si, base.reference.amplitude.si, rtol=1e-12)
     assert held.disturbance.kind == base.disturbance.kind
-    named = box().named(values_of(base, box()))
+    named = values_of(base, NOMINAL)
     assert {named[row] for row in UNDER_READINGS if row.startswith("offset")} == {0.0}
     assert {named[row] for row in UNDER_READINGS if row.startswith("friction")} == {1.0}
 
@@ -80,7 +83,7 @@ def test_what_the_shipped_arm_has_is_held():
 def test_what_a_base_does_not_have_stays_nominal():
     """Size and frequency of no disturbance; times of another kind of motion."""
     loaded = load_config("compare_cosine", "compare", overrides=["disturbance={kind: none}"])
-    found, nominal = box().named(values_of(loaded.config, box())), box().named(box().nominal)
+    found, nominal = values_of(loaded.config, NOMINAL), NOMINAL
     assert found["disturbance"] == WORDS["disturbance"].index("none")
     assert found["motion"] == WORDS["motion"].index("raised_cosine")
     for row in ("disturbance_torque", "disturbance_frequency", "rise", "hold", "velocity", "acceleration"):
@@ -88,5 +91,5 @@ def test_what_a_base_does_not_have_stays_nominal():
 
 
 def test_a_box_that_is_held_gives_the_base_at_any_point():
-    held = box_at(box(), ensemble().compare).only(())
+    held = holding_base(box()).only(())
     np.testing.assert_array_equal(held.values(np.full((1, len(box().names)), 0.9))[0], held.nominal)

@@ -19,7 +19,7 @@ from tendonrepro.configuration.models.readings import (
 )
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
-from tendonrepro.monte_carlo.box import configured, make_box, scrambled_sobol
+from tendonrepro.monte_carlo.population import population_of
 
 DRAWS = 256
 
@@ -31,17 +31,17 @@ def ensemble():
 
 @cache
 def box():
-    return make_box(ensemble().config)
+    return population_of(ensemble())
 
 
 @cache
 def draws():
-    return box().values(scrambled_sobol(box(), 1, 0, 0, DRAWS))
+    return box().sample(1, 0, 0, DRAWS)
 
 
 @cache
 def drawn(k):
-    return configured(ensemble().base, box(), draws()[k])
+    return box().configured(draws()[k])
 
 
 def column(name):
@@ -52,19 +52,19 @@ def nominal_with(**rows):
     values = box().nominal.copy()
     for name, value in rows.items():
         values[box().names.index(name)] = value
-    return configured(ensemble().base, box(), values)
+    return box().configured(values)
 
 
 def test_corners_of_the_unit_cube_are_the_bounds():
     corners = box().values(np.array([np.zeros(len(box().names)), np.ones(len(box().names))]))
-    ranges = [i for i, scale in enumerate(box().scale) if scale != "choice"]
+    ranges = [i for i, row in enumerate(box().rows) if not row.choices]
     np.testing.assert_array_equal(corners[:, ranges], np.array([box().low, box().high])[:, ranges])
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
 def test_ranges_are_even_on_their_scale(scale):
     for i, name in enumerate(box().names):
-        if box().scale[i] != scale:
+        if box().rows[i].scale != scale:
             continue
         bend = np.log if scale == "log" else np.asarray
         low, high, values = bend(box().low[i]), bend(box().high[i]), bend(column(name))
@@ -75,16 +75,16 @@ def test_ranges_are_even_on_their_scale(scale):
 
 
 def test_choices_are_equally_frequent():
-    for i, choices in enumerate(box().choices):
-        counts = [np.count_nonzero(draws()[:, i] == value) for value in choices]
-        assert sum(counts) == (DRAWS if choices.size else 0)
-        assert all(abs(count - DRAWS / choices.size) <= 2 for count in counts), box().names[i]
+    for i, row in enumerate(box().rows):
+        counts = [np.count_nonzero(draws()[:, i] == value) for value in row.choices]
+        assert sum(counts) == (DRAWS if row.choices else 0)
+        assert all(abs(count - DRAWS / len(row.choices)) <= 2 for count in counts), row.name
 
 
 @pytest.mark.parametrize("cuts", [[0, 32, 64, 96, 128], [0, 1, 7, 100, 128], [0, 127, 128]])
 def test_points_do_not_depend_on_how_blocks_are_cut(cuts):
-    whole = scrambled_sobol(box(), 3, 2, 0, 128)
-    blocks = [scrambled_sobol(box(), 3, 2, first, last - first) for first, last in pairwise(cuts)]
+    whole = box().points(3, 2, 0, 128)
+    blocks = [box().points(3, 2, first, last - first) for first, last in pairwise(cuts)]
     np.testing.assert_array_equal(np.concatenate(blocks), whole)
 
 
@@ -92,14 +92,14 @@ def test_rows_that_act_under_readings_alone_move_no_other():
     always = len(box().names) - len(UNDER_READINGS)
     assert set(box().names[always:]) == set(UNDER_READINGS)
     engine = qmc.Sobol(always, scramble=True, seed=np.random.default_rng([3, 2]))
-    points = scrambled_sobol(box(), 3, 2, 0, 128)
+    points = box().points(3, 2, 0, 128)
     np.testing.assert_array_equal(points[:, :always], engine.random(128))
     # Nor do they repeat one of the others.
-    near = np.abs(np.corrcoef(scrambled_sobol(box(), 1, 0, 0, 1024).T)[always:, :always])
+    near = np.abs(np.corrcoef(box().points(1, 0, 0, 1024).T)[always:, :always])
     assert near.max() < 0.2
     values = draws()[0].copy()
     values[always:] = box().high[always:]
-    assert configured(ensemble().base, box(), values).seed == drawn(0).seed
+    assert box().configured(values).seed == drawn(0).seed
 
 
 def test_starts_apart_are_those_of_the_draw_within_the_half_plane():
@@ -109,7 +109,7 @@ def test_starts_apart_are_those_of_the_draw_within_the_half_plane():
         values[names.index("posture")] = np.deg2rad(posture)
         values[names.index("offset_controller_2_joint_2")] = np.deg2rad(-2.0)
         values[names.index("offset_controller_2_joint_3")] = np.deg2rad(1.5)
-        config = under(apart, configured(ensemble().base, box(), values), box().named(values))
+        config = under(apart, box().configured(values), box().named(values))
         found = np.rad2deg(config.runs["controller_2"].start_offset.si)
         np.testing.assert_allclose(found, expected, atol=1e-9)
     list(build_loops(config, ensemble().base.folder))
@@ -126,21 +126,21 @@ def test_a_ramp_has_the_amplitude_and_times_of_its_draw():
 
 
 def test_replicates_and_seeds_are_scrambled_on_their_own():
-    points = [scrambled_sobol(box(), seed, replicate, 0, 8) for seed, replicate in [(1, 0), (1, 1), (2, 0)]]
+    points = [box().points(seed, replicate, 0, 8) for seed, replicate in [(1, 0), (1, 1), (2, 0)]]
     assert not np.isclose(points[0], points[1]).any(axis=1).all()
     assert not np.isclose(points[0], points[2]).any(axis=1).all()
-    np.testing.assert_array_equal(points[0], scrambled_sobol(box(), 1, 0, 0, 8))
+    np.testing.assert_array_equal(points[0], box().points(1, 0, 0, 8))
 
 
 def test_firm_population_holds_rows_of_low_confidence():
     firm = box().only(ensemble().config.populations["firm"].confidences)
-    values = firm.values(scrambled_sobol(firm, 1, 0, 0, 64))
-    for i, confidence in enumerate(firm.confidence):
-        if confidence == "low":
-            np.testing.assert_array_equal(values[:, i], firm.nominal[i])
+    values = firm.sample(1, 0, 0, 64)
+    for i, row in enumerate(firm.rows):
+        if row.confidence == "low":
+            np.testing.assert_array_equal(values[:, i], row.nominal)
         else:
-            assert np.unique(values[:, i]).size > 1, firm.names[i]
-    assert firm.confidence.count("low") > 0
+            assert np.unique(values[:, i]).size > 1, row.name
+    assert "low" in {row.confidence for row in firm.rows}
 
 
 def test_every_other_draw_builds_its_loops():
@@ -227,6 +227,6 @@ def test_unequal_motion_moves_joint_2_two_thirds_as_far():
 
 
 def test_noise_differs_between_draws_and_repeats_within_one():
-    again = configured(ensemble().base, box(), draws()[0])
+    again = box().configured(draws()[0])
     assert again == drawn(0)
     assert len({drawn(k).seed.si for k in range(64)}) == 64

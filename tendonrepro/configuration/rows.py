@@ -1,0 +1,404 @@
+"""What a drawn number means in a comparison: how it is put there, and how it is read off.
+
+The numbers of one draw are the rows of the box, SI; a word counts as its place in `WORDS`.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from functools import reduce
+from operator import getitem
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from tendonrepro.arrays import Array, Numeric
+from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.readings import (
+    AXES,
+    ERROR_RATES,
+    FRICTIONS,
+    OFFSETS,
+    UNDER_READINGS,
+    as_printed,
+)
+from tendonrepro.configuration.models.reference import ReferenceConfig
+from tendonrepro.configuration.published import COMPARED
+from tendonrepro.configuration.quantity import to_si
+from tendonrepro.configuration.strict_yaml import Node, Section, Tree
+from tendonrepro.physics.trajectory import trapezoid_times
+
+Draw: TypeAlias = Mapping[str, float]
+"""Numbers by row, SI."""
+
+GRID = 0.01
+"""Times of a motion are multiples of this, s, so that every sampling period divides them."""
+
+UNEQUAL = 2.0 / 3.0
+"""Amplitude of joint 2 over that of joint 3 in the motion ``unequal``."""
+
+_NOISE_BAND, _NOISE_SINES = (0.5, 20.0), 8
+"""Band of the disturbance ``noise``, Hz, and the number of sines that make it."""
+
+
+class Joint(NamedTuple):
+    """What numbers of a joint are shares of, or go together with.
+
+    Length, m, and mass, kg, of its link; radius where its tendon passes the joint, m; factor on the damping
+    of tendons; reduction, and inertia of the reducer before it, kg m².
+    """
+
+    length: Numeric
+    mass: Numeric
+    radius: float = 1.0
+    damping: float = 1.0
+    reduction: float = 1.0
+    reducer: float = 0.0
+
+
+class Row(NamedTuple):
+    """Where a number of the box stands in a manipulator.
+
+    `put` gives the value of the `key` from the number, `get` the number from the value. `about` ends the
+    words that say where the value is from.
+    """
+
+    key: str
+    unit: str
+    put: Callable[[Any, Joint], Any] = lambda number, _: number
+    get: Callable[[Any, Joint], Any] = lambda value, _: value
+    about: str = ""
+
+
+PER_JOINT: Mapping[str, Row] = {
+    "link_length": Row("links.length", "m"),
+    "link_mass": Row("links.mass", "kg"),
+    "link_com": Row(
+        "links.com", "m", lambda x, of: x * of.length, lambda v, of: v / of.length, " of the length"
+    ),
+    "link_inertia": Row(
+        "links.inertia",
+        "kg m2",
+        lambda x, of: x * of.mass * of.length**2,
+        lambda v, of: v / (of.mass * of.length**2),
+        " of m l^2",
+    ),
+    "tendon_stiffness": Row(
+        "tendons.axial_stiffness",
+        "N m-1",
+        lambda x, of: x / of.radius**2,
+        lambda v, of: v * of.radius**2,
+        " over the radius squared",
+    ),
+    "tendon_damping": Row(
+        "tendons.axial_damping",
+        "N s m-1",
+        lambda x, of: x / of.radius**2,
+        lambda v, of: of.damping * v * of.radius**2,
+        " over the radius squared",
+    ),
+}
+"""Rows that each joint has of its own, without its number; the box has them for joints 2 and 3."""
+
+SHARED: Mapping[str, Row] = {
+    "rotor_inertia": Row(
+        "winches.reflected_inertia",
+        "kg m2",
+        lambda x, of: of.reduction**2 * (x + of.reducer),
+        lambda v, of: v / of.reduction**2,
+        " and reducer_inertia",
+    ),
+    "drum_inertia": Row("winches.drum_inertia", "kg m2"),
+    "winch_viscous": Row("winches.viscous", "N m s rad-1"),
+    "link_coulomb": Row("friction.link.coulomb", "N m"),
+    "link_viscous": Row("friction.link.viscous", "N m s rad-1"),
+    "link_static_ratio": Row("friction.link.static_ratio", "1"),
+    "link_stribeck_velocity": Row("friction.link.stribeck_velocity", "rad s-1"),
+    "winch_coulomb": Row("friction.winch.coulomb", "N m"),
+    "winch_static_ratio": Row("friction.winch.static_ratio", "1"),
+    "winch_stribeck_velocity": Row("friction.winch.stribeck_velocity", "rad s-1"),
+    "pulley_loss": Row("friction.per_pulley", "1"),
+    "reducer_efficiency": Row("friction.reducer_efficiency", "1"),
+    "tensioner_force": Row("tensioner.force", "N"),
+    "transmission_error": Row("transmission_error.peak_to_peak", "rad"),
+    "torque_limit": Row("actuator.torque_limit", "N m"),
+    "torque_resolution": Row("actuator.torque_resolution", "N m"),
+    "torque_noise": Row("actuator.torque_noise", "N m"),
+}
+"""Rows that all joints share."""
+
+_SWITCHES = {
+    row: "reducer_loss_acts" if row == "reducer_efficiency" else f"{row}_acts"
+    for row in SHARED
+    if f"{row}_acts" in WORDS or row == "reducer_efficiency"
+}
+"""Rows that others switch on, and these."""
+
+_SIDES = {"link_coulomb": "link", "link_viscous": "link", "winch_coulomb": "winch"}
+"""Rows of friction that acts on some sides, and their sides."""
+
+_MOTIONS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "minimum_jerk": ("minimum_jerk", ("rise", "hold")),
+    "ramp": ("ramp", ("rise", "hold")),
+    "trapezoidal": ("trapezoidal", ("velocity", "acceleration", "hold")),
+    "raised_cosine": ("raised_cosine", ("period",)),
+    "unequal": ("raised_cosine", ("period",)),
+    "sine": ("sine", ("period",)),
+    "fast_sine": ("sine", ("period",)),
+}
+"""Kind and times of each motion that a draw may have."""
+
+_UNITS = {"velocity": "rad s-1", "acceleration": "rad s-2"}
+
+
+def drawn_comparison(base: Tree, draw: Draw, shortest_run: float) -> CompareConfig:
+    """Validated comparison of one draw of every row of the box, every axis of readings as printed.
+
+    Periods are repeated, at least twice, until the motion lasts `shortest_run`, s.
+    """
+    tree = _copied(base)
+    _put_arm(tree["manipulator"], draw)
+    # Links 2 and 3 start in line with link 1: the workspace of the box rests on it.
+    tree["posture"] = _drawn([draw["posture"], 0.0, 0.0], "rad", "posture")
+    tree["control"]["filter_cutoff"] = _drawn(draw["filter_cutoff"], "Hz", "filter_cutoff")
+    tree["control"]["reference_lag"] = _drawn(draw["reference_lag"], "s", "reference_lag")
+    tree["reference"] = _reference(draw, shortest_run)
+    tree["disturbance"] = _disturbance(draw)
+    always = np.array([value for row, value in draw.items() if row not in UNDER_READINGS])
+    seed = zlib.crc32(always.tobytes())
+    tree["seed"] = _drawn(seed, "1", "its checksum, so that each has its own noise")
+    return as_printed(CompareConfig.model_validate(tree))
+
+
+def scaled_comparison(base: Tree, factors: Draw, source: str) -> Section:
+    """Plain values of a comparison whose arm's values are multiplied by factors, by row; the others stay.
+
+    A row of each joint ends in its number. Centres of mass and inertias move with what they are shares of.
+    What is off stays off.
+    """
+    tree = _copied(base)
+    arm = tree["manipulator"]
+    count = len(arm["links"]["length"]["value"])
+    joints = [
+        Joint(factors.get(f"link_length_{i + 1}", 1.0), factors.get(f"link_mass_{i + 1}", 1.0))
+        for i in range(count)
+    ]
+    for name, row in PER_JOINT.items():
+        quantity = _at(arm, row.key)
+        each = [row.put(factors.get(f"{name}_{i + 1}", 1.0), joint) for i, joint in enumerate(joints)]
+        quantity |= {"value": (np.array(quantity["value"]) * each).tolist(), "source": source}
+    for name, row in SHARED.items():
+        if name in factors:
+            quantity = _at(arm, row.key)
+            quantity |= {"value": (np.array(quantity["value"]) * factors[name]).tolist(), "source": source}
+    return tree
+
+
+def _at(arm: Section, key: str) -> Section:
+    """Quantity at a key of a manipulator."""
+    quantity: Section = reduce(getitem, key.split("."), arm)
+    return quantity
+
+
+def _copied(tree: Mapping[str, Node]) -> Section:
+    """Copy of sections, whose values themselves are shared."""
+    return {key: _copied(value) if isinstance(value, Mapping) else value for key, value in tree.items()}
+
+
+def _drawn(value: object, unit: str, row: str) -> Section:
+    return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
+
+
+def _is_word(draw: Draw, row: str, *words: str) -> bool:
+    """Whether a row of words has one of some words."""
+    return WORDS[row][int(draw[row])] in words
+
+
+def _put_arm(arm: Section, draw: Draw) -> None:
+    """Fill in the manipulator of the paper's arm; joint 1 is held, so its entries do not matter."""
+
+    def put(key: str, value: object, unit: str, row: str) -> None:
+        quantity = _at(arm, key)
+        alike = isinstance(quantity["value"], list) and not isinstance(value, list)
+        quantity |= _drawn([value] * len(quantity["value"]) if alike else value, unit, row)
+
+    reduction, diameter = arm["winches"]["reduction"]["value"], arm["routing"]["pulley_diameter"]
+    joints = [
+        Joint(
+            draw[f"link_length_{joint}"],
+            draw[f"link_mass_{joint}"],
+            to_si(diameter["value"][joint - 1][joint - 1], diameter["unit"]) / 2.0,
+            reduction=reduction,
+            reducer=draw["reducer_inertia"],
+        )
+        for joint in COMPARED
+    ]
+    for name, row in PER_JOINT.items():
+        two, three = (row.put(draw[f"{name}_{i}"], of) for i, of in zip(COMPARED, joints, strict=True))
+        put(row.key, [two, two, three], row.unit, name + row.about)
+    for name, row in SHARED.items():
+        acts = _acts(draw, name)
+        value = acts * row.put(draw[name], joints[-1]) + (name == "reducer_efficiency") * (1.0 - acts)
+        put(row.key, value, row.unit, name + row.about)
+    for side in ("link", "winch"):
+        stribeck = f"{side}_stribeck_velocity"
+        put(f"friction.{side}.smoothing_velocity", draw[stribeck] / 2.0, "rad s-1", f"half of {stribeck}")
+    two, three = (
+        draw["clearance"] * _is_word(draw, "clearance_at", *at) for at in (("both",), ("both", "distal"))
+    )
+    put("tendons.clearance", [two, two, three], "m", "clearance and clearance_at")
+    put("tendons.damping_factor", 1.0, "1", "which has the damping itself")
+    arm["tensioner"]["side"] = AXES["tensioner"].printed
+
+
+def _acts(draw: Draw, row: str) -> float:
+    """1 where a row of the arm acts, else 0."""
+    if row in _SIDES:
+        return float(_is_word(draw, "friction_sides", _SIDES[row], "both"))
+    return draw[_SWITCHES[row]] if row in _SWITCHES else 1.0
+
+
+def _disturbance(draw: Draw) -> Section:
+    kind = WORDS["disturbance"][int(draw["disturbance"])]
+    torque = {"torque": _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")}
+    if kind == "sine":
+        return {
+            "kind": kind,
+            **torque,
+            "frequency": _drawn(draw["disturbance_frequency"], "Hz", "disturbance_frequency"),
+        }
+    if kind == "noise":
+        band = _drawn(list(_NOISE_BAND), "Hz", "disturbance, whose band is fixed")
+        components = _drawn(_NOISE_SINES, "1", "disturbance, whose number of sines is fixed")
+        return {"kind": kind, **torque, "band": band, "components": components}
+    return {"kind": kind}
+
+
+def _reference(draw: Draw, shortest_run: float) -> Section:
+    """Motion of both joints, by equal angles except in ``unequal``."""
+    name = WORDS["motion"][int(draw["motion"])]
+    kind, rows = _MOTIONS[name]
+    times = {row: draw[row] if row in _UNITS else _on_grid(draw[row]) for row in rows}
+    if name == "trapezoidal":
+        _, rise = trapezoid_times(draw["amplitude"], times["velocity"], times["acceleration"])
+        half = _on_grid(rise + draw["hold"] + GRID / 2.0)  # never shorter than the stroke
+        times["hold"], cycle = half - rise, 2.0 * half
+    elif "period" in times:
+        cycle = times["period"] = FAST_PERIOD if name == "fast_sine" else times["period"]
+    else:
+        cycle = 2.0 * (times["rise"] + times["hold"])
+    size = 0.5 if kind == "sine" else 1.0  # a sine swings about the middle of the same range
+    share = UNEQUAL if name == "unequal" else 1.0
+    amplitude = _drawn([size * share * draw["amplitude"], size * draw["amplitude"]], "rad", "amplitude")
+    shape = {row: _drawn(value, _UNITS.get(row, "s"), row) for row, value in times.items()}
+    if kind == "sine":
+        shape |= {"blend": _drawn(cycle / 2.0, "s", "half the period"), "offset": amplitude}
+    periods = max(2.0, float(np.ceil(shortest_run / cycle)))
+    told = _drawn(periods, "1", "as many as the shortest run asks for")
+    return {"kind": kind, **shape, "amplitude": amplitude, "periods": told}
+
+
+def _on_grid(time: float) -> float:
+    return round(time / GRID) * GRID
+
+
+def values_of(config: CompareConfig, nominal: Draw) -> dict[str, float]:
+    """Number of every row that a comparison has: the inverse of `drawn_comparison`.
+
+    A row that the comparison does not have keeps its nominal: the size of an effect that is off, the times
+    of another kind of motion. Of rotor and reducer a comparison has the sum alone, which is shared out as the
+    nominals are. Where the comparison cannot be a draw, as with a sampled motion, rows stay nominal too.
+    """
+    values = dict([*_of_arm(config.manipulator), *_of_runs(config), *_of_motion(config.reference)])
+    motor, rows = values["rotor_inertia"], ("rotor_inertia", "reducer_inertia")
+    values |= {row: motor * nominal[row] / sum(nominal[name] for name in rows) for row in rows}
+    return {row: float(values.get(row, value)) for row, value in nominal.items()}
+
+
+def _place(row: str, word: str) -> tuple[str, float]:
+    return row, float(WORDS[row].index(word))
+
+
+def held_values(arm: Manipulator, key: str) -> Array:
+    """Values of a key below the manipulator, SI, (joints,) or (1,)."""
+    quantity: Any = reduce(getattr, key.split("."), arm)
+    return np.atleast_1d(quantity.si)
+
+
+def _of_arm(arm: Manipulator) -> Iterator[tuple[str, float]]:
+    for joint in COMPARED:
+        i = joint - 1
+        of = Joint(
+            arm.links.length.si[i],
+            arm.links.mass.si[i],
+            arm.routing.pulley_diameter.si[i, i] / 2.0,
+            arm.tendons.damping_factor.si,
+            arm.winches.reduction.si,
+        )
+        yield from (
+            (f"{name}_{joint}", row.get(held_values(arm, row.key)[i], of)) for name, row in PER_JOINT.items()
+        )
+    # What all joints share is that of the last one.
+    numbers = {name: row.get(float(held_values(arm, row.key)[-1]), of) for name, row in SHARED.items()}
+    sides = dict.fromkeys(_SIDES.values(), False)
+    for row, side in _SIDES.items():
+        sides[side] |= numbers[row] > 0.0
+    yield "friction_sides", sides["link"] + 2.0 * sides["winch"]  # none, link, winch, both
+    for row, number in numbers.items():
+        acts = sides[_SIDES[row]] if row in _SIDES else True
+        if row in _SWITCHES:
+            acts = number < 1.0 if row == "reducer_efficiency" else number > 0.0
+            yield _place(_SWITCHES[row], "on" if acts else "off")
+        if acts:
+            yield row, number
+    two, three = arm.tendons.clearance.si[1:]
+    yield _place("clearance_at", "both" if two > 0.0 else "distal" if three > 0.0 else "none")
+    if slack := max(two, three):
+        yield "clearance", slack
+    yield "encoder_count", arm.encoders.joint.resolution.si
+    yield "output_delay", arm.actuator.output_delay.si
+
+
+def _of_runs(config: CompareConfig) -> Iterator[tuple[str, float]]:
+    control, disturbance = config.control, config.disturbance
+    yield "posture", config.posture.si[0]
+    if control.readings.error_rate in ERROR_RATES:
+        yield _place("error_rate", control.readings.error_rate)
+    for row in ("filter_cutoff", "reference_lag"):
+        if quantity := getattr(control, row):
+            yield row, quantity.si
+    if disturbance.kind in WORDS["disturbance"]:
+        yield _place("disturbance", disturbance.kind)
+        if disturbance.kind in ("sine", "noise"):
+            yield "disturbance_torque", disturbance.torque.si[-1]
+        if disturbance.kind == "sine":
+            yield "disturbance_frequency", disturbance.frequency.si
+    # Runs start on their reference, with equal friction, unless the comparison says otherwise.
+    for (name, joint), row in OFFSETS.items():
+        offset = config.runs[name].start_offset
+        yield row, 0.0 if offset is None else offset.si[joint - 2]
+    for name, row in FRICTIONS.items():
+        scale = config.runs[name].friction_scale
+        yield row, 1.0 if scale is None else scale.si
+
+
+def _of_motion(reference: ReferenceConfig) -> Iterator[tuple[str, float]]:
+    """Kind and sizes of a motion; nothing of one that no draw has."""
+    motion: Any = reference
+    name = motion.kind
+    if name not in _MOTIONS:
+        return
+    two, three = motion.amplitude.si
+    if name == "raised_cosine" and np.isclose(two, UNEQUAL * three):
+        name = "unequal"
+    if name == "sine" and motion.period.si == FAST_PERIOD:
+        name = "fast_sine"
+    yield _place("motion", name)
+    yield "amplitude", three * (2.0 if motion.kind == "sine" else 1.0)
+    for row in _MOTIONS[name][1]:
+        # A draw's strokes end on the grid, rounded upwards; these do already.
+        early = GRID / 2.0 if (name, row) == ("trapezoidal", "hold") else 0.0
+        yield row, getattr(motion, row).si - early
