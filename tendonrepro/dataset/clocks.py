@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import RunMapping, Use
-from tendonrepro.dataset.tables import Columns, SourceTable
+from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError
 
 _GAP = 1.5
@@ -87,7 +87,7 @@ def even_step(time: Array) -> float:
     return slope
 
 
-def rows_of(source: SourceTable, run: RunMapping) -> tuple[NDArray[np.bool_], list[str]]:
+def rows_of(table: Columns, run: RunMapping) -> tuple[NDArray[np.bool_], list[str]]:
     """Rows that a run takes by `where`, and a note on the others.
 
     Raises
@@ -95,18 +95,17 @@ def rows_of(source: SourceTable, run: RunMapping) -> tuple[NDArray[np.bool_], li
     ConfigError
         If a column of `where` is not there.
     """
-    table = source.columns
     rows = np.ones(len(next(iter(table.values()))), dtype=bool)
     for column, wanted in run.where.items():
         if column not in table:
-            raise ConfigError(f"{source.name} has no column {column!r}")
+            raise ConfigError(f"{table.name} has no column {column!r}")
         rows &= table[column] == wanted
     others = int((~rows).sum())
     return rows, [f"{others} of {len(rows)} rows are not those of where"] if others else []
 
 
 def times_of(
-    source: SourceTable, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: RunMapping
+    table: Columns, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: RunMapping
 ) -> tuple[Array, list[str]]:
     """Times of the rows that a run takes, s, NaN where it takes none, and notes.
 
@@ -117,18 +116,18 @@ def times_of(
     """
     if clock is None and run.step_s is None:
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
-        raise ConfigError(f"{source.name} has no times", hint=hint)
+        raise ConfigError(f"{table.name} has no times", hint=hint)
     notes: list[str] = []
     time = np.arange(float(rows.sum()))
     if clock is not None:
-        use, recorded = uses[clock], source.columns[clock][rows]
+        use, recorded = uses[clock], table[clock][rows]
         if recorded.dtype.kind != "f":
             raise ConfigError(f"the column {clock!r} of times holds words")
         time = (use.factor * recorded + use.offset) * use.to_si
         if absent := int((~np.isfinite(time)).sum()):
             time = np.where(np.isfinite(time), time, np.nan)
             notes.append(f"{absent} of {len(time)} rows have no time and are left out")
-    time, told = _part(time, run, source.name)
+    time, told = _part(time, run, table.name)
     notes += told
     if run.step_s is not None:
         known = np.isfinite(time)
@@ -139,7 +138,7 @@ def times_of(
     if outside.any():
         notes.append(f"{int(outside.sum())} of {len(time)} rows lie outside from_s to to_s")
         time[outside] = np.nan
-    return time, notes + _checked(time, source.name, run)
+    return time, notes + _checked(time, table.name, run)
 
 
 def _part(time: Array, run: RunMapping, table: str) -> tuple[Array, list[str]]:

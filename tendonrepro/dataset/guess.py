@@ -14,7 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.dataset.mapping import JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
-from tendonrepro.dataset.tables import Column, SourceTable
+from tendonrepro.dataset.tables import Column, Columns
 from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
 
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
@@ -39,7 +39,7 @@ class Guess:
     person has to fill in.
     """
 
-    table: SourceTable
+    table: Columns
     column: str
     said: Meaning
     says: frozenset[str]
@@ -53,7 +53,7 @@ class Guess:
     @property
     def values(self) -> Column:
         """Its numbers or words."""
-        return self.table.columns[self.column]
+        return self.table[self.column]
 
     @property
     def is_numbers(self) -> bool:
@@ -96,12 +96,12 @@ def around_of(name: str) -> list[str]:
     return [*reversed(parts), stem, *reversed(folders)]
 
 
-def with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
+def with_loads_inside(tables: Sequence[Columns]) -> set[tuple[str, ...]]:
     """Tables, files and folders in which a nearer name tells a load, so that their own tells none."""
     deciding: set[tuple[str, ...]] = set()
     for table in tables:
         places = around_of(table.name)
-        if any(meaning_of(_PLACE.sub("", name)).payload for name in table.columns):
+        if any(meaning_of(_PLACE.sub("", name)).payload for name in table):
             deciding.add(tuple(places))
         for depth, place in enumerate(places):
             if meaning_of(place, around=True).payload or tuple(places[depth:]) in deciding:
@@ -109,7 +109,7 @@ def with_loads_inside(tables: Sequence[SourceTable]) -> set[tuple[str, ...]]:
     return deciding
 
 
-def guesses_of(table: SourceTable, deciding: set[tuple[str, ...]]) -> list[Guess]:
+def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     """Guess every column of a table.
 
     A name around the table does not tell the load of its run where a nearer one of `deciding` does.
@@ -120,7 +120,7 @@ def guesses_of(table: SourceTable, deciding: set[tuple[str, ...]]) -> list[Guess
         replace(said, payload=None) if tuple(places[depth:]) in deciding else said
         for depth, said in enumerate(around)
     ]
-    columns = [_named(table, name, around) for name in table.columns]
+    columns = [_named(table, name, around) for name in table]
     # A column that names no controller belongs to each that another names.
     shared: dict[str, float | None] = {}
     for column in columns:
@@ -138,7 +138,7 @@ def guesses_of(table: SourceTable, deciding: set[tuple[str, ...]]) -> list[Guess
     most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
     sized = {"rad"} if 0.0 < most <= _MOST_RADIANS else set()
     in_radians = ({column.said.unit for column in angles} - {None}) or sized
-    stated = table.columns.angle_unit
+    stated = table.angle_unit
     of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
     traits = _Traits(most, stated, of_angles, shift, first)
     for column in columns:
@@ -147,7 +147,7 @@ def guesses_of(table: SourceTable, deciding: set[tuple[str, ...]]) -> list[Guess
     return columns
 
 
-def _named(table: SourceTable, name: str, around: Sequence[Meaning]) -> Guess:
+def _named(table: Columns, name: str, around: Sequence[Meaning]) -> Guess:
     """What the name of a column says, and where it says nothing those around it."""
     said = meaning_of(_PLACE.sub("", name))
     place = re.search(r"\[(\d+)\]", name)

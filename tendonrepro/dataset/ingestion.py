@@ -20,7 +20,7 @@ from tendonrepro.dataset.motion import beginning, joints_with_motion, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import Assembly
 from tendonrepro.dataset.suggestion import guess_mapping
-from tendonrepro.dataset.tables import SourceTable
+from tendonrepro.dataset.tables import Columns
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_existing, write_atomically
@@ -102,9 +102,9 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
     }
 
 
-def _columns(table: SourceTable) -> list[dict[str, object]]:
+def _columns(table: Columns) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
-    for name, values in table.columns.items():
+    for name, values in table.items():
         row: dict[str, object] = {"column": name, "samples": len(values)}
         if values.dtype.kind == "f" and np.isfinite(values).any():
             steps = np.diff(values)

@@ -21,7 +21,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from tendonrepro.configuration.strict_yaml import is_yaml
 from tendonrepro.dataset.formats import is_labview, packaged, read_lvm, read_package, read_tdms, read_workbook
 from tendonrepro.dataset.nested import read_hdf5
-from tendonrepro.dataset.tables import BY_JOINT, SourceTable, Tables, Unreadable, by_joint, with_one_time
+from tendonrepro.dataset.tables import BY_JOINT, Columns, Tables, Unreadable, by_joint, with_one_time
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import md5_of
@@ -43,7 +43,7 @@ _UNDECODED = re.compile("[\udc80-\udcff]")
 class Contents(NamedTuple):
     """Tables of files; by file why it was `unread`; and by file lines on what is in no table of it."""
 
-    tables: list[SourceTable]
+    tables: list[Columns]
     unread: dict[str, str]
     left_out: dict[str, list[str]]
 
@@ -88,17 +88,17 @@ def read_files(paths: Sequence[Path]) -> Contents:
 
 
 @contextmanager
-def _reader() -> Iterator[Callable[[Path, str], tuple[list[SourceTable], list[str]]]]:
+def _reader() -> Iterator[Callable[[Path, str], tuple[list[Columns], list[str]]]]:
     """Give what reads a file as `read_file` does, one that might crash a library in a process of its own."""
     pools: list[ProcessPoolExecutor] = []
 
-    def read(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
+    def read(path: Path, name: str) -> tuple[list[Columns], list[str]]:
         if not _may_crash(path):
             return read_file(path, name)
         if not pools:
             pools.append(ProcessPoolExecutor(max_workers=1))
         try:
-            tables: tuple[list[SourceTable], list[str]] = pools[0].submit(read_file, path, name).result()
+            tables: tuple[list[Columns], list[str]] = pools[0].submit(read_file, path, name).result()
         except BrokenProcessPool:
             pools.clear()
             raise Unreadable("reading it crashed: the file is damaged") from None
@@ -166,7 +166,7 @@ def _encoding_of_names(names: Iterable[bytes]) -> str:
     return encoding.removesuffix("-sig")
 
 
-def read_file(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
+def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     """Read the tables of one file, and lines on what is in none of them.
 
     Raises
@@ -193,8 +193,9 @@ def read_file(path: Path, name: str) -> tuple[list[SourceTable], list[str]]:
         reasons = f": {'; '.join(left_out)}" if left_out else ""
         raise Unreadable(f"holds no columns of numbers{reasons}"[:400])
     file: dict[str, str | int] = {"name": name, "size": size, "md5": md5_of(path)}
-    named = {f"{name}:{inner}" if inner else name: columns for inner, columns in filled.items()}
-    return [SourceTable(table, columns, file) for table, columns in named.items()], left_out
+    for inner, columns in filled.items():
+        columns.name, columns.file = f"{name}:{inner}" if inner else name, file
+    return list(filled.values()), left_out
 
 
 def _tables(path: Path) -> Tables:

@@ -15,7 +15,7 @@ from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.dataset.clocks import by_clock, by_rows, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
-from tendonrepro.dataset.tables import FEWEST, Column, SourceTable
+from tendonrepro.dataset.tables import FEWEST, Column, Columns
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace
@@ -116,7 +116,7 @@ class Assembly:
             return read_off(series)
         return self._common(name, series)
 
-    def _table(self, name: str) -> SourceTable:
+    def _table(self, name: str) -> Columns:
         """Find a table by its name, or the only one that ends with it."""
         tables = self.contents.tables
         exact = [table for table in tables if table.name == name]
@@ -146,20 +146,20 @@ class Assembly:
 
 
 def _series_of(
-    table: SourceTable, uses: dict[str, Use], run: RunMapping
+    table: Columns, uses: dict[str, Use], run: RunMapping
 ) -> tuple[dict[Use, tuple[Array, Array]], list[str]]:
     """Times, s, and values of the columns of one table, SI, and notes on what was left out."""
     series: dict[Use, tuple[Array, Array]] = {}
     rows, notes = rows_of(table, run)
-    for clock, together in by_clock(table.columns, uses).items():
-        for filled, columns in by_rows(table.columns, together):
+    for clock, together in by_clock(table, uses).items():
+        for filled, columns in by_rows(table, together):
             taken = rows & filled
             time, of_times = times_of(table, taken, clock, uses, run)
             notes += of_times
             has_time = np.isfinite(time)
             for column in columns:
                 use = uses[column]
-                values = _taken(_in_si(_taken(table.columns[column], taken), use), has_time)
+                values = _taken(_in_si(_taken(table[column], taken), use), has_time)
                 curve = time[has_time], values
                 series[use] = in_order(*curve) if run.reading_error_deg else curve
                 if absent := int((~np.isfinite(values)).sum()):
@@ -199,7 +199,7 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     return judged if worst == "ok" else judged | {"status_joints": of}
 
 
-def _refuse_twins(table: SourceTable, uses: dict[str, Use]) -> None:
+def _refuse_twins(table: Columns, uses: dict[str, Use]) -> None:
     """Refuse two columns of one table that are the same signal."""
     columns: dict[tuple[str, int], str] = {}
     for column, use in uses.items():
@@ -209,19 +209,19 @@ def _refuse_twins(table: SourceTable, uses: dict[str, Use]) -> None:
             raise ConfigError(message, hint="delete the line of one of them")
 
 
-def _uses(table: SourceTable, run: RunMapping) -> dict[str, Use]:
+def _uses(table: Columns, run: RunMapping) -> dict[str, Use]:
     """What columns of a table are to a run."""
     return {column: run.columns[name] for name, column in _named(table, run).items()} if run.columns else {}
 
 
-def _named(table: SourceTable, run: RunMapping) -> dict[str, str]:
+def _named(table: Columns, run: RunMapping) -> dict[str, str]:
     """Columns of a table by the names of a run's mapping, with or without the table's."""
     named = {}
     for name in run.columns or {}:
         # A name with a line break stands in the table with a blank.
         plain = " ".join(name.split())
-        place, _, column = plain.rpartition(":") if plain not in table.columns else ("", "", plain)
-        if column in table.columns and place in ("", table.name, table.last):
+        place, _, column = plain.rpartition(":") if plain not in table else ("", "", plain)
+        if column in table and place in ("", table.name, table.last):
             named[name] = column
     return named
 

@@ -14,7 +14,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.guess import Guess, around_of, guesses_of, quoted, with_loads_inside
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
-from tendonrepro.dataset.tables import BY_JOINT, SourceTable
+from tendonrepro.dataset.tables import BY_JOINT, Columns
 from tendonrepro.dataset.words import meaning_of
 
 _READING_ERROR = 0.005
@@ -55,12 +55,12 @@ class RunGuess:
         return sum(not guess.asked and guess.use.variable != "time" for guess in self.columns)
 
     @property
-    def tables(self) -> list[SourceTable]:
+    def tables(self) -> list[Columns]:
         """Its tables, each once."""
         return list({guess.table.name: guess.table for guess in self.columns}.values())
 
 
-def guess_mapping(tables: Sequence[SourceTable], title: str) -> Suggestion:
+def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     """Guess which column is which variable, and which are those of a run."""
     names = {table.name for table in tables}
     tables = [table for table in tables if not names & {f"{table.name}{mark}{BY_JOINT}" for mark in ":."}]
@@ -131,14 +131,14 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
     tables = {id(guess.table): guess.table for guess in run.columns if not guess.asked}
     for table in tables.values():
         uses = {guess.column: guess.use for guess in run.columns if guess.table is table and not guess.asked}
-        by_time = by_clock(table.columns, uses)
+        by_time = by_clock(table, uses)
         for clock, columns in by_time.items():
             if clock is None:
                 said = f"no times in {table.name}: write the step in s, as 0.001"
                 run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
                 continue
-            (rows, _), *_ = by_rows(table.columns, columns)
-            time = uses[clock].to_si * table.columns[clock][rows]
+            (rows, _), *_ = by_rows(table, columns)
+            time = uses[clock].to_si * table[clock][rows]
             if is_digitised(time) or len(by_time) > 2:
                 _ask_reading_error(run, table, {column: uses[column] for column in columns})
             elif step := even_step(time):
@@ -155,11 +155,11 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
     yield run
 
 
-def _ask_reading_error(run: RunGuess, table: SourceTable, uses: Mapping[str, Use]) -> None:
+def _ask_reading_error(run: RunGuess, table: Columns, uses: Mapping[str, Use]) -> None:
     """Take a run for read off a figure, with an error by the range of its curves."""
     for column, use in uses.items():
         if kind_of(use.variable) == "angle":
-            values = table.columns[column]
+            values = table[column]
             size = float(np.ptp(values[np.isfinite(values)]))
             error = math.degrees(use.to_si) * _READING_ERROR * size
             run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
@@ -208,8 +208,8 @@ def _uses(lines: Lines) -> dict[str, str]:
 
 def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
     """Lines that a run would take, from any of its tables."""
-    names = {name for table in run.tables for name in table.columns}
-    names |= {f"{table.last}:{name}" for table in run.tables for name in table.columns}
+    names = {name for table in run.tables for name in table}
+    names |= {f"{table.last}:{name}" for table in run.tables for name in table}
     return {name: use for name, use in _uses(lines).items() if name in names}
 
 

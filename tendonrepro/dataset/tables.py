@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any, TypeAlias
 
@@ -42,15 +41,26 @@ class Unreadable(Exception):
 
 
 class Columns(dict[str, Column]):
-    """Columns of N rows by name, numbers or words, with `notes` of what was left out or read specially.
+    """A table: columns of N rows by name, numbers or words; `notes` tell what was left out or read specially.
 
-    `angle_unit` is that of angles and rates whose names say none, where the file states it.
+    `angle_unit` is that of angles and rates whose names say none, where the file states it. `name` is that of
+    the mapping: the file, and after a colon the sheet or struct. `file` has ``name``, ``size`` in bytes and
+    ``md5``.
     """
+
+    name = ""
+    angle_unit = ""
 
     def __init__(self, columns: Mapping[str, Column] | Iterable[tuple[str, Column]] = ()) -> None:
         super().__init__(columns)
         self.notes: list[str] = []
-        self.angle_unit = ""
+        self.file: dict[str, str | int] = {}
+
+    @property
+    def last(self) -> str:
+        """Its file, sheet or innermost struct."""
+        file, _, inner = self.name.partition(":")
+        return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
     def add(self, name: str, values: Column, unit: str = "") -> None:
         """Add a column; a second of its name is numbered."""
@@ -69,25 +79,6 @@ class Tables(dict[str, Columns]):
     def __init__(self, tables: Mapping[str, Columns] | None = None, left_out: Sequence[str] = ()) -> None:
         super().__init__(tables or {})
         self.left_out = [*left_out]
-
-
-@dataclass(frozen=True, eq=False)
-class SourceTable:
-    """One table of one file.
-
-    `name` is that of the mapping: the file, and after a colon the sheet or struct. `file` has ``name``,
-    ``size`` in bytes and ``md5``.
-    """
-
-    name: str
-    columns: Columns
-    file: dict[str, str | int]
-
-    @property
-    def last(self) -> str:
-        """Its file, sheet or innermost struct."""
-        file, _, inner = self.name.partition(":")
-        return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
 
 def is_number(cell: str) -> bool:
@@ -113,22 +104,33 @@ def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 
 
     Of an empty column nothing is kept. ``first_row`` is the number of the first row, for notes.
     """
-    if column.dtype.kind in "biuf":
-        values = column.to_numpy(np.float64)
-        if np.isfinite(values).sum() >= FEWEST:
-            columns.add(name, values)
-        elif np.isfinite(values).any():
-            columns.notes.append(f"column {name!r} left out: {int(np.isfinite(values).sum())} numbers alone")
-        return
-    known = column[column.notna()]
-    cells = known.map(lambda cell: str(cell).strip())
-    cells = cells[cells != ""]
-    if cells.empty:
-        return
-    times = _seconds(known[known.index.isin(cells.index)], cells)
-    if times is not None:
-        _add_filled(columns, name if "(" in name else f"{name} (s)", column, times)
-        return
+    numbers = column
+    if column.dtype.kind not in "biuf":
+        known = column[column.notna()]
+        cells = known.map(lambda cell: str(cell).strip())
+        cells = cells[cells != ""]
+        if cells.empty:
+            return
+        times = _seconds(known[cells.index], cells)
+        told = _numbers(columns, name, column, cells, first_row) if times is None else times
+        if told is None:
+            words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
+            columns.add(name, words.to_numpy(object).astype(str))
+            return
+        numbers = told
+        name = name if times is None or "(" in name else f"{name} (s)"
+    values = numbers.reindex(column.index).to_numpy(np.float64)
+    count = int(np.isfinite(values).sum())
+    if count >= FEWEST:
+        columns.add(name, values)
+    elif count:
+        columns.notes.append(f"column {name!r} left out: {count} numbers alone")
+
+
+def _numbers(
+    columns: Columns, name: str, column: pd.Series, cells: pd.Series, first_row: int
+) -> pd.Series | None:
+    """Numbers of cells, with notes on commas between thousands and on other cells; None of words."""
     text = cells.str.replace("−", "-", regex=False)
     numbers = pd.to_numeric(text, errors="coerce").astype(float)
     is_gap = text.str.casefold().isin(_GAPS)
@@ -143,14 +145,12 @@ def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 
         numbers = numbers.fillna(_by_mark(marked, mark).reindex(numbers.index))
     failing = numbers.isna() & ~is_gap
     if failing.mean() >= _MOST_FAILING:
-        words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
-        columns.add(name, words.to_numpy(object).astype(str))
-        return
+        return None
     thousands = marked[marked.str.contains(",", regex=False) & ~failing[marked.index]]
     if mark == "." and len(thousands):
+        count, example = len(thousands), thousands.iloc[0]
         columns.notes.append(
-            f"column {name!r}: {len(thousands)} numbers have a comma between thousands, "
-            f"as {thousands.iloc[0]!r}"
+            f"column {name!r}: {count} numbers have a comma between thousands, as {example!r}"
         )
     if failing.any():
         place = int(np.argmax(column.index == failing.idxmax())) + first_row
@@ -159,14 +159,7 @@ def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 
             f"column {name!r}: {int(failing.sum())} of {len(column)} cells are no numbers and left as gaps, "
             f"the first {example!r} in row {place}"
         )
-    if numbers.notna().sum() >= FEWEST:
-        _add_filled(columns, name, column, numbers)
-    else:
-        columns.notes.append(f"column {name!r} left out: {int(numbers.notna().sum())} numbers alone")
-
-
-def _add_filled(columns: Columns, name: str, column: pd.Series, numbers: pd.Series) -> None:
-    columns.add(name, numbers.reindex(column.index).to_numpy(np.float64))
+    return numbers
 
 
 def _decimal_mark(marked: pd.Series, plain: pd.Series) -> str | None:

@@ -5,7 +5,7 @@ import pytest
 
 from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
 from tendonrepro.dataset.suggestion import guess_mapping
-from tendonrepro.dataset.tables import Columns, SourceTable
+from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError
 
 GOOD = """schema_version: 2
@@ -20,6 +20,13 @@ runs:
   controller_1: "a.xlsx:C1"
   controller_1_payload: {sources: [b.csv, c.csv], from_s: 2, columns: {"b.csv:q2": q_d 2 rad}}
 """
+
+
+def table_of(name, columns):
+    """A table as a file of that name gives it."""
+    table = Columns(columns)
+    table.name = name
+    return table
 
 
 def test_what_lines_mean():
@@ -93,7 +100,7 @@ def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
     """Beyond half a turn the angles of a table are degrees; but for seconds a guess has its mark."""
     sizes = {"q2": 3.0, "qd2": most, "e2": 0.4, "tau2": 1.0, "dq2": 1.0}
     columns = {"t": step * np.arange(20.0)} | {name: np.linspace(0.0, x, 20) for name, x in sizes.items()}
-    text = guess_mapping([SourceTable("controller_1.csv", Columns(columns), {})], "SYNTHETIC").text
+    text = guess_mapping([table_of("controller_1.csv", columns)], "SYNTHETIC").text
     found = parse_mapping(text, "m.yaml")
     units = {name: use.unit for name, use in found.runs["controller_1"].columns.items()}
     angle = "deg" if most > 3.2 else "rad"
@@ -103,6 +110,6 @@ def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
 
 @pytest.mark.parametrize(("mass", "payload"), [("0.2kg", 0.2), ("0.5kg", 0.5)])
 def test_a_payload_in_a_name_is_that_of_the_run(mass, payload):
-    columns = Columns({"t (s)": np.arange(20.0), "q2 (deg)": np.arange(20.0)})
-    text = guess_mapping([SourceTable(f"controller_1 {mass}.csv", columns, {})], "SYNTHETIC").text
+    columns = {"t (s)": np.arange(20.0), "q2 (deg)": np.arange(20.0)}
+    text = guess_mapping([table_of(f"controller_1 {mass}.csv", columns)], "SYNTHETIC").text
     assert parse_mapping(text, "m.yaml").runs["controller_1_payload"].payload_mass_kg == payload

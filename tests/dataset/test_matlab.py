@@ -152,7 +152,7 @@ def test_logs_that_simulink_wrote(name):
     if not (SAMPLES / name).exists():
         pytest.skip("no real MATLAB files: see TENDONREPRO_MATLAB_SAMPLES in docs/architecture.md")
     sources, _ = read_file(SAMPLES / name, name)
-    found = {column: len(values) for source in sources for column, values in source.columns.items()}
+    found = {column: len(values) for source in sources for column, values in source.items()}
     assert found | REAL[name] == found
 
 
@@ -258,4 +258,4 @@ def test_files_of_other_labs_are_read_or_refused(path):
         sources, _ = read_file(path, path.name)
     except Unreadable:
         return
-    assert all(source.columns for source in sources)
+    assert all(source for source in sources)

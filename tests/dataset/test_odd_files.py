@@ -551,7 +551,7 @@ def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
     path.write_text("t;q2;n\n" + rows)
     found = read_files([path])
     assert any("q2" in line and "unclear" in line for line in found.left_out["SYNTHETIC.csv"])
-    assert found.tables[0].columns["q2"].dtype.kind != "f"
+    assert found.tables[0]["q2"].dtype.kind != "f"
 
 
 CHINESE = [f"控制器{k}空载.csv" for k in (1, 2)]
