@@ -29,6 +29,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
 from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.arm import mass_matrix
+from tendonrepro.physics.control import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.physics.linear_loop import (
     Complex,
     decay_rate,
@@ -40,7 +41,6 @@ from tendonrepro.physics.linear_loop import (
     slowest,
     stroke,
 )
-from tendonrepro.physics.slow_error import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 
 PAIRS = ("c1_c2", "c2_c3")
 """Pairs of the paper's laws, of which ``--json`` always has the ratios."""

@@ -11,7 +11,7 @@ from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import View
-from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, estimate_age, stiffness
+from tendonrepro.physics.control import TYPICAL_ERROR_DEG, estimate_age, stiffness
 from tendonrepro.results.tables import Table, TableColumns
 from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.study import Site

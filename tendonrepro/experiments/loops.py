@@ -29,12 +29,19 @@ from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, on_lanes, own_loops
 from tendonrepro.physics import trajectory
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, Servo, Surface, estimator_weights
+from tendonrepro.physics.control import (
+    DEGREES_PER_RADIAN,
+    TYPICAL_ERROR_DEG,
+    Law,
+    Servo,
+    Surface,
+    error_ratio,
+    estimator_weights,
+)
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.instruments import Actuator
 from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.metrics import Status, status_of
-from tendonrepro.physics.slow_error import TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.physics.trajectory import Motion
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController

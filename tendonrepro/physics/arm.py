@@ -147,16 +147,6 @@ def bias_torque(q: Array, dq: Array, arm: Arm) -> Array:
     return torque
 
 
-def potential_energy(q: Array, arm: Arm) -> Array:
-    """Energy of the weight, (...), J, whose gradient is ``G``; zero with every link horizontal."""
-    return np.asarray(-np.tensordot(arm.b, np.cos(link_angles(q, arm.phi_0)), axes=(0, 0)))
-
-
-def kinetic_energy(q: Array, dq: Array, arm: Arm) -> Array:
-    """Kinetic energy of the links, ``½ dqᵀ M dq``, (...), J."""
-    return np.asarray(0.5 * np.einsum("i...,ij...,j...", dq, mass_matrix(q, arm), dq))
-
-
 def _sum_over_outer_links(A: Array) -> Array:
     """Replace ``A[i, j]`` by its sum over ``k >= i, l >= j``."""
     n = A.shape[0]

@@ -36,11 +36,6 @@ def quantise(value: Any, step: Any) -> Any:
     return counted if isinstance(step, float) else choose(step > 0.0, counted, value)
 
 
-def noise_sequence(rms: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
-    """White Gaussian noise for a whole run, (samples, axes)."""
-    return rms * rng.standard_normal(shape)
-
-
 class Actuator(NamedTuple):
     """Limits of motors and drives, all at the winch.
 

@@ -10,8 +10,8 @@ from tendonrepro.analysis.margins import channel, channel_margins, disk_margin, 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
+from tendonrepro.physics.control import error_ratio
 from tendonrepro.physics.linear_loop import open_loop, spectral_radius
-from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.simulation.stepper import simulate
 
 L = 1e-3

@@ -11,9 +11,8 @@ from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stated
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.physics.control import phi_slope
+from tendonrepro.physics.control import error_ratio, phi_slope
 from tendonrepro.physics.linear_loop import decay_rate
-from tendonrepro.physics.slow_error import error_ratio
 from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = NEEDS_DOCS

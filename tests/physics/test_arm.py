@@ -12,10 +12,8 @@ from tendonrepro.physics.arm import (
     coriolis_matrix,
     gravity_torque,
     joint_angles,
-    kinetic_energy,
     link_angles,
     mass_matrix,
-    potential_energy,
 )
 
 Array = NDArray[np.float64]
@@ -45,14 +43,6 @@ class TestAgainstLagrange:
         arm = links.arm()
         torque = mass_matrix(q, arm) @ ddq + bias_torque(q, dq, arm)
         assert near(torque, lagrangian(n).torque(q, dq, ddq, links))
-
-    @many
-    @cases
-    def test_energies(self, n: int, seed: int) -> None:
-        links, q, dq, _ = drawn(n, seed)
-        arm, oracle = links.arm(), lagrangian(n)
-        assert near(kinetic_energy(q, dq, arm), oracle.kinetic(q, dq, 0.0 * q, links))
-        assert near(potential_energy(q, arm), oracle.potential(q, dq, 0.0 * q, links))
 
 
 class TestLaws:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from support.oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.physics.control import Servo, servo_torque
-from tendonrepro.physics.instruments import Actuator, applied_torque, noise_sequence, quantise
+from tendonrepro.physics.instruments import Actuator, applied_torque, quantise
 
 Array = NDArray[np.float64]
 
@@ -51,15 +51,6 @@ class TestQuantise:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found = quantise(values, each)
         assert found.tolist() == [counts(value, step) for value, step in lanes]
-
-
-class TestNoise:
-    def test_root_mean_square_and_shape(self) -> None:
-        noise = noise_sequence(0.3, (50000, 2), np.random.default_rng(1))
-        assert noise.shape == (50000, 2)
-        # The RMS of N samples scatters by 1 / sqrt(2 N) = 0.3 %, the mean by 1 / sqrt(N) = 0.45 %.
-        assert np.sqrt((noise**2).mean(axis=0)) == pytest.approx([0.3, 0.3], rel=0.015)
-        assert noise.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.3 * 0.02)
 
 
 class TestActuator:

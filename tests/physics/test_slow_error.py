@@ -4,7 +4,7 @@ import numpy as np
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_law
-from tendonrepro.physics.slow_error import error_ratio, estimate_age, stiffness
+from tendonrepro.physics.control import error_ratio, estimate_age, stiffness
 
 
 def law(name, *overrides):
