@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonrepro.results.figures.catalogue import FIGURES, available, caption_of, runs_of
-from tendonrepro.results.figures.panels import Canvas
+from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import REFERENCE, Drawing, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -57,7 +57,7 @@ def _made(measured: list[Trace], simulated: list[Trace]) -> str:
     return f"{told}, wide and pale; {laid_over}" if simulated else f"{told}; no simulation"
 
 
-def _lay_over(sheet: Canvas, over: Canvas, model: Trace, wide: float) -> None:
+def _lay_over(sheet: Sheet, over: Sheet, model: Trace, wide: float) -> None:
     """Add the curves of a simulated run, without the motion that it follows."""
     # Letters count panels, and a measurement may have joints that the model has not.
     letters = {place: letter for letter, place in sheet.places.items()}

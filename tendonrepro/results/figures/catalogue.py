@@ -13,7 +13,7 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
-from tendonrepro.results.figures.panels import Canvas
+from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
 from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import of_paper
@@ -36,7 +36,7 @@ class FigureSpec:
     the caption where the arm is the paper's.
     """
 
-    draw: Callable[[TraceFile, list[Trace]], Canvas]
+    draw: Callable[[TraceFile, list[Trace]], Sheet]
     caption: str
     needs: tuple[str, ...]
     runs: tuple[str, ...] = ()
@@ -86,9 +86,9 @@ def draw(figure: str | int, file: TraceFile) -> Drawing:
         message = f"these {file.experiment} traces do not hold what {title_of(name)} shows"
         raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
     with journal_style():
-        canvas = spec.draw(file, traces)
-        caption = caption_of(name, file, canvas, f"{file.source.capitalize()}, {runs_of(traces)}")
-        return canvas.finish(name, caption, origin_of(file))
+        sheet = spec.draw(file, traces)
+        caption = caption_of(name, file, sheet, f"{file.source.capitalize()}, {runs_of(traces)}")
+        return sheet.finish(name, caption, origin_of(file))
 
 
 def begin_drawing(
@@ -117,9 +117,9 @@ def origin_of(file: TraceFile) -> str:
     return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
-def caption_of(name: str, file: TraceFile, canvas: Canvas, made: str) -> str:
-    """Caption of a figure on its canvas: what it shows, how that was `made`, and the window of time."""
-    windows = " and ".join(f"{start:.4g} to {end:.4g} s" for start, end in canvas.windows)
+def caption_of(name: str, file: TraceFile, sheet: Sheet, made: str) -> str:
+    """Caption of a figure on its sheet: what it shows, how that was `made`, and the window of time."""
+    windows = " and ".join(f"{start:.4g} to {end:.4g} s" for start, end in sheet.windows)
     title = [f"{title_of(name)}."] if title_of(name) != name else []
     spec = FIGURES[name]
     beside = [spec.of_paper] if spec.of_paper and of_paper(file) else []

@@ -1,10 +1,10 @@
-"""A figure being drawn: panels in a grid, curves in the panels, one legend above all."""
+"""A figure of a journal's width: lettered panels, curves in them by panel and name, one legend above all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -26,12 +26,21 @@ _INSIDES, _EDGE = (0.6, 0.65, 0.65), 0.35
 _SHARED = "#EDEDED"
 
 
-class Canvas:
+class Band(NamedTuple):
+    """The band between two edges (T,) around the curve of a stroke."""
+
+    time: Array
+    low: Array
+    high: Array
+    stroke: Stroke
+
+
+class Sheet:
     """A figure under construction, width and height in mm printed.
 
-    `labels` are (title, y label) of the grid's panels, which share the time axis. The last rows may have x
-    axes of their own, shared within a column, labelled `apart`. `places` are row and title, up to a comma.
-    Titled panels `beside`, at the left over all rows, are `pictures`, which have no time axis.
+    `labels` are (title, y label) of the grid's panels, whose time axes are `shared` by all, or by those of a
+    column. Titled panels `beside`, at the left over all rows, are `pictures`, which have no time axis. A
+    `note` on the bands stands in the legend. `places` are row and title, up to a comma.
     """
 
     def __init__(
@@ -39,38 +48,32 @@ class Canvas:
         width_mm: float,
         height_mm: float,
         labels: Sequence[Sequence[tuple[str, str]]],
-        apart: Sequence[str] = (),
         beside: Sequence[str] = (),
+        shared: Literal["all", "col"] = "all",
     ) -> None:
         self.figure = style.open_figure(width_mm, height_mm)
-        self.places: dict[str, tuple[int, str]] = {}
-        self.pictures: dict[str, Axes] = {}
         self.lines: dict[tuple[str, str], Line2D] = {}
-        self._bands: dict[tuple[str, str], Polygon] = {}
+        self.bands: dict[tuple[str, str], Polygon] = {}
+        self.note = ""
         self._insides: dict[str, str] = {}
-        self._edges: dict[str, list[tuple[Array, Array, Array]]] = {}
-        self._legend: dict[str, tuple[str, Artist]] = {}
+        grid = self.figure.add_gridspec(len(labels), len(beside) + len(labels[0]))
+        pictures = [self.figure.add_subplot(grid[:, column]) for column in range(len(beside))]
+        inner = grid[:, len(beside) :].subgridspec(len(labels), len(labels[0]))
+        panels = inner.subplots(squeeze=False, sharex=shared)
         texts = [text for row in labels for text in row]
-        sheet = self.figure.add_gridspec(len(labels), len(beside) + len(labels[0]))
-        pictures = [self.figure.add_subplot(sheet[:, column]) for column in range(len(beside))]
-        grid = sheet[:, len(beside) :].subgridspec(len(labels), len(labels[0])).subplots(squeeze=False)
         titles = [*beside, *(title for title, _ in texts)]
-        lettered = style.letter_panels([*pictures, *grid.flat], titles)
-        self.pictures = dict(list(lettered.items())[: len(beside)])
-        self.axes = {letter: axes for letter, axes in lettered.items() if letter not in self.pictures}
-        self._framing: dict[str, list[Array]] = {letter: [] for letter in self.axes}
-        self._diverged: dict[str, list[Line2D]] = {letter: [] for letter in self.axes}
-        sharing = len(labels) - len(apart)
-        x_labels = ["Time (s)" if row == sharing - 1 else "" for row in range(sharing)] + [*apart]
-        for (letter, axes), ((row, column), _), (title, y_label) in zip(
-            self.axes.items(), np.ndenumerate(grid), texts, strict=True
+        lettered = style.letter_panels([*pictures, *panels.flat], titles)
+        self.axes = dict([*lettered.items()][len(beside) :])
+        self.pictures = {letter: axes for letter, axes in lettered.items() if letter not in self.axes}
+        self.places = {}
+        for letter, ((row, _), axes), (title, label) in zip(
+            self.axes, np.ndenumerate(panels), texts, strict=True
         ):
-            first = grid[0, 0] if row < sharing else grid[sharing, column]
-            if axes is not first:
-                axes.sharex(first)
-            axes.set(xlabel=x_labels[row], ylabel=y_label)
-            axes.tick_params(labelbottom=bool(x_labels[row]))
-            self.places[letter] = row, title.partition(",")[0]
+            self.places[letter] = int(row), title.partition(",")[0]
+            axes.set_ylabel(label)
+            axes.margins(y=_MARGIN)
+        for axes in panels[-1]:
+            axes.set_xlabel("Time (s)")
 
     def curve(
         self,
@@ -89,140 +92,109 @@ class Canvas:
         The legend lists equal labels once, an empty one not at all. A diverged run ends in a mark and does
         not set the range of the y axis.
         """
-        x, y = thin(time, values)
-        (line,) = self.axes[letter].plot(
-            x, y, **stroke.line, drawstyle="steps-post" if as_steps else "default"
-        )
-        self.lines[letter, name] = line
-        if label:
-            line.set_label(label)
-            self._legend.setdefault(label, (name, line))
+        (time, values), axes = thin(time, values), self.axes[letter]
+        look: Look = stroke.line | {"drawstyle": "steps-post" if as_steps else "default"}
+        look |= {"label": label} if label else {}
         if not diverged:
-            self._framing[letter].append(y)
-        elif len(y):
-            self._diverged[letter].append(line)
+            (self.lines[letter, name],) = axes.plot(time, values, **look)
+            return
+        # What is added as an artist has no say in the ranges.
+        self.lines[letter, name] = Line2D(time, values, **look)
+        axes.add_artist(self.lines[letter, name])
+        axes.update_datalim(np.column_stack([time, time]), updatey=False)
+        axes.autoscale_view(scaley=False)
+        mark: Look = {"marker": "x", "markersize": 4.0, "markeredgewidth": 1.0, "clip_on": False}
+        axes.add_artist(Line2D(time[-1:], values[-1:], color=stroke.colour, **mark))
 
-    def band(self, letter: str, name: str, time: Array, edges: tuple[Array, Array], stroke: Stroke) -> None:
-        """Draw the band between two edges (T,), below all curves.
+    def draw_bands(self, letter: str, bands: Mapping[str, Band]) -> None:
+        """Draw bands by the names of their curves, which lie above.
 
-        Bands are opaque, the narrowest on top; what all cover is grey, and edges lie above. In the legend a
-        band lies behind the curve of its name.
+        Bands are opaque, the narrowest on top; what all cover is grey. In the legend a band lies behind the
+        curve of its name.
         """
-        low, high = edges
-        white = _INSIDES[len(self._insides) % len(_INSIDES)]
-        colour = self._insides.setdefault(name, style.paler(stroke.colour, white))
-        band = Polygon(np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])]))
-        band.set(facecolor=colour, linewidth=0.0)
-        # As a patch each of its vertices would be looked at in Python, for limits that the edges give, too.
-        self.axes[letter].add_artist(band)
-        look = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5).line
-        for edge in edges:
-            self.axes[letter].plot(time, edge, **look, zorder=0.8)
-        self._bands[letter, name] = band
-        self._edges.setdefault(letter, []).append((time, low, high))
-        self._framing[letter].extend(edges)
-
-    def _order_bands(self, letter: str, edges: list[tuple[Array, Array, Array]]) -> None:
-        """Lay the narrow bands of a panel on the wide ones, and in grey what all of several cover."""
-        bands = [band for (panel, _), band in self._bands.items() if panel == letter]
-        widths = [float(np.mean(high - low)) for _, low, high in edges]
-        for place, at in enumerate(np.argsort(widths)[::-1], start=1):
-            bands[at].set_zorder(0.7 * place / (1 + len(bands)))
+        axes = self.axes[letter]
+        widest_first = sorted(bands, key=lambda name: -float(np.mean(bands[name].high - bands[name].low)))
+        for name, (time, low, high, stroke) in bands.items():
+            white = _INSIDES[len(self._insides) % len(_INSIDES)]
+            colour = self._insides.setdefault(name, style.paler(stroke.colour, white))
+            corners = np.column_stack([np.append(time, time[::-1]), np.append(high, low[::-1])])
+            order = 0.7 * (1 + widest_first.index(name)) / (1 + len(bands))
+            band = self.bands[letter, name] = Polygon(corners, facecolor=colour, linewidth=0.0, zorder=order)
+            # As a patch each of its corners would be looked at in Python, for ranges that the edges have.
+            axes.add_artist(band)
+            edge = replace(stroke, colour=style.paler(stroke.colour, _EDGE), width=0.5)
+            for values in (low, high):
+                axes.plot(time, values, **edge.line, zorder=0.8)
         if len(bands) > 1:
-            time = min((time for time, _, _ in edges), key=lambda time: float(time[-1]))
-            low = np.max([np.interp(time, own, values) for own, values, _ in edges], axis=0)
-            high = np.min([np.interp(time, own, values) for own, _, values in edges], axis=0)
+            time = min((band.time for band in bands.values()), key=lambda time: float(time[-1]))
+            low = np.max([np.interp(time, band.time, band.low) for band in bands.values()], axis=0)
+            high = np.min([np.interp(time, band.time, band.high) for band in bands.values()], axis=0)
             look: Look = {"facecolor": _SHARED, "linewidth": 0.0, "zorder": 0.75}
-            self.axes[letter].fill_between(time, low, high, where=high > low, **look)
+            axes.fill_between(time, low, high, where=high > low, **look)
 
-    def draw_path(self, letter: str, places: Array, label: str) -> None:
-        """Draw a dashed line through places (K, 2) of a picture; the legend names it."""
-        look: Look = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3}
-        (line,) = self.pictures[letter].plot(*places.T, zorder=5.0, **look)
-        self._legend[label] = "", line
-
-    def say_below(self, letter: str, text: str) -> None:
-        """Write a remark below a picture."""
-        axes = self.pictures[letter]
-        axes.text(0.5, 0.0, text, transform=axes.transAxes, ha="center", va="top", fontsize="small")
-
-    def leave_room(self, letter: str, values: Array) -> None:
-        """Let a panel show these values, whether or not a curve goes there."""
-        self._framing[letter].append(values)
-
-    def mark_time(self, letter: str, time: float, label: str) -> None:
-        """Mark a time, s, with a line that the legend explains."""
-        mark = self.axes[letter].axvline(time, color="#6E6E6E", linewidth=0.9, zorder=0.85, label=label)
-        self._legend.setdefault(label, ("", mark))
+    def zero_line(self, letter: str) -> None:
+        """Draw a hair line at zero, where the panel shows that."""
+        axes = self.axes[letter]
+        look: Look = {"color": "#999999", "linewidth": 0.4, "zorder": 0.9}
+        axes.add_artist(Line2D([0.0, 1.0], [0.0, 0.0], transform=axes.get_yaxis_transform(), **look))
 
     @property
     def windows(self) -> list[tuple[float, float]]:
         """Spans of time that the panels show, s, each once."""
         return sorted({panel.get_xlim() for panel in self.axes.values()})
 
-    def zero_line(self, letter: str) -> None:
-        """Draw a hair line at zero."""
-        self.axes[letter].axhline(0.0, color="#999999", linewidth=0.4, zorder=0.9)
-
-    def note(self, letter: str, text: str) -> None:
-        """Write a remark at the right above a panel."""
-        self.axes[letter].set_title(text, loc="right", fontsize="small", linespacing=1.35)
-
-    def explain_bands(self, label: str) -> None:
-        """Add a legend entry for the bands of all curves."""
-        self._legend[label] = "", Patch(facecolor=_SHARED, edgecolor="#777777", linewidth=0.5)
-
     def finish(self, name: str, caption: str, origin: str) -> Drawing:
         """Set ranges, legend and imprint, and lay the figure out for all formats."""
-        drawn = {letter for letter, _ in self.lines}
-        for letter, edges in self._edges.items():
-            self._order_bands(letter, edges)
         for letter, axes in self.axes.items():
-            if letter not in drawn:
+            courses = [line for (panel, _), line in self.lines.items() if panel == letter]
+            if not courses:
                 axes.set_yticks([])
-                at = axes.transAxes
-                axes.text(0.5, 0.5, "not recorded", transform=at, ha="center", va="center", color="#666666")
-            _frame_values(axes, self._framing[letter], self._diverged[letter])
-        if len(self._legend) > 1:
-            self._draw_legend()
+                look: Look = {"ha": "center", "va": "center", "color": "#666666"}
+                axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, **look)
+            _settle_range(axes, courses)
+        self._draw_legend()
         style.imprint(self.figure, origin)
         self.figure.align_ylabels(list(self.axes.values()))
         style.settle(self.figure)
         panels = self.pictures | self.axes
-        return Drawing(name, self.figure, panels, caption, origin, self.lines, self._bands)
+        return Drawing(name, self.figure, panels, caption, origin, self.lines, self.bands)
 
     def _draw_legend(self) -> None:
-        """Use as few rows as the width allows."""
-        handles: list[Any] = []
-        for name, artist in self._legend.values():
-            inside = self._insides.get(name)
-            handles.append((Patch(facecolor=inside, linewidth=0.0), artist) if inside else artist)
-        labels = list(self._legend)
-        for rows in range(1, len(labels) + 1):
-            columns = -(-len(labels) // rows)
-            legend = self.figure.legend(handles, labels, loc="outside upper center", ncols=columns)
-            if columns == 1 or legend.get_window_extent().width < 0.98 * self.figure.bbox.width:
+        """List every label once, in as few rows as the width allows; one alone needs no legend."""
+        named: dict[str, Any] = {}
+        for axes in (*self.axes.values(), *self.pictures.values()):
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                named.setdefault(label, handle)
+        for (_, name), line in self.lines.items():
+            if name in self._insides and named.get(str(line.get_label())) is line:
+                behind = Patch(facecolor=self._insides[name], linewidth=0.0)
+                named[str(line.get_label())] = behind, line
+        if self.note:
+            named[self.note] = Patch(facecolor=_SHARED, edgecolor="#777777", linewidth=0.5)
+        handles: list[Artist] = [*named.values()]
+        for rows in range(1, len(named) + 1) if len(named) > 1 else ():
+            look: Look = {"loc": "outside upper center", "ncols": -(-len(named) // rows)}
+            legend = self.figure.legend(handles, [*named], **look)
+            if rows == len(named) or legend.get_window_extent().width < 0.98 * self.figure.bbox.width:
                 return
             legend.remove()
 
 
-def _frame_values(axes: Axes, framing: list[Array], diverged: list[Line2D]) -> None:
-    """Fit the y axis to values, else to the diverged runs, and mark the ends of these."""
-    courses = [np.array(line.get_data()) for line in diverged]
-    shown = np.concatenate([np.zeros(0), *(framing or [values for _, values in courses])])
-    if shown.size:
-        low, high = float(shown.min()), float(shown.max())
-        # A constant curve needs some room, too.
-        margin = _MARGIN * (high - low) or 0.05 * abs(low) or 0.05
-        axes.set_ylim(low - margin, high + margin)
-    for line, (time, values) in zip(diverged, courses, strict=True):
-        end = np.clip(values[-1], *axes.get_ylim())
-        (mark,) = axes.plot(time[-1], end, "x", color=line.get_color(), clip_on=False)
-        mark.set(markersize=4.0, markeredgewidth=1.0)
+def _settle_range(axes: Axes, courses: Sequence[Line2D]) -> None:
+    """Fit the y axis to what has a say in it, else to all courses; keep the marks of diverged runs within."""
+    if not np.isfinite(axes.dataLim.intervaly).all():
+        for line in courses:
+            axes.update_datalim(line.get_xydata())
+        axes.autoscale_view()
+    low, high = axes.get_ylim()
+    for mark in (line for line in axes.lines if line.get_marker() == "x"):
+        mark.set_ydata(np.clip(mark.get_ydata(), low, high))
 
 
 def thin(time: Array, values: Array) -> tuple[Array, Array]:
     """Reduce a curve to what can be seen: the extremes of equal groups of samples, and both ends.
+
+    Dashes would vanish in the noise between all of them.
 
     Non-finite samples are dropped.
     """

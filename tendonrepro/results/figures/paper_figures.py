@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
-from tendonrepro.physics.tendon_path import TendonPath, path_points
+from tendonrepro.physics.tendon_path import path_points
 from tendonrepro.results.figures.arm import (
     draw_discs,
     draw_links,
@@ -20,7 +22,7 @@ from tendonrepro.results.figures.arm import (
     postures,
     tendon_paths,
 )
-from tendonrepro.results.figures.panels import Canvas
+from tendonrepro.results.figures.panels import Band, Sheet
 from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Look, Stroke, paler, stroke_of
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
@@ -42,7 +44,9 @@ ZOOM = 0.02
 RAW = "samples"
 """Name of the figure that shows them."""
 
-_RAW_ROWS = {"s": r"$s$ (rad/s)", "tau_m": r"Torque $\tau_m$ (N m)"}
+_LAW = {"s": r"$s$ (rad/s)", "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": r"Torque $\tau_m$ (N m)"}
+_SAMPLES = {name: _LAW[name] for name in ("s", "tau_m")}
+_TRACKING = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
 _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
 # Columns of panels up to which a title and a remark stand on one line.
 _WIDE_PANELS = 3
@@ -53,29 +57,33 @@ _ROOM = 0.04
 _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; grey: shared by all"
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
+_REMARK: Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
+"""A title at the right above a panel."""
 
 
-def draw_pull(file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 6: the arm before and after motor 1 alone has turned, and the angles on the way."""
     (trace,) = traces
     labels = [[(f"{name}s", f"{name} angle (deg)")] for name in _ANGLES.values()]
     turned = _degrees(trace, "q_motor_encoder", 1)
     last = int(np.nanargmax(np.abs(turned - turned[0])))
     titles = ["Start", f"Motor 1 turned {turned[last] - turned[0]:.0f}°"]
-    canvas = Canvas(PAGE_MM, 78.0, labels, beside=titles)
-    for letter, variable in zip(canvas.axes, _ANGLES, strict=True):
-        _draw_angles(canvas, letter, trace, variable, "Motor/joint")
-    canvas.note("d", _slope(file, trace))
-    _draw_postures(canvas, file, trace, [0, last])
-    return canvas
+    sheet = Sheet(PAGE_MM, 78.0, labels, beside=titles)
+    for letter, variable in zip(sheet.axes, _ANGLES, strict=True):
+        _draw_angles(sheet, letter, trace, variable, "Motor/joint")
+    sheet.axes["d"].set_title(_slope(file, trace), **_REMARK)
+    _draw_postures([*sheet.pictures.values()], file, trace, [0, last])
+    return sheet
 
 
-def _draw_postures(canvas: Canvas, file: TraceFile, trace: Trace, places: list[int]) -> None:
+def _draw_postures(panels: list[Axes], file: TraceFile, trace: Trace, places: list[int]) -> None:
     """Draw the arm at two samples of a run, at the second one also where section 3.1 sees link 2."""
-    joints, angle = postures(file.plant, trace)
-    joints, angle = joints[places], angle[places]
-    paths = _paths_of(file, joints, angle)
-    for place, axes in enumerate(canvas.pictures.values()):
+    joints, angle = (values[places] for values in postures(file.plant, trace))
+    try:
+        paths = tendon_paths(file.plant, joints, angle)[:-1]
+    except (KeyError, ValueError):  # the file does not say where they go, or they find no way
+        paths = []
+    for place, axes in enumerate(panels):
         if place:
             draw_links(axes, joints[0], "#F0F0F0")
         draw_links(axes, joints[place])
@@ -90,55 +98,45 @@ def _draw_postures(canvas: Canvas, file: TraceFile, trace: Trace, places: list[i
     if of_paper(file) and turned[0] * turned[1] > 0.0:
         start = joints[1, 1]
         ends = np.array([start, start + joints[0, 2] - joints[0, 1]])
-        letter = list(canvas.pictures)[-1]
-        canvas.draw_path(letter, ends, "Link 2 in section 3.1, where joint 2 turns back")
-        canvas.say_below(
-            letter, f"joint 1 turned {turned[0]:+.0f}°\njoint 2 turned {turned[1]:+.0f}°, the same way"
-        )
+        look: Look = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3, "zorder": 5.0}
+        panels[-1].plot(*ends.T, **look, label="Link 2 in section 3.1, where joint 2 turns back")
+        words = f"joint 1 turned {turned[0]:+.0f}°\njoint 2 turned {turned[1]:+.0f}°, the same way"
+        at: Look = {"transform": panels[-1].transAxes, "ha": "center", "va": "top", "fontsize": "small"}
+        panels[-1].text(0.5, 0.0, words, **at)
 
 
-def _paths_of(file: TraceFile, joints: Array, angle: Array) -> list[TendonPath]:
-    """The motors' tendons; none where a file does not say where they go, or where they find no way."""
-    if "tensioner_side" not in file.plant.attributes:
-        return []
-    try:
-        return tendon_paths(file.plant, joints, angle)[:-1]
-    except ValueError:
-        return []
-
-
-def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 9: angles of all motors."""
     (trace,) = traces
-    canvas = Canvas(COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
-    _draw_angles(canvas, "a", trace, "q_motor_encoder", "Motor")
-    return canvas
+    sheet = Sheet(COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
+    _draw_angles(sheet, "a", trace, "q_motor_encoder", "Motor")
+    return sheet
 
 
-def _draw_angles(canvas: Canvas, letter: str, trace: Trace, variable: str, called: str) -> None:
+def _draw_angles(sheet: Sheet, letter: str, trace: Trace, variable: str, called: str) -> None:
     """Draw the angles of all motors or joints, in the legend as they are `called`."""
     for joint in trace.joint:
         values, name = _degrees(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
-        canvas.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
+        sheet.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
 
 
-def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Canvas:
+def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
     """Figures 10 to 12, and further joints: an angle by motors and by encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
-    canvas = Canvas(COLUMN_MM, 92.0, labels)
+    sheet = Sheet(COLUMN_MM, 92.0, labels)
     calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
-    _leave_room(canvas, "a", trace, joint)
-    canvas.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
+    _leave_room(sheet.axes["a"], trace, joint)
+    sheet.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
-    canvas.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
-    canvas.zero_line("b")
+    sheet.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
+    sheet.zero_line("b")
     difference = calculated - encoder
-    canvas.curve("b", "Difference", trace.time, difference, stroke_of(1))
+    sheet.curve("b", "Difference", trace.time, difference, stroke_of(1))
     step = _step_of(encoder)
     steps = f"encoder step {step:.2g}°\n" if step else ""
-    canvas.note("b", f"{steps}MAE {rounded(float(mae(difference)), '.4f')}°")
-    return canvas
+    sheet.axes["b"].set_title(f"{steps}MAE {rounded(float(mae(difference)), '.4f')}°", **_REMARK)
+    return sheet
 
 
 def _step_of(angle: Array) -> float:
@@ -166,31 +164,31 @@ def _degrees(trace: Trace, name: str, joint: int) -> Array:
     return np.rad2deg(trace[name][:, trace.joint.index(joint)])
 
 
-def draw_motors(file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
     titles = "Motors, $S^{-1}$ × joint angles", "By encoder − expected"
     labels = [[(titles[0], "Motor angle (deg)")], [(titles[1], "Difference (deg)")]]
-    canvas = Canvas(COLUMN_MM, 98.0, labels)
+    sheet = Sheet(COLUMN_MM, 98.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
-    canvas.note("a", controller_runs(traces)[0].label)
-    canvas.zero_line("b")
+    sheet.axes["a"].set_title(controller_runs(traces)[0].label, **_REMARK)
+    sheet.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
         wide = replace(REFERENCE, colour=paler(stroke.colour, _EXPECTED))
-        canvas.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{name}, expected")
-        canvas.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, by encoder")
-        canvas.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke)
-    return canvas
+        sheet.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{name}, expected")
+        sheet.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, by encoder")
+        sheet.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke)
+    return sheet
 
 
-def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 14, a column a joint: trajectories above, errors below."""
     return _tracking(controller_runs(traces))
 
 
-def draw_payload(_file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 16, as 14: Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
@@ -200,37 +198,48 @@ def draw_payload(_file: TraceFile, traces: list[Trace]) -> Canvas:
     return _tracking(runs)
 
 
-def draw_law(_file: TraceFile, traces: list[Trace]) -> Canvas:
+def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 15, a column a joint: s, H_hat and tau_m as means and bands."""
-    rows = {"s": _RAW_ROWS["s"], "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": _RAW_ROWS["tau_m"]}
     runs = controller_runs(traces)
     joints = joints_of(runs)
-    canvas = Canvas(
-        PAGE_MM, 140.0, [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    )
-    for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
-        canvas.zero_line(letter)
-        _curves(canvas, letter, runs, variable, joint, averaged=True)
+    sheet = Sheet(PAGE_MM, 140.0, _labels(_LAW, joints))
+    for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(_LAW, joints), strict=True):
+        sheet.zero_line(letter)
+        _curves(sheet, letter, runs, variable, joint, averaged=True)
         if variable == "s":
             # Above the title where panels are narrow.
             raised = "\n" if len(joints) > _WIDE_PANELS else ""
-            canvas.note(letter, f"{_bound_of_s(runs, joint)}{raised}")
-        if variable in _RAW_ROWS:
+            axes.set_title(f"{_bound_of_s(runs, joint)}{raised}", **_REMARK)
+        if variable in _SAMPLES:
             middle = float(np.mean(_near(runs, joint)))
-            canvas.mark_time(letter, middle, f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows")
-    canvas.explain_bands(f"Lines: {_BANDS}")
-    return canvas
+            label = f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows"
+            axes.axvline(middle, color="#6E6E6E", linewidth=0.9, zorder=0.85, label=label)
+    sheet.note = f"Lines: {_BANDS}"
+    return sheet
 
 
-def draw_samples(_file: TraceFile, traces: list[Trace]) -> Canvas:
-    """Raw samples of s and tau_m over a short span, a column a joint."""
+def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Raw samples of s and tau_m over a short span, a column a joint; a torque is held until the next one."""
     runs = controller_runs(traces)
     joints = joints_of(runs)
-    labels = [[(f"Joint {joint}", label) for joint in joints] for label in _RAW_ROWS.values()]
-    canvas = Canvas(PAGE_MM, 104.0, labels, apart=("", "Time (s)"))
-    for letter, (variable, joint) in zip(canvas.axes, product(_RAW_ROWS, joints), strict=True):
-        _raw_samples(canvas, letter, runs, variable, joint)
-    return canvas
+    sheet = Sheet(PAGE_MM, 104.0, _labels(_SAMPLES, joints), shared="col")
+    for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(_SAMPLES, joints), strict=True):
+        start, end = _near(runs, joint)
+        sheet.zero_line(letter)
+        axes.set_xlim(start, end)
+        axes.xaxis.set_major_locator(MultipleLocator(ZOOM / 4.0))
+        for run in that_hold(runs, variable, joint):
+            time = run.trace.time
+            inside = (time >= start - 1e-9) & (time <= end + 1e-9)
+            values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
+            look: Look = {"label": run.label, "diverged": diverged, "as_steps": True}
+            sheet.curve(letter, run.name, time[inside], values, run.stroke, **look)
+    return sheet
+
+
+def _labels(rows: Mapping[str, str], joints: list[int]) -> list[list[tuple[str, str]]]:
+    """Title and y label of each panel: a row a variable, a column a joint."""
+    return [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
 
 
 def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
@@ -286,23 +295,22 @@ def joints_of(runs: list[DrawnRun]) -> list[int]:
     return sorted({joint for run in runs for joint in run.trace.joint})
 
 
-def _tracking(runs: list[DrawnRun]) -> Canvas:
+def _tracking(runs: list[DrawnRun]) -> Sheet:
     joints = joints_of(runs)
-    rows = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     # All errors are drawn in one way, so that panels can be compared.
     averaged = any(_is_fuzzy(run, joint) for joint in joints for run in that_hold(runs, "e", joint))
-    canvas = Canvas(
-        PAGE_MM, 110.0, [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
-    )
-    for letter, (variable, joint) in zip(canvas.axes, product(rows, joints), strict=True):
+    sheet = Sheet(PAGE_MM, 110.0, _labels(_TRACKING, joints))
+    for letter, (variable, joint) in zip(sheet.axes, product(_TRACKING, joints), strict=True):
         if variable == "e":
-            canvas.zero_line(letter)
-        else:
-            _desired(canvas, letter, runs, joint)
-        _curves(canvas, letter, runs, variable, joint, averaged=averaged and variable == "e")
-    if averaged:
-        canvas.explain_bands(f"Errors: {_BANDS}")
-    return canvas
+            sheet.zero_line(letter)
+        elif holding := that_hold(runs, "q_d", joint):
+            longest = max(holding, key=lambda run: run.trace.time[-1])
+            desired = longest.values("q_d", joint)
+            _leave_room(sheet.axes[letter], longest.trace, joint)
+            sheet.curve(letter, "Desired", longest.trace.time, desired, REFERENCE, label="Desired")
+        _curves(sheet, letter, runs, variable, joint, averaged=averaged and variable == "e")
+    sheet.note = f"Errors: {_BANDS}" if averaged else ""
+    return sheet
 
 
 def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
@@ -312,35 +320,28 @@ def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
     return not run.diverged and bool(rmse(ripple) > _FUZZY * rmse(error))
 
 
-def _desired(canvas: Canvas, letter: str, runs: list[DrawnRun], joint: int) -> None:
-    """Draw the reference of the run that lasts longest."""
-    if holding := that_hold(runs, "q_d", joint):
-        longest = max(holding, key=lambda run: run.trace.time[-1])
-        values = longest.values("q_d", joint)
-        canvas.curve(letter, "Desired", longest.trace.time, values, REFERENCE, label="Desired")
-        _leave_room(canvas, letter, longest.trace, joint)
-
-
-def _leave_room(canvas: Canvas, letter: str, trace: Trace, joint: int) -> None:
+def _leave_room(axes: Axes, trace: Trace, joint: int) -> None:
     """Let equal desired motions have equal axes, whatever the runs do."""
     if "q_d" in trace:
         motion = _degrees(trace, "q_d", joint)
         low, high = float(np.nanmin(motion)), float(np.nanmax(motion))
         room = _ROOM * (high - low)
-        canvas.leave_room(letter, np.array([low - room, high + room]))
+        axes.update_datalim([(trace.time[0], low - room), (trace.time[0], high + room)])
 
 
 def _curves(
-    canvas: Canvas, letter: str, runs: list[DrawnRun], variable: str, joint: int, *, averaged: bool
+    sheet: Sheet, letter: str, runs: list[DrawnRun], variable: str, joint: int, *, averaged: bool
 ) -> None:
     """Draw a variable of every run, as it is or as a mean over the band of its ripple."""
+    bands = {}
     for run in that_hold(runs, variable, joint):
         time, values = run.trace.time, run.values(variable, joint)
         if averaged:
             time, values, ripple = averaged_curve(time, values)
             if not run.diverged:
-                canvas.band(letter, run.name, time, (values - ripple, values + ripple), run.stroke)
-        canvas.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
+                bands[run.name] = Band(time, values - ripple, values + ripple, run.stroke)
+        sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
+    sheet.draw_bands(letter, bands)
 
 
 def _near(runs: list[DrawnRun], joint: int) -> tuple[float, float]:
@@ -352,20 +353,6 @@ def _near(runs: list[DrawnRun], joint: int) -> tuple[float, float]:
         # The first of equally fast strokes, whatever rounding says.
         start = max(float(time[np.argmax(speed >= 0.999 * speed.max())]) - 0.5 * ZOOM, start)
     return start, start + ZOOM
-
-
-def _raw_samples(canvas: Canvas, letter: str, runs: list[DrawnRun], variable: str, joint: int) -> None:
-    """Draw every sample of a short span; a torque is held from one to the next."""
-    start, end = _near(runs, joint)
-    canvas.zero_line(letter)
-    canvas.axes[letter].set_xlim(start, end)
-    canvas.axes[letter].xaxis.set_major_locator(MultipleLocator(ZOOM / 4.0))
-    for run in that_hold(runs, variable, joint):
-        time = run.trace.time
-        inside = (time >= start - 1e-9) & (time <= end + 1e-9)
-        values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
-        look: Look = {"label": run.label, "diverged": diverged, "as_steps": True}
-        canvas.curve(letter, run.name, time[inside], values, run.stroke, **look)
 
 
 def averaged_curve(time: Array, values: Array) -> tuple[Array, Array, Array]:
