@@ -21,7 +21,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import KEPT, SHOWN
 from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.nearest import nearest_draw
+from tendonrepro.identification.misfit import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES

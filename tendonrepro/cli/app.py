@@ -68,7 +68,11 @@ class FirstScreen(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-RETIRED = {"device": "leave it out: everything runs on processors, and --jobs says on how many"}
+RETIRED = {
+    "device": "leave it out: everything runs on processors, and --jobs says on how many",
+    "from-draws": "leave it out: a search begins at the nearest point that it looked at, the arm among them; "
+    "for another arm name an ensemble with that base as --config",
+}
 """Options of the last version that are gone, and what to do instead."""
 
 app = typer.Typer(

@@ -31,7 +31,6 @@ def identify(
     seeds: int = 3,
     unknowns: int = 10,  # more than sixteen numbers could settle would be no explanation
     rows: str = "",
-    from_draws: Annotated[Path | str | None, Word(metavar="FOLDER")] = None,
     config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
@@ -64,8 +63,6 @@ def identify(
         Parameters that are searched at most.
     rows
         Names of the parameters to search instead, comma-separated.
-    from_draws
-        Begin at the nearest draws of this ensemble, not at the arm.
     """
     from tendonrepro.configuration.plants import load_plants
     from tendonrepro.identification.search import SearchEffort
@@ -80,7 +77,6 @@ def identify(
         window=window,
         unknowns=unknowns,
         rows=rows,
-        from_draws=None if from_draws is None else Path(from_draws),
         jobs=jobs,
         folder=folder,
     )

@@ -14,9 +14,11 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.configuration.published import METRICS
+from tendonrepro.errors import DataMissingError
 from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.user_laws import Simulate, stub_of
 from tendonrepro.physics.metrics import STATUSES
@@ -60,10 +62,6 @@ class Bench:
     def box(self) -> Population:
         """Rows of the unit cube."""
         return self.space.box
-
-    def beginning(self, values: Array) -> Bench:
-        """With other values (P,) that rows have where they are not searched."""
-        return replace(self, space=replace(self.space, box=self.box.beginning(values)))
 
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
         """With some rows (P,) free and the others held."""
@@ -133,3 +131,46 @@ def rounding_misfit(sizes: Array, goal: Goal) -> float | None:
     """Root mean square of ours (R, 2, n) less the goal in half units of the last digit, if all have one."""
     apart = ((sizes - goal.values) / goal.half)[goal.fitted]
     return float(np.sqrt(np.mean(apart**2))) if np.isfinite(apart).all() else None
+
+
+class NearestDraw(NamedTuple):
+    """Values (P,) of the rows of the ranges, and how far the numbers are."""
+
+    values: Array
+    misfit: float
+
+
+def nearest_draw(ensemble: EnsembleData, goal: Goal, reading: str, window: Window = "whole") -> NearestDraw:
+    """Nearest draw whose runs all end well.
+
+    Parameters
+    ----------
+    ensemble : EnsembleData
+        With every run of the goal, on the joints of the goal.
+    goal : Goal
+        The numbers.
+    reading : str
+        Its name.
+    window : {'whole', 'late', 'settled'}
+        What errors average.
+
+    Raises
+    ------
+    DataMissingError
+        Where the ensemble lacks the reading, or no draw ends well under it.
+    """
+    status = np.stack([ensemble.status(run, reading) for run in goal.runs], axis=1)
+    sizes = np.array(
+        [
+            [ensemble.statistic(run, reading, metric + SUFFIX[window]) for metric in METRICS]
+            for run in goal.runs
+        ]
+    )
+    # How long a bad run lasted is not stored, and does not matter: only good ones count.
+    drawn = Simulated(np.rad2deg(np.moveaxis(sizes, 2, 0)), status, np.ones(status.shape))
+    stable = np.flatnonzero(drawn.ok.all(axis=1))
+    if not stable.size:
+        raise DataMissingError(f"no draw of the ensemble ends well under {reading}")
+    misfits = log_misfit(drawn, goal)[stable]
+    best = int(np.argmin(misfits))
+    return NearestDraw(ensemble.draws[stable[best]], float(misfits[best]))

@@ -135,13 +135,12 @@ def write_config(
 def _heading(goal: Goal, head: Json, search: SearchAnswer, within: str) -> str:
     bounds = [f"{row['name']} ({row['at_bound']})" for row in search["parameters"] if row["at_bound"]]
     under = f" under the reading {search['name']}" if _under(search, goal) else ""
-    start = "that draw" if "from_draws_of" in head else "the arm"
     return f"""\
 # Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
 # by {_command(goal, head, search)}.
 # Misfit {search["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
-# Searched, the other rows of {within} kept what {start} has: {", ".join(search["rows_searched"])}.
+# Searched, the other rows of {within} kept what the arm has: {", ".join(search["rows_searched"])}.
 # At a bound of {within}: {", ".join(bounds) or "none of them"}.
 
 """
@@ -153,8 +152,6 @@ def _command(goal: Goal, head: Json, search: SearchAnswer) -> str:
     names = ("generations", "population", "seeds", "unknowns")
     effort = [f"--{name} {head[name]}" for name in names]
     rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []
-    if "from_draws_of" in head:
-        rows.append("--from-draws reports/ensemble")
     changes = [f"--set {shlex.quote(change)}" for change in head["overrides"]]
     lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
     return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])

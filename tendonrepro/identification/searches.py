@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,6 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
@@ -32,7 +31,6 @@ from tendonrepro.identification import report
 from tendonrepro.identification.answer import SearchAnswer, nearest_search
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, rounding_misfit
-from tendonrepro.identification.nearest import nearest_draw
 from tendonrepro.identification.search import (
     SearchEffort,
     SearchPoints,
@@ -42,7 +40,6 @@ from tendonrepro.identification.search import (
 )
 from tendonrepro.identification.space import space_of
 from tendonrepro.identification.unknowns import rows_that_explain
-from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.report import work_text
@@ -70,11 +67,7 @@ NEAR = 0.02
 
 @dataclass(frozen=True)
 class IdentificationTask:
-    """What an identification depends on.
-
-    `begins` has the values (P,) at which the search of a reading begins, by its name, where that is not the
-    arm of the comparison but a draw of the ensemble `draws_of`.
-    """
+    """What an identification depends on."""
 
     loaded: LoadedEnsemble
     goal: Goal
@@ -84,8 +77,6 @@ class IdentificationTask:
     rows: tuple[str, ...]
     seed: int
     bench: Bench
-    begins: Mapping[str, Array] = field(default_factory=dict)
-    draws_of: str = ""
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -129,7 +120,6 @@ class IdentificationTask:
             "near_tolerance": NEAR,
             "seed": self.seed,
             "joints": list(self.goal.joints),
-            **({"from_draws_of": self.draws_of} if self.draws_of else {}),
         }
 
     def identity(self) -> str:
@@ -160,7 +150,6 @@ def identification(
     window: Window,
     unknowns: int,
     rows: str,
-    from_draws: Path | None = None,
     jobs: int,
     folder: Folder,
 ) -> Study:
@@ -180,15 +169,11 @@ def identification(
         Rows of the ranges that are searched at most, those that explain the fitted numbers best.
     rows : str
         Names of the rows that are searched instead, joined by commas.
-    from_draws : Path, optional
-        Ensemble at whose nearest draws the searches begin; else they begin at the arm of the comparison.
 
     Raises
     ------
     UsageError
-        For an unknown reading or row, no effort, no numbers to fit, or an ensemble of other ranges.
-    DataMissingError
-        Where the ensemble is absent, or lacks a reading.
+        For an unknown reading or row, no effort, or no numbers to fit.
     """
     check_at_least_one(**asdict(effort), unknowns=unknowns)
     check_jobs(jobs)
@@ -204,8 +189,6 @@ def identification(
         seed=int(loaded.config.seed.si),
         bench=Bench(space, window, simulate_batch),
     )
-    if from_draws:
-        task = _from_draws(task, from_draws)
     out, identity = folder_of("identify", folder), task.identity()
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
     states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
@@ -215,29 +198,6 @@ def identification(
 
     base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
-
-
-def _from_draws(task: IdentificationTask, folder: Path) -> IdentificationTask:
-    """The same searches, each from the draw of an ensemble that is nearest under its reading."""
-    if task.loaded.around or not task.goal.of_paper:
-        message = "searches begin at draws where the published numbers are fitted, with the paper's arm"
-        raise UsageError(message, where="--from-draws", hint="leave it out")
-    ensemble = read_ensemble(folder)
-    _check_same_ranges(ensemble, task.bench.box, folder)
-    window = task.bench.window
-    begins = {
-        case.name: nearest_draw(ensemble, task.goal.sought, reading.name, window).values
-        for case, (reading, *_) in task.cases().items()
-    }
-    return replace(task, begins=begins, draws_of=ensemble.identity)
-
-
-def _check_same_ranges(ensemble: EnsembleData, box: Population, folder: Path) -> None:
-    """A UsageError for an ensemble whose draws are no points of the ranges that are searched."""
-    draws = ensemble.draws
-    if ensemble.names != box.names or np.any((draws < box.low) | (draws > box.high)):
-        message = "was drawn from other ranges than those that are searched"
-        raise UsageError(message, where=str(folder / PLAN), hint="run tendonrepro ensemble again")
 
 
 def _files(errors: Path | None) -> list[Path]:
@@ -359,9 +319,7 @@ def _searched(
 ) -> Results:
     effort, goal = task.effort, task.goal.sought
     case, readings = list(task.cases().items())[place]
-    begin = task.begins.get(case.name)
-    start = task.bench if begin is None else task.bench.beginning(begin)
-    box = start.box
+    box = task.bench.box
 
     def plants(bench: Bench, most: int, name: str) -> SearchPoints:
         misfit = partial(bench.evaluated, reading=case, goal=goal)
@@ -372,9 +330,6 @@ def _searched(
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
-        rows, known = rows_that_explain(box, plants(start, sys.maxsize, "rows"), task.unknowns)
-    bench = start.searching(rows)
-    starts = [box.points(task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     result = search(
         np.where(rows, np.stack(starts), held_unit(box)),
         rows,

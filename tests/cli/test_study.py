@@ -67,6 +67,11 @@ def test_an_option_that_is_gone_is_refused_with_what_to_do(tmp_path: Path, comma
     assert "--jobs" in refused["hint"]
 
 
+def test_a_search_begins_at_no_draw(tmp_path: Path) -> None:
+    refused = answer("identify", "--from-draws", "reports/ensemble", cwd=tmp_path, code=2)["error"]
+    assert "--config" in refused["hint"]
+
+
 @pytest.mark.parametrize(
     ("words", "code"), [(["XX"], 2), (["C2", "--baseline", "x.json"], 2), (["--baseline", "nowhere.json"], 4)]
 )

@@ -19,7 +19,8 @@ from tendonrepro.console import QUIET
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import searches
-from tendonrepro.identification.misfit import Bench, Simulated
+from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.misfit import Bench, Simulated, nearest_draw
 from tendonrepro.identification.space import PaperSpace
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.metrics import STATUSES
@@ -240,59 +241,20 @@ def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(
     assert [row["ours_deg"] for row in fitted] == pytest.approx(truth[1].ravel(), rel=0.1)
 
 
-def drawn(count=40, names=None):
-    """An ensemble of the ranges under the made-up stepper; every fourth draw diverges."""
+def test_the_nearest_draw_of_an_ensemble_is_one_that_ends_well():
+    """Beside each search stands how near the draws come without one; every fourth diverges here."""
     loaded = load_ensemble(None)
-    box = population_of(loaded)
-    bench = Bench(PaperSpace(box), "whole", simulate_batch)
+    box, count = population_of(loaded), 40
     units = box.points(5, 0, 0, count)
-    sizes = np.deg2rad(cheap(bench, units, None, RUNS).sizes)
+    sizes = cheap(Bench(PaperSpace(box), "whole", simulate_batch), units, None, RUNS).sizes
     diverged = np.arange(count) % 4 == 0
-
-    def statistic(run, reading, name):
-        assert reading == "printed"
-        return sizes[:, RUNS.index(run), ("mae", "rmse").index(name)]
-
-    def status(run, reading):
-        assert reading == "printed"
-        return np.where(diverged & (run == RUNS[-1]), STATUSES.index("diverged"), 0)
-
-    return SimpleNamespace(
-        names=names or box.names,
+    ensemble = SimpleNamespace(
         draws=box.values(units),
-        identity="1234",
-        statistic=statistic,
-        status=status,
+        statistic=lambda run, _, name: np.deg2rad(sizes[:, RUNS.index(run), ("mae", "rmse").index(name)]),
+        status=lambda run, _: np.where(diverged & (run == RUNS[-1]), STATUSES.index("diverged"), 0),
     )
-
-
-def test_a_search_from_draws_begins_at_the_nearest_that_ends_well_and_holds_the_rest_there(
-    tmp_path, monkeypatch
-):
-    ensemble = drawn()
-    monkeypatch.setattr(searches, "read_ensemble", lambda _: ensemble)
-    data = identified(tmp_path / "out", fit="all", from_draws=tmp_path, **TINY)
-    sizes = np.stack(
-        [[ensemble.statistic(run, "printed", metric) for metric in ("mae", "rmse")] for run in RUNS]
-    )
-    printed = np.rad2deg(sizes) / MADE_UP_ERRORS[:, :, np.newaxis]
-    misfits = np.sqrt(np.mean(np.log(printed) ** 2, axis=(0, 1, 3)))
-    misfits[::4] = np.inf
-    nearest = ensemble.draws[np.argmin(misfits)]
-    (found,) = data["readings"]
-    assert found["misfit_log"] <= misfits.min()
-    held = [
-        (row["best"], value)
-        for row, value in zip(found["parameters"], nearest, strict=True)
-        if not row["searched"] and not row["choice"]
-    ]
-    assert len(held) > 30
-    assert [ours for ours, _ in held] == pytest.approx([value for _, value in held])
-    other = identified(tmp_path / "arm", fit="all", **TINY)["readings"][0]
-    assert [row["best"] for row in other["parameters"]] != [row["best"] for row in found["parameters"]]
-
-
-def test_draws_of_other_ranges_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(searches, "read_ensemble", lambda _: drawn(names=("amplitude",)))
-    with pytest.raises(UsageError):
-        identified(tmp_path / "out", fit="all", from_draws=tmp_path, **TINY)
+    misfits = np.sqrt(np.mean(np.log(sizes / MADE_UP_ERRORS) ** 2, axis=(1, 2, 3)))
+    misfits[diverged] = np.inf
+    nearest = nearest_draw(ensemble, printed_numbers(made_up_paper(), (2, 3)), "printed")
+    assert nearest.misfit == pytest.approx(misfits.min(), rel=1e-5)
+    np.testing.assert_array_equal(nearest.values, ensemble.draws[np.argmin(misfits)])
