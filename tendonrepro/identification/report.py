@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.population import Population
-from tendonrepro.results.tables import Table, TableRows
+from tendonrepro.results.tables import Table
 from tendonrepro.studies.outcome import Outcome
 
 CONFIG = "identified.yaml"
@@ -37,14 +37,6 @@ AT_BOUND = 0.01
 
 WIDE = 0.25
 """Share of a row's range beyond which plants that fit alike do not determine it."""
-
-_CAPTIONS = {
-    "numbers": "{Numbers}, the best plant's, and the range of the seeds' plants that come near.",
-    "best_shape": "What of the best plant needs no scale: order of the controllers and RMSE over MAE.",
-    "parameters": "Every row of the box on the best plant, and on the seeds' plants that come near.",
-    "known": "What the numbers tell of each row that was searched, by all plants that come near.",
-}
-"""Of tables with rows of every reading, by key."""
 
 _OF_READINGS = ("name", "misfit_log", "misfit_rounding", "seeds_agree", "near_count")
 _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known")
@@ -61,30 +53,50 @@ def outcome(
     answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
     data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
     scalars = [{k: v for k, v in answer.items() if not isinstance(v, list)} for answer in searches]
-    ratio = f"log(ours/{goal.word})"
-    caption = f"Best plant under each reading; misfit as root mean square of {ratio}."
-    title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
-    numbers = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
+    caption = f"Best plant under each reading; misfit as root mean square of log(ours/{goal.word})."
+    numbers = [{"reading": answer["name"], **row} for answer in searches for row in answer["numbers"]]
     parts: list[Table | str] = [
         "\n".join(answers),
         Table("identify_readings", caption, scalars, terminal=_OF_READINGS),
-        Table("identify_best", title, best["numbers"], terminal=numbers),
-        _gathered("numbers", {answer["name"]: answer["numbers"] for answer in searches}, goal),
-        _gathered("best_shape", {answer["name"]: answer["best_shape"] for answer in searches}, goal),
-        _gathered("parameters", {answer["name"]: answer["parameters"] for answer in searches}, goal),
-        _gathered("known", {answer["name"]: answer["known"] for answer in searches}, goal),
+        _of_the_best(best, goal).text(),
+        Table(
+            "identify_numbers",
+            f"{goal.word.capitalize()} numbers, the best plant's, and those of the seeds that come near.",
+            numbers,
+            terminal=(),
+        ),
+        Table(
+            "identify_parameters",
+            "Every row of the box on the best plant and on the seeds' that come near; of each row that was "
+            "searched what the numbers tell, by all plants that come near.",
+            [{"reading": answer["name"], **row} for answer in searches for row in _parameters(answer)],
+            terminal=(),
+        ),
+        *([_known(best).text()] if len(searches) == 1 else []),
         "\n".join(open_ends),
         f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
     return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
 
 
-def _gathered(key: str, by_reading: Mapping[str, TableRows], goal: Goal) -> Table:
-    """Rows of every reading as one table."""
-    rows = [{"reading": reading, **row} for reading, of_reading in by_reading.items() for row in of_reading]
-    caption = _CAPTIONS[key].format(Numbers=f"{goal.word.capitalize()} numbers")
-    shown = [name for name in _OF_KNOWN if name in rows[0]] if key == "known" and len(by_reading) == 1 else ()
-    return Table(f"identify_{key.removeprefix('best_')}", caption, rows, terminal=shown)
+def _of_the_best(best: SearchAnswer, goal: Goal) -> Table:
+    """Numbers of the best plant of all, for a terminal."""
+    title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
+    shown = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
+    return Table("identify_best", title, best["numbers"], terminal=shown)
+
+
+def _known(search: SearchAnswer) -> Table:
+    """What is known of the rows that were searched, for a terminal."""
+    caption = "What the numbers tell of each row that was searched, by all plants that come near."
+    shown = [name for name in _OF_KNOWN if name in search["known"][0]]
+    return Table("identify_known", caption, search["known"], terminal=shown)
+
+
+def _parameters(search: SearchAnswer) -> list[Json]:
+    """Rows of all parameters, with what is known of those that were searched."""
+    known = {row["name"]: row for row in search["known"]}
+    return [{**row, **known.get(row["name"], {})} for row in search["parameters"]]
 
 
 def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:

@@ -330,6 +330,9 @@ def _searched(
     if task.rows:
         rows = np.array([name in task.rows for name in box.names])
     else:
+        rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
+    bench = task.bench.searching(rows)
+    starts = [box.points(task.seed, k, 0, effort.population) for k in range(effort.seeds)]
     result = search(
         np.where(rows, np.stack(starts), held_unit(box)),
         rows,

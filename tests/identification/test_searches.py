@@ -1,5 +1,6 @@
 """Identification against a made-up stepper; and a made-up paper from a known plant, identified back."""
 
+import csv
 import json
 from collections import Counter
 from pathlib import Path
@@ -95,7 +96,13 @@ def test_readings_that_do_not_change_what_is_fitted_share_a_search(run):
 def test_files(run):
     out, data = run
     names = set(json.loads((out / "manifest.json").read_text())["outputs"])
-    wanted = {f"tables/identify_{stem}.csv" for stem in ("readings", "numbers", "shape", "parameters")}
+    wanted = {f"tables/identify_{stem}.csv" for stem in ("readings", "numbers", "parameters")}
+    assert {name for name in names if name.endswith(".csv")} == wanted
+    with (out / "tables" / "identify_parameters.csv").open(encoding="utf-8") as lines:
+        rows = [row for row in csv.DictReader(lines) if row["reading"] == "printed"]
+    assert {row["name"]: row["known"] for row in rows if row["known"]} == {
+        row["name"]: row["known"] for row in data["readings"][0]["known"]
+    }
     assert wanted | {"figures/identify_numbers.pdf", "identify.json", "identified.yaml"} <= names
     assert not any(name.startswith("search") for name in names)
     stored = json.loads((out / "identify.json").read_text())
