@@ -16,7 +16,7 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, formula_of
-from tendonrepro.verdicts.plants import UNRESOLVED, EnsemblePlants
+from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
 from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
 
@@ -30,7 +30,7 @@ LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
 """What a family of numbers cannot be below: an RMSE is never below its MAE."""
 
 
-def numbers_of(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
     """A printed number on every plant, in its unit, and the plants judged, (N,) each."""
     formula = formula_of(paper, identifier)
     errors = formula.errors
@@ -40,7 +40,7 @@ def numbers_of(plants: EnsemblePlants, paper: Published, identifier: str) -> tup
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
+def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
     """What a percentage claims besides its size, and the plants that rank it."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
@@ -48,7 +48,7 @@ def _direction(plants: EnsemblePlants, paper: Published, identifier: str) -> tup
     return statements[plants.joints.index(joint)], plants.rankable(*runs)
 
 
-def judge_plants(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
+def judge_plants(plants: Plants, paper: Published, identifier: str) -> Ruling:
     """Judge a number or a claim under one reading."""
     rule = paper.judgements[identifier].rule
     try:
@@ -65,7 +65,7 @@ def _check_enough(judged: Mask) -> None:
         raise DataMissingError(f"{told}, {LEAST_PLANTS} are needed: more --draws")
 
 
-def _number(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling:
+def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
     """Judge a number by its spread, and a percentage by its direction too."""
     values, judged = numbers_of(plants, paper, identifier)
     _check_enough(judged)
@@ -84,7 +84,7 @@ def _number(plants: EnsemblePlants, paper: Published, identifier: str) -> Ruling
     return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, remarks)})
 
 
-def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
+def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
     """Judge a claim by its statements, and by its values where it prints some."""
     claim = claim_on(plants, paper, rule)
     _check_enough(claim.judged)
@@ -111,7 +111,7 @@ def _claim(plants: EnsemblePlants, paper: Published, rule: str) -> Ruling:
     return replace(ruling, evidence=evidence)
 
 
-def _beside(plants: EnsemblePlants, claim: Claim) -> Evidence:
+def _beside(plants: Plants, claim: Claim) -> Evidence:
     """What stands beside the statements and does not count."""
     evidence: Evidence = {"share_judged": float(claim.judged.mean())}
     if claim.beside:
@@ -129,13 +129,13 @@ def _by_which_measure(evidence: Evidence) -> list[str]:
     return [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"]
 
 
-def _left_out(plants: EnsemblePlants) -> list[str]:
+def _left_out(plants: Plants) -> list[str]:
     """Remark on plants that could not be simulated, if there are some."""
     unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
     return [f"left out: {count_of(unresolved, 'plant')} too fast for the integrator"] if unresolved else []
 
 
-def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Ruling:
+def _by_statements(plants: Plants, claim: Claim, counted: Mask) -> Ruling:
     """Judge by the measure that holds most often."""
 
     def against(statements: Sequence[Statement]) -> Share:
@@ -158,7 +158,7 @@ def _by_statements(plants: EnsemblePlants, claim: Claim, counted: Mask) -> Rulin
     return replace(rules.of_claim(wholes[best], overall), ours=wholes[best].share, evidence=evidence)
 
 
-def _rows(plants: EnsemblePlants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
+def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> list[Evidence]:
     """Share and verdict of each statement by itself."""
     rows = []
     for statement in statements:

@@ -9,14 +9,15 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, Published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.metrics import mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, cut, formula_of
-from tendonrepro.verdicts.measured_arm import RATE_WINDOW, MeasuredArm
-from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.measurement import RATE_WINDOW, Measurement, signal_of
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
 from tendonrepro.verdicts.statements import Claim, claim_on, larger_with_load, together
 
@@ -71,7 +72,7 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
         return ANGLES[identifier](measurement.file)
     if rule == "payload":
         return _payload(measurement, paper)
-    arm, runs = MeasuredArm(measurement), measurement.compare.runs
+    arm, runs = Plants(measurement, PRINTED), measurement.compare.runs
     claim = claim_on(arm, paper, rule)
     remarks = []
     if rule == "stable":
@@ -94,7 +95,7 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
 
 def _payload(measurement: Measurement, paper: Published) -> Ruling:
     """P1: it needs Controller 1 and the loaded run alone, and its percentages besides."""
-    arm = MeasuredArm(measurement)
+    arm = Plants(measurement, PRINTED)
     claim = Claim(larger_with_load(arm), arm.ok(FIRST, LOADED), None)
     _check_ok(claim, measurement.compare.runs, (FIRST, LOADED))
     increases = {
@@ -113,11 +114,16 @@ def _check_ok(claim: Claim, runs: Mapping[str, Trace], needed: Sequence[str]) ->
         raise DataMissingError(f"a run of {lost} that is ok; the one measured is {runs[lost].told_status}")
 
 
-def _evidence(claim: Claim, arm: MeasuredArm, measurement: Measurement, remarks: list[str]) -> Evidence:
+def _evidence(claim: Claim, arm: Plants, measurement: Measurement, remarks: list[str]) -> Evidence:
     """Statements, what they were judged by, and over which window."""
     statements = [{"statement": part.text, "holds": bool(part.holds[0])} for part in claim.statements]
-    evidence = {"statements": statements, "statistics": arm.looked_up, "remarks": remarks}
-    by_tables = any("mae_deg" in sizes for sizes in arm.looked_up.values())
+    statistics: dict[str, dict[str, list[float]]] = {}
+    for (run, name), (sizes,) in arm.looked_up.items():
+        _, unit = signal_of(name)
+        shown = sizes if unit == "N_m" else np.rad2deg(sizes)
+        statistics.setdefault(str(run), {})[f"{name}_{unit}"] = shown.tolist()
+    evidence = {"statements": statements, "statistics": statistics, "remarks": remarks}
+    by_tables = any("mae_deg" in sizes for sizes in statistics.values())
     return evidence | ({"window": measurement.tables.window} if by_tables else {})
 
 

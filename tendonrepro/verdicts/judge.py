@@ -26,7 +26,7 @@ from tendonrepro.verdicts.from_ensemble import COMMAND, judge_plants
 from tendonrepro.verdicts.from_measurement import judge_measured
 from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.measurement import measurement_of
-from tendonrepro.verdicts.plants import EnsemblePlants
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.sensitivity import deciding
 from tendonrepro.verdicts.tension import tension
@@ -106,7 +106,7 @@ def _over_the_box(
         return {}
     rulings: dict[str, dict[str, Ruling]] = {name: {} for name in names}
     for reading in dict.fromkeys((PRINTED, *data.readings)):
-        plants = EnsemblePlants(data, reading)
+        plants = Plants(data, reading)
         for name in names:
             rulings[name][reading] = judge_plants(plants, paper, name)
         progress(1)

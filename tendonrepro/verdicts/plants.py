@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import Reading
-from tendonrepro.monte_carlo.data import CaseName, EnsembleData, ShardArray
+from tendonrepro.monte_carlo.data import CaseName
 from tendonrepro.monte_carlo.shares import Share, Spread, share_of, spread_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
@@ -35,23 +34,56 @@ Run: TypeAlias = str | RunUnder
 """A run under the reading that is judged, by its name, or under one of its own."""
 
 
-class Plants(ABC):
-    """N plants with n joints under one reading: all of an ensemble, or the one arm that was measured."""
+class PlantTable(Protocol):
+    """Runs of N plants by their readings: all draws of an ensemble, or the one arm that was measured."""
 
-    joints: tuple[int, ...]
-    reading: str
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The moving joints, n of them."""
 
-    @abstractmethod
-    def has(self, run: Run) -> bool:
+    @property
+    def replicate(self) -> NDArray[np.int64]:
+        """Scrambling of each plant, (N,)."""
+
+    def has(self, run: str, reading: str) -> bool:
         """Whether there is such a run."""
 
-    @abstractmethod
+    def status(self, run: str, reading: str) -> NDArray[np.int8]:
+        """Status codes, (N,); else a DataMissingError."""
+
+    def statistic(self, run: str, reading: str, name: str) -> Array:
+        """One of `results.statistics.STATISTICS`, SI, (N, n); else a DataMissingError."""
+
+
+class Plants:
+    """The N plants of a table under one reading, with intervals from their scramblings.
+
+    `looked_up` are the statistics that were asked for, by run and name.
+    """
+
+    def __init__(self, table: PlantTable, reading: str) -> None:
+        self.joints = table.joints
+        self.reading = reading
+        self._table = table
+        # Claims ask for the same statistics, which a large ensemble reads from all its files.
+        self.looked_up: dict[tuple[Run, str], Array] = {}
+        self._statuses: dict[Run, NDArray[np.int8]] = {}
+
+    def has(self, run: Run) -> bool:
+        """Whether there is such a run."""
+        return self._table.has(*self._case(run))
+
     def status(self, run: Run) -> NDArray[np.int8]:
         """Status codes of a run, (N,); else a DataMissingError."""
+        if run not in self._statuses:
+            self._statuses[run] = self._table.status(*self._case(run))
+        return self._statuses[run]
 
-    @abstractmethod
     def statistic(self, run: Run, name: str) -> Array:
         """One statistic of a run, SI, (N, n); else a DataMissingError."""
+        if (run, name) not in self.looked_up:
+            self.looked_up[run, name] = self._table.statistic(*self._case(run), name)
+        return self.looked_up[run, name]
 
     def __getitem__(self, key: tuple[Run, str]) -> Array:
         """Statistic (N, n) by (run, name), `SHAPE` too."""
@@ -81,40 +113,13 @@ class Plants(ABC):
         """Where all these runs are ``ok``, and where they can be ranked, a diverged one last."""
         return self.ok(*runs), self.rankable(*runs)
 
-
-class EnsemblePlants(Plants):
-    """All plants of an ensemble under one reading, with intervals from its scramblings."""
-
-    def __init__(self, data: EnsembleData, reading: str) -> None:
-        self.joints = data.joints
-        self.reading = reading
-        self._data = data
-        # Claims ask for the same statistics, which a large ensemble reads from all its files.
-        self._kept: dict[tuple[Run, str], ShardArray] = {}
-
-    def has(self, run: Run) -> bool:
-        """Whether a run was simulated."""
-        return self._data.has(*self._case(run))
-
-    def status(self, run: Run) -> NDArray[np.int8]:
-        """Status codes of a run, (N,)."""
-        if (run, "status") not in self._kept:
-            self._kept[run, "status"] = self._data.status(*self._case(run))
-        return self._kept[run, "status"]
-
-    def statistic(self, run: Run, name: str) -> Array:
-        """One of `simulation.streaming.STATISTICS`, SI, (N, n)."""
-        if (run, name) not in self._kept:
-            self._kept[run, name] = self._data.statistic(*self._case(run), name)
-        return self._kept[run, name]
-
     def share(self, holds: Mask, counted: Mask) -> Share:
         """Share of the plants counted (N,) on which something holds (N,)."""
-        return share_of(holds[counted], self._data.replicate[counted])
+        return share_of(holds[counted], self._table.replicate[counted])
 
     def spread(self, values: Array, counted: Mask) -> Spread:
         """Spread of values (N,) over the plants counted (N,)."""
-        return spread_of(values[counted], self._data.replicate[counted])
+        return spread_of(values[counted], self._table.replicate[counted])
 
     def _case(self, run: Run) -> CaseName:
         return (run.run, run.reading.name) if isinstance(run, RunUnder) else (run, self.reading)

@@ -19,7 +19,7 @@ from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.first_order import first_order_index, half_width
 from tendonrepro.verdicts.formulas import NUMBERS, ErrorOf
 from tendonrepro.verdicts.from_ensemble import numbers_of
-from tendonrepro.verdicts.plants import EnsemblePlants
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Mask
 from tendonrepro.verdicts.statements import claim_on, together
 
@@ -96,7 +96,7 @@ def ranked(
 
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
-    plants = EnsemblePlants(data, PRINTED)
+    plants = Plants(data, PRINTED)
 
     def rank(values: Array, *runs: str) -> Influences | None:
         return _ranked(data, plants.ok(*runs), values)
@@ -118,13 +118,13 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
     """Rank what decides a verdict; None where nothing does."""
     try:
-        values, judged = _outcome(EnsemblePlants(data, PRINTED), paper, identifier)
+        values, judged = _outcome(Plants(data, PRINTED), paper, identifier)
     except DataMissingError:
         return None
     return _ranked(data, judged, values)
 
 
-def _outcome(plants: EnsemblePlants, paper: Published, identifier: str) -> tuple[Array, Mask]:
+def _outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
     """1 or 0 of a claim, a number or its logarithm if all are positive; and the plants judged; (N,) each."""
     rule = paper.judgements[identifier].rule
     if rule in NUMBERS:

@@ -240,7 +240,7 @@ def _own(config):
         table[f"q{joint} (deg)"] = np.rad2deg(traces[0]["q_encoder"][:, k])
     folder = config.parent
     pd.DataFrame(table).to_csv(folder / "controller_1.csv", index=False)
-    answer("inspect", "controller_1.csv", "--mapping", "m.yaml", cwd=folder)
+    answer("data", "inspect", "controller_1.csv", "--mapping", "m.yaml", cwd=folder)
     answer("ingest", "controller_1.csv", "--mapping", "m.yaml", "--confirm", "--out", "o.h5", cwd=folder)
     return tr.validate(folder / "o.h5", config, set=SHORT, out=folder / "out", figures=False).data
 

@@ -8,14 +8,14 @@ import pytest
 from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
 from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.measured_arm import MeasuredArm
 from tendonrepro.verdicts.measurement import Measurement
-from tendonrepro.verdicts.plants import RunUnder
+from tendonrepro.verdicts.plants import Plants, RunUnder
 from tendonrepro.verdicts.statements import HALVED, claim_on
 
 
@@ -118,12 +118,12 @@ class TestComparison:
         lacking = without(file.runs["controller_3"], "s", "e")
         bare = replace(file, runs={name: without(trace, "s") for name, trace in file.runs.items()})
         for held, message in ((file, "^s of all controllers"), (bare, "^s or e of the run controller_3")):
-            arm = MeasuredArm(Measurement(with_run(held, lacking), EMPTY, None))
+            arm = Plants(Measurement(with_run(held, lacking), EMPTY, None), PRINTED)
             with pytest.raises(DataMissingError, match=message):
                 arm.statistic("controller_3", "s_rms")
 
     def test_no_variation_of_a_run_was_measured(self):
-        arm = MeasuredArm(Measurement(comparison(), EMPTY, None))
+        arm = Plants(Measurement(comparison(), EMPTY, None), PRINTED)
         assert arm.has("controller_2")
         assert not arm.has(RunUnder("controller_2", HALVED))
         with pytest.raises(DataMissingError):

@@ -7,7 +7,7 @@ import pytest
 from support.synthetic import make_compare_file
 
 from tendonrepro.physics.control import polynomial
-from tendonrepro.verdicts.measured_arm import with_surface
+from tendonrepro.verdicts.measurement import with_surface
 
 
 def bare(run, time, e):
