@@ -56,13 +56,12 @@ UserFunction: TypeAlias = Callable[..., object]
 class UserLaw:
     """A callable with the signature of :func:`tendonrepro.physics.control.command`; its name is the run's.
 
-    It is in the Python file `path`, or `given`. `alone` says why it cannot run on many plants together.
+    It is in the Python file `path`, or `given`.
     """
 
     name: str
     path: Path | None = None
     given: UserFunction | None = None
-    alone: str = ""
 
     @property
     def spec(self) -> str:
@@ -163,9 +162,9 @@ def own_loops(
     return own
 
 
-def on_lanes(law: UserLaw) -> CommandFunction | None:
-    """Function of a law for many plants together, the same for all while its file is; none of one alone."""
-    return None if law.alone else _function(law, law.content)
+def on_lanes(law: UserLaw) -> CommandFunction:
+    """Function of a law for many plants together, the same for all while its file is."""
+    return _function(law, law.content)
 
 
 @cache

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import TendonreproError
-from tendonrepro.experiments.loops import run_status
 from tendonrepro.monte_carlo.data import Block, Shard, ShardArray, shard_image
 from tendonrepro.monte_carlo.plan import EnsembleStudy
-from tendonrepro.monte_carlo.user_laws import Simulate, runs_alone, simulate_mixed
-from tendonrepro.physics.instruments import Encoder
-from tendonrepro.physics.metrics import STATUSES, mae, rmse
-from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.monte_carlo.user_laws import Simulate
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.stepper import simulate
 
 DRAWS_AT_ONCE = 32
 """Draws simulated together; more fill lanes and threads better; each has motions of some 3 MB."""
-
-IDEAL = Encoder(resolution=0.0, noise=0.0)
 
 
 def make_blocks(
@@ -51,7 +42,7 @@ def compute_blocks(
     batches = []
     for together in _filled(pieces, most):
         drawn = [draw for block, rows in together for draw in loops_of(study, block, rows)]
-        batches.append(simulate_mixed(list(chain.from_iterable(drawn)), study.loaded.compare, simulate))
+        batches.append(simulate([*chain.from_iterable(drawn)], study.loaded.compare.status))
     edges = np.cumsum([block.count for block in blocks])[:-1]
 
     def by_case(parts: Sequence[ShardArray], kind: type) -> list[ShardArray]:
@@ -65,10 +56,6 @@ def compute_blocks(
     stored: Mapping[str, Sequence[ShardArray]] = {
         "draws": values,
         "status": by_case([batch.status for batch in batches], np.int8),
-        "check": [
-            np.array(json.dumps(spot_check(study, block, drawn, simulate)))
-            for block, drawn in zip(blocks, values, strict=True)
-        ],
     } | {
         name: by_case([batch.statistics[name] for batch in batches], np.float32)
         for name in batches[0].statistics
@@ -100,43 +87,3 @@ def loops_of(study: EnsembleStudy, block: Block, rows: Array) -> list[list[Loop]
                 message, where=error.where, hint=json.dumps(drawn_from.named(row))
             ) from error
     return loops
-
-
-def spot_check(
-    study: EnsembleStudy, block: Block, values: Array, simulate_together: Simulate = simulate_batch
-) -> dict[str, float | int | str | None]:
-    """Rerun one experiment of one block in ``check_every`` with the SciPy stepper and an ideal encoder.
-
-    A hash chooses; other blocks give an empty answer. ``difference`` is the largest relative one of MAE and
-    RMSE: 0 if both runs diverged or were not resolved, None where the steppers disagree on the status.
-    """
-    digest = hashlib.sha256(f"{study.identity} {block}".encode()).digest()
-    chosen, place, at = (int.from_bytes(digest[k : k + 8], "big") for k in (0, 8, 16))
-    if study.check_every == 0 or chosen % study.check_every:
-        return {}
-    place, at = place % len(study.cases), at % len(values)
-    run, case = study.cases[place]
-    (loops,) = loops_of(study, block, values[at : at + 1])
-    if runs_alone(loops[place]):
-        return {}  # it runs by SciPy already
-    loop = replace(loops[place], joint_encoder=IDEAL)
-    difference = _difference(loop, simulate_together([loop], study.loaded.compare.status), study)
-    return {"run": run, "reading": case.name, "draw": at, "difference": difference}
-
-
-def _difference(loop: Loop, batch: Batch, study: EnsembleStudy) -> float | None:
-    """The ``difference`` of :func:`spot_check`."""
-    status = STATUSES[int(batch.status[0])]
-    if status == "unresolved":
-        return 0.0
-    try:
-        variables = simulate(loop)
-    except TendonreproError:
-        return None
-    if status != run_status(loop, variables, study.loaded.compare)[0]:
-        return None
-    if status == "diverged":
-        return 0.0
-    sizes = np.array([mae(variables["e"]), rmse(variables["e"])])
-    ours = np.array([batch.statistics[name][0] for name in METRICS])
-    return float(np.abs(ours / sizes - 1.0).max())

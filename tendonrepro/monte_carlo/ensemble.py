@@ -30,10 +30,10 @@ from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.population import population_of
-from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary, spot_checks
+from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
-from tendonrepro.monte_carlo.user_laws import MOST_DRAWS_ALONE, Simulate, tried
+from tendonrepro.monte_carlo.user_laws import Simulate, refuse_alone
 from tendonrepro.parallel import Item, Result, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import take_over
@@ -97,7 +97,9 @@ def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> E
         block_draws=int(loaded.config.block.si),
         laws=tuple(laws),
     )
-    return replace(study, laws=tuple(tried(study, law) for law in laws))
+    for law in laws:
+        refuse_alone(study, law)
+    return study
 
 
 def ensemble_study(
@@ -128,15 +130,12 @@ def ensemble_study(
         For impossible draws or jobs.
     """
     check_jobs(jobs)
-    draws = min(draws, MOST_DRAWS_ALONE) if study.alone else draws
     blocks = study.blocks(draws)
     make = partial(make_blocks, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(site: Site) -> Outcome:
         talk, files = site.talk, site.files
-        for law in study.alone:
-            talk.note(f"{law.alone}. So it runs by SciPy, and the ensemble has {draws} arms.")
         if seconds_out := errors_from(study.loaded.compare):
             talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
         shards = files / SHARDS
@@ -246,7 +245,6 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
             name: population_summary(population, read_ensemble(folder, name))
             for name, population in study.populations.items()
         },
-        "spot_check": spot_checks(folder / SHARDS, study.identity, blocks),
         "cost": study.cost(blocks),
         "experiments_per_second": speed,
         "resumed_from": resumed,
@@ -263,8 +261,6 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
 def _manifest(study: EnsembleStudy) -> dict[str, object]:
     """What only an ensemble's manifest says."""
     solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-    if study.alone:
-        solver["by_scipy"] = [law.name for law in study.alone]
     return {
         "experiment": "ensemble",
         "seed": study.seed,

@@ -27,9 +27,6 @@ SCHEMA_VERSION = 1
 ARMS = "arms"
 """Name of the population around an arm of a user's own."""
 
-CHECK_EVERY = 8
-"""One block in so many reruns one of its experiments with the SciPy stepper, which takes seconds."""
-
 FEWEST_PER_SCRAMBLING = 8
 
 MOST_DRAWS = 2**20
@@ -40,9 +37,6 @@ SECONDS_PER_EXPERIMENT = 6e-3
 
 Measured: 17 ms on slow processors that had other work too.
 """
-
-SECONDS_ALONE = 3.0
-"""Time of a run by SciPy whose law is called in Python."""
 
 _COMPRESSION = 0.9
 
@@ -86,7 +80,6 @@ class EnsembleStudy:
     seed: int
     replicates: int
     block_draws: int
-    check_every: int = CHECK_EVERY
     laws: tuple[UserLaw, ...] = ()
 
     @property
@@ -95,11 +88,6 @@ class EnsembleStudy:
         config = self.loaded.compare
         own = [run for law in self.laws for run in runs_of(law, config)]
         return (*config.runs, *own) if self.loaded.around else RUNS
-
-    @property
-    def alone(self) -> tuple[UserLaw, ...]:
-        """A user's laws that cannot run on many arms together."""
-        return tuple(law for law in self.laws if law.alone)
 
     @cached_property
     def _asked(self) -> dict[CaseName, tuple[str, Reading]]:
@@ -133,7 +121,6 @@ class EnsembleStudy:
             "base": self.loaded.base.sha256,
             "seed": self.seed,
             "replicates": self.replicates,
-            "check_every": self.check_every,
             "cases": [[run, case.name] for run, case in self.cases],
             "statistics": STATISTICS,
         }
@@ -185,9 +172,7 @@ class EnsembleStudy:
         """Estimate what some blocks cost."""
         draws = sum(block.count for block in blocks)
         experiments = draws * len(self.cases)
-        by_scipy = {run for law in self.alone for run in runs_of(law, self.loaded.compare)}
-        alone = draws * sum(run in by_scipy for run, _ in self.cases)
-        seconds = experiments * SECONDS_PER_EXPERIMENT + alone * SECONDS_ALONE
+        seconds = experiments * SECONDS_PER_EXPERIMENT
         numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
         return {
             "experiments": experiments,

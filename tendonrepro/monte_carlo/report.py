@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +14,7 @@ from tendonrepro.configuration.rows import Draw
 from tendonrepro.console import count_of
 from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.monte_carlo.arm_report import pair_rows
-from tendonrepro.monte_carlo.data import Block, EnsembleData, read_array
+from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.shares import RATIOS, reading_summary
 from tendonrepro.monte_carlo.summary import PopulationSummary, ReadingSummary, Summary
@@ -56,22 +54,6 @@ def slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Reading) -
     """
     ratios = [slow_error_ratio(under(reading, config, draw), CONTROLLERS[:2]) for config, draw in plants]
     return np.where(np.isclose(ratios, ratios[0]).all(axis=0), ratios[0], np.nan)
-
-
-def spot_checks(shards: Path, identity: str, blocks: Sequence[Block]) -> dict[str, object]:
-    """Largest difference from the SciPy stepper among experiments ``compared`` to their end, and where."""
-    stored = [(block, read_array(shards / block.file_name(identity), "check")) for block in blocks]
-    checks = [{"block": block} | check for block, text in stored if (check := json.loads(str(text)))]
-    # Two steppers never agree to the last bit; a difference of nothing stands for a run without an end.
-    compared = [check for check in checks if check["difference"]]
-    worst = max(compared, key=lambda check: float(check["difference"]), default=None)
-    return {
-        "experiments": len(checks),
-        "compared": len(compared),
-        "disagreements": sum(check["difference"] is None for check in checks),
-        "largest": worst and worst["difference"],
-        "where": worst and "{run}, {reading}, {block}, draw {draw}".format(**worst),
-    }
 
 
 def reading_row(reading: ReadingSummary, joints: Sequence[int]) -> dict[str, object]:

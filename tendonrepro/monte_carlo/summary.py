@@ -152,7 +152,6 @@ class Summary(TypedDict):
     draws: int
     scramblings: int
     populations: dict[str, PopulationSummary]
-    spot_check: dict[str, object]
     cost: dict[str, float]
     experiments_per_second: float | None
     resumed_from: int

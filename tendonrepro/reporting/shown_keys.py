@@ -37,7 +37,6 @@ _SHOWN_KEYS = (
     "physics_sha256",
     "draws",
     "scramblings",
-    "spot_check",
     "cost",
     "populations.*.plants",
     *(f"populations.*.readings.{path}" for path in _OF_READINGS),

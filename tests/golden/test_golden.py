@@ -50,7 +50,7 @@ HERE = {
 AS_MADE = MADE_ON.exists() and json.loads(MADE_ON.read_text(encoding="utf-8")) == HERE
 
 LEFT_OUT = re.compile(
-    "out|manifest|files?|size|spot_check|text|conclusions|sources?|identity|created|md5|cost|resumed_from"
+    "out|manifest|files?|size|text|conclusions|sources?|identity|created|md5|cost|resumed_from"
     "|blocks|.*(version|sha256|per_second|because|_at_s|^at_s)"
 )
 """Keys that differ from run to run, or are files and words. None holds more than `FEW` numbers."""

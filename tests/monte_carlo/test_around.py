@@ -142,7 +142,7 @@ def test_an_impossible_arm_is_told(compare: Path) -> None:
 def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     """Its pairs follow from the stored errors; its loops are those of the drawn configuration."""
     older = ["control.readings.stored_torque=applied", "manipulator.actuator.output_delay=1"]
-    study = replace(load_study(compare, older, 5, "weights=extrapolating", 0.2), check_every=0)
+    study = load_study(compare, older, 5, "weights=extrapolating", 0.2)
     (arm,) = study.populations.values()
     block = study.blocks(64)[3]
     row = arm.sample(study.seed, block.replicate, block.first, 1)
@@ -222,7 +222,7 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
     )
     study = load_study(config, short, None, "default", 0.2, laws=laws_of({"plain": plain}))
     assert study.runs[-2:] == ("plain", "plain_payload")
-    (found,) = compute_blocks(replace(study, check_every=0), [Block("arms", 0, 0, 2)])
+    (found,) = compute_blocks(study, [Block("arms", 0, 0, 2)])
     for own, other in (("controller_1", "plain"), ("controller_1_payload", "plain_payload")):
         places = [study.lookup[run, "printed"] for run in (own, other)]
         errors = found["mae"][places]
@@ -243,26 +243,7 @@ def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> No
     assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 
 
-@pytest.mark.slow
-def test_a_law_that_branches_runs_by_scipy_on_the_same_arms(tmp_path: Path) -> None:
-    """With ideal encoders the paper's own command gives the errors of Controller 1 by either way."""
-    init_arm(1, tmp_path)
-    asked = ["reference.amplitude=5", "reference.rise=0.5", "reference.hold=0", "reference.periods=1"]
-    asked += [f"manipulator.encoders.{one}.resolution=0" for one in ("joint", "motor")]
-    laws = laws_of({"branching": branching})
-    study = load_study(tmp_path / "compare.yaml", asked, None, "default", 0.2, laws=laws)
-    assert [law.name for law in study.alone] == ["branching"]
-    (found,) = compute_blocks(replace(study, check_every=1), [Block("arms", 0, 0, 2)])
-    for own, other in (("controller_1", "branching"), ("controller_1_payload", "branching_payload")):
-        places = [study.lookup[run, "printed"] for run in (own, other)]
-        for name in ("mae", "rmse"):
-            assert found[name][places[1]] == pytest.approx(found[name][places[0]], rel=1e-4)
-        assert (found["status"][places] == 0).all()
-    runnable = ensemble_study(study, 1024, folder={"out": tmp_path / "out"})
-    assert runnable.plan["draws"] == 64
-
-
-@pytest.mark.parametrize("laws", [{"broken": broken}, {"controller_2": plain}])
+@pytest.mark.parametrize("laws", [{"broken": broken}, {"branching": branching}, {"controller_2": plain}])
 def test_a_law_that_cannot_run(compare: Path, laws: dict[str, Any]) -> None:
     with pytest.raises(TendonreproError):
         load_study(compare, None, None, "default", 0.2, laws=laws_of(laws))

@@ -59,7 +59,6 @@ def test_identity_holds_what_numbers_depend_on():
     changes = [
         {"seed": 99},
         {"replicates": 16},
-        {"check_every": 3},
         {"readings": study.readings[:2]},
         {"loaded": replace(loaded, sha256="other")},
         {"loaded": replace(loaded, base=replace(loaded.base, sha256="other"))},

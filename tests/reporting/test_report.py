@@ -135,7 +135,7 @@ def summary_of_256():
     of_answer = {FINE_STEPS, "Delta_unit=deg", *OF_ANSWER.values()} - {"printed"}
     held += [{**held[1], "name": name} for name in sorted(of_answer)]
     rest = dict.fromkeys(("tendonrepro_version", "config_sha256", "physics_sha256"), "0")
-    rest |= {"spot_check": {}, "cost": {}}
+    rest |= {"cost": {}}
     return json.loads(json.dumps(summary | rest))
 
 

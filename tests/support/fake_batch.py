@@ -67,7 +67,6 @@ def small_study():
         variations=study.variations[:1],
         replicates=4,
         block_draws=2,
-        check_every=0,
     )
 
 
