@@ -22,7 +22,7 @@ extensions = [
     "sphinx_copybutton",
 ]
 templates_path = ["_templates"]
-exclude_patterns = ["results"]
+exclude_patterns = ["results", "made"]
 
 highlight_language = "none"
 myst_enable_extensions = ["dollarmath"]

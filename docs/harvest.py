@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from given_tables import FOLDS, NOISE, SURE, given_tables
-from stored_results import DOCS, nearest, read, rounded, store, stored, write
+from stored_results import DOCS, nearest, read, rounded, store, store_table, stored, write
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
@@ -25,7 +25,7 @@ from tendonrepro.identification.misfit import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.reporting.shown_keys import thinned
+from tendonrepro.reporting.readings import COLUMNS, head_of, rows_of
 
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
@@ -38,7 +38,7 @@ def take(reports: Path) -> None:
     summary = read(reports / "ensemble" / "summary.json")
     if read(reports / "claims" / "manifest.json").get("ensemble") != [summary["identity"], summary["draws"]]:
         sys.exit("these verdicts are of another ensemble; run tendonrepro claims again")
-    store("ensemble.json", thinned(summary))
+    store_ensemble(summary)
     ensemble = read_ensemble(reports / "ensemble")
     write("sample.json", sample_of(ensemble))
     store("given.json", given_record(ensemble, summary["draws"]))
@@ -65,6 +65,12 @@ def take(reports: Path) -> None:
         found = read(reports / "tune" / "tune.json")
         kept = {key: value for key, value in found.items() if key != "by_plant"}
         store("tune.json", kept | {"tuned_over_published": tuned_over_published(found["by_plant"])})
+
+
+def store_ensemble(summary: Mapping[str, Any]) -> None:
+    """Keep what pages show of an ensemble, a row for each interpretation, and what made it."""
+    store("ensemble.json", head_of(summary))
+    store_table("readings.csv", ("population", "reading", *COLUMNS), rows_of(summary))
 
 
 def tuned_over_published(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:

@@ -1,9 +1,10 @@
-"""The stored results of these pages: one JSON file each, below ``docs/results``."""
+"""The stored results of these pages: one file each, below ``docs/results``."""
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,15 @@ def write(name: str, content: Any) -> None:
     RESULTS.mkdir(exist_ok=True)
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     (RESULTS / name).write_text(text, encoding="utf-8")
+
+
+def store_table(name: str, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Store rows with six digits; what is unknown is empty."""
+    RESULTS.mkdir(exist_ok=True)
+    with (RESULTS / name).open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, columns, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rounded(dict(row)) for row in rows)
 
 
 def rounded(content: Any) -> Any:

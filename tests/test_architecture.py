@@ -56,7 +56,7 @@ OWNERS = {
     "distributed": ["monte_carlo/ensemble.py"],
     "cma": ["monte_carlo/population.py"],
     "rich": ["console.py"],
-    "jinja2": ["reporting/page.py"],
+    "jinja2": ["reporting/contents.py"],
     "markdown_it": ["reporting/page.py"],
     "typer": ["cli/*"],
 }

@@ -28,8 +28,19 @@ def test_the_wheel_holds_the_data_and_nothing_else(wheel: Path) -> None:
     names = {
         name for name in zipfile.ZipFile(wheel).namelist() if not name.split("/")[0].endswith(".dist-info")
     }
-    shipped = {"configs/*", "data/published.yaml", "docs/results/*", "docs/slips.md", "docs/predictions.md"}
-    expected = {f"tendonrepro/{path.relative_to(ROOT)}" for some in shipped for path in ROOT.glob(some)}
+    shipped = {
+        "configs/**/*",
+        "data/published.yaml",
+        "docs/results/*",
+        "docs/slips.md",
+        "docs/predictions.md",
+    }
+    expected = {
+        f"tendonrepro/{path.relative_to(ROOT)}"
+        for some in shipped
+        for path in ROOT.glob(some)
+        if path.is_file()
+    }
     own = [path for path in (ROOT / "tendonrepro").rglob("*") if path.suffix not in {".py", ".pyc"}]
     expected |= {path.relative_to(ROOT).as_posix() for path in own if path.is_file()}
     # The mark by which type checkers see the package's types.

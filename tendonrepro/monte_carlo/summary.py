@@ -1,4 +1,4 @@
-"""The types of ``summary.json`` of an ensemble; ``docs/results/ensemble.json`` has some of its keys.
+"""The types of ``summary.json`` of an ensemble.
 
 Where there are no plants, or too few, a number is NaN, in a file null. Whoever reads one looks at ``plants``
 first.
@@ -156,13 +156,3 @@ class Summary(TypedDict):
     experiments_per_second: float | None
     resumed_from: int
     blocks: int
-
-
-def in_all_errors(ranking: RankingShares, plants: str = "all_ok") -> ShareOfPlants:
-    """How often a ranking holds in MAE and RMSE on both joints, of plants that are stable under all three."""
-    return ranking[plants]["mae_and_rmse"]["both"]
-
-
-def median(ratio: ErrorRatio, joint: int) -> float:
-    """Median of a ratio of MAE on a joint, of plants that are stable under all three controllers."""
-    return ratio["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import jinja2
+
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.shown import BOTH, FINE_STEPS, SHOWN, STEPS, every_run
+from tendonrepro.configuration.shown import SHOWN, every_run
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.evidence.figure_predictions import interpretation_in_words
-from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
+from tendonrepro.reporting.readings import Shown
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.verdict import Verdict
 
 TEMPLATES = Path(__file__).with_name("templates")
-
-ROBUSTNESS_HEADS = (
-    "interpretation",
-    "plants",
-    "published order",
-    "Controller 1 first",
-    "Controller 1 last",
-    "… without the first 2 s",
-    "error 1 / 2",
-)
-"""Heads of `robustness`; the last is the median ratio of the MAE of Controllers 1 and 2 on joint 2."""
+WORDS = ("headline", "answer", "why", "robustness")
+"""Templates of what is said of an ensemble."""
 
 BOX_HEADS = ("Row", "Range or choices", "Nominal", "Unit", "Scale", "Confidence", "From")
 VALUE_HEADS = ("Key", "Value", "Unit", "Origin", "Why")
@@ -56,92 +50,50 @@ _WORDS = {
 """What stands in a claim or statement, and what a reader sees."""
 
 
-def by_name(summary: Summary, population: str = "box") -> dict[str, ReadingSummary]:
-    """Readings of an ensemble by their names."""
-    return {reading["name"]: reading for reading in summary["populations"][population]["readings"]}
+def environment(folder: Path, *, html: bool = False) -> jinja2.Environment:
+    """Read templates of a folder, with filters for shares, ratios and counts."""
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        undefined=jinja2.StrictUndefined,
+        autoescape=html,
+        trim_blocks=True,
+    )
+    made.filters |= {"thousands": "{:,.0f}".format, "percent": percent, "ratio": two_digits}
+    return made
 
 
-OF_ANSWER = {
-    "printed": "printed",
-    "absent": "reference_acceleration=absent",
-    "ramp": "motion=ramp",
-    "apart": "starts=apart",
-    "apart_absent": "reference_acceleration=absent+starts=apart",
-    "apart_ramp": "motion=ramp+starts=apart",
-    "friction": "run_friction=drawn",
-    "steps": STEPS,
-    "both": BOTH,
-    "changed_ramp": "weights=extrapolating+motion=ramp+starts=apart",
-}
-"""Ends of the slots of the answer's table, and the readings of its rows."""
+def rendered(
+    name: str,
+    shown: Shown,
+    folder: Path = TEMPLATES,
+    filters: Mapping[str, Callable[..., object]] | None = None,
+    **known: object,
+) -> str:
+    """Text of a template over the rows of an ensemble, one of `WORDS` or of another folder."""
+    templates = environment(folder)
+    templates.filters |= filters or {}
+    known |= {"r": shown.box, "firm": shown.readings.get("firm"), "drawn": shown.plants["box"]}
+    known |= {"labels": SHOWN, "conditions": conditions_in_words()}
+    return templates.get_template(f"{name}.md").render(**known).strip()
 
 
-def numbers(summary: Summary) -> dict[str, str]:
-    """Numbers of the answer as text, and its conditions, by slot."""
-    readings, printed = by_name(summary), by_name(summary)["printed"]
-    slots = {
-        "conditions": f"Every run {every_run()}.",
-        "first_fine": percent(in_all_errors(readings[FINE_STEPS]["share_c1_best"])["share"]),
-        "tie": percent(in_all_errors(printed["share_c2_ties_c3"])["share"]),
-        "plants": f"{summary['populations']['box']['plants']:,}",
-        "stable": f"{stable_plants(printed):,}",
-        "stable_share": percent(stable_plants(printed) / summary["populations"]["box"]["plants"]),
-        "ratio": two_digits(median(printed["ratio_c1_c2"], 2)),
-        "ratio_absent": two_digits(median(readings["reference_acceleration=absent"]["ratio_c1_c2"], 2)),
-        "ratio_surfaces": two_digits(median(printed["ratio_c2_c3"], 2)),
-        "ratio_degrees": two_digits(median(readings["Delta_unit=deg"]["ratio_c2_c3"], 2)),
-    }
-    for row, name in OF_ANSWER.items():
-        reading, late = readings[name], readings[name]["without_start"]
-        shares = {
-            "order": in_all_errors(reading["share_c1_lt_c2_lt_c3"]),
-            "first": in_all_errors(reading["share_c1_best"]),
-            "last": in_all_errors(reading["share_c1_worst"]),
-            "late": in_all_errors(late["share_c1_worst"]),
-            "behind": reading["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"],
-            "behind_late": late["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"],
-            "smooth": reading["share_c1_smoother"],
-        }
-        slots |= {f"{column}_{row}": percent(share["share"]) for column, share in shares.items()}
-    return slots
+def has_all_words(shown: Shown) -> bool:
+    """Whether an ensemble has every interpretation that `WORDS` speak of."""
+    try:
+        return all(rendered(name, shown) for name in WORDS)
+    except jinja2.UndefinedError:
+        return False
 
 
-def stable_plants(reading: ReadingSummary) -> int:
-    """How many plants are stable under all three controllers."""
-    return in_all_errors(reading["share_c1_lt_c2_lt_c3"])["plants"]
+def conditions_in_words() -> str:
+    """What every run does as published."""
+    return f"Every run {every_run()}."
 
 
-def filled(name: str, values: Mapping[str, str]) -> str:
-    """Text of a template, ``headline``, ``answer`` or ``why``, with its slots filled."""
-    return (TEMPLATES / f"{name}.md").read_text(encoding="utf-8").format_map(values).strip()
-
-
-def labelled(summary: Summary, labels: Mapping[str, str]) -> list[tuple[str, ReadingSummary]]:
-    """Labels and readings, where the ensemble has the reading."""
-    stored = by_name(summary)
-    return [(label, stored[name]) for name, label in labels.items() if name in stored]
-
-
-def robustness(summary: Summary) -> list[tuple[str, ...]]:
-    """Rows of the table that says what the answer depends on."""
-    (label, printed), *others = labelled(summary, SHOWN)
-    last = ("… diverged controllers ranked last", *_shares(printed, "diverged_last"), "–", "–")
-    rows = [_cells(label, printed), last]
-    if "firm" in summary["populations"]:
-        rows.append(_cells("… better known parameters alone varied", by_name(summary, "firm")["printed"]))
-    return rows + [_cells(label, reading) for label, reading in others]
-
-
-def _cells(label: str, reading: ReadingSummary) -> tuple[str, ...]:
-    late = in_all_errors(reading["without_start"]["share_c1_worst"])["share"]
-    return label, *_shares(reading, "all_ok"), percent(late), two_digits(median(reading["ratio_c1_c2"], 2))
-
-
-def _shares(reading: ReadingSummary, plants: str) -> tuple[str, ...]:
-    """How many plants of a set there are, and the shares on which the published order, or a place, holds."""
-    rankings = (reading[name] for name in ("share_c1_lt_c2_lt_c3", "share_c1_best", "share_c1_worst"))
-    order, best, worst = (in_all_errors(ranking, plants) for ranking in rankings)
-    return f"{order['plants']:,}", *(percent(ranking["share"]) for ranking in (order, best, worst))
+def cells_of(table: str) -> list[list[str]]:
+    """Cells of a pipe table, its heads first."""
+    heads, _, *rows = table.splitlines()
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in (heads, *rows)]
 
 
 def two_digits(ratio: float | None) -> str:
@@ -149,10 +101,10 @@ def two_digits(ratio: float | None) -> str:
 
     Examples
     --------
-    >>> two_digits(1.1006), two_digits(None)
+    >>> two_digits(1.1006), two_digits(math.nan)
     ('1.10', '–')
     """
-    return "–" if ratio is None else f"{ratio:.2f}"
+    return "–" if ratio is None or math.isnan(ratio) else f"{ratio:.2f}"
 
 
 def percent(share: float | None) -> str:
@@ -163,7 +115,7 @@ def percent(share: float | None) -> str:
     >>> percent(0.8917), percent(0.0085), percent(0.0), percent(None), percent(0.9997), percent(0.999999)
     ('89 %', '0.85 %', '0 %', '–', '99.97 %', 'over 99.99 %')
     """
-    if share is None:
+    if share is None or math.isnan(share):
         return "–"
     value = 100.0 * share
     if 99.5 <= value < 100.0:

@@ -12,8 +12,7 @@ from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STARTS_APART, STEPS
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
-from tendonrepro.monte_carlo.summary import ReadingSummary, Summary, in_all_errors, median
-from tendonrepro.reporting.contents import by_name, labelled, stable_plants
+from tendonrepro.reporting.readings import Row, Shown
 from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -42,17 +41,18 @@ _LABELLED = 0.08
 
 
 @journal_style()
-def draw_orders(summary: Summary) -> Drawing:
+def draw_orders(shown: Shown) -> Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
-    rows: list[tuple[str, ReadingSummary | None]] = []
+    rows: list[tuple[str, str]] = []
     for title, names in GROUPS.items():
-        if labelled_readings := labelled(summary, names):
-            rows += [(title, None), *labelled_readings]
-    labels, readings = zip(*rows, strict=True)
+        if labelled := [(label, name) for name, label in names.items() if name in shown.box]:
+            rows += [(title, ""), *labelled]
+    labels = [label for label, _ in rows]
+    readings = [shown.box.get(name) for _, name in rows]
     figure = open_figure(PAGE_MM, 26.0 + 5.6 * len(rows))
     panel = figure.subplots()
-    counts = [f"{stable_plants(reading):,}" if reading else "" for reading in readings]
-    counts[0] = f"stable plants\nof {summary['populations']['box']['plants']:,}"
+    counts = [f"{reading['plants']:,.0f}" if reading else "" for reading in readings]
+    counts[0] = f"stable plants\nof {shown.plants['box']:,}"
     panel.set(xlim=(0.0, 1.0), xticks=np.linspace(0.0, 1.0, 5), ylim=(len(rows) - 0.5, -0.6))
     panel.set_xlabel("share of the plants on which all three controllers are stable")
     panel.xaxis.set_major_formatter(lambda share, _: f"{100.0 * share:.0f} %")
@@ -69,7 +69,7 @@ def draw_orders(summary: Summary) -> Drawing:
         texts = [f"{100.0 * part:.0f} %" if part >= _LABELLED else "" for part in share]
         panel.bar_label(bars, texts, label_type="center", color=ink, fontsize=7)
         left += share
-    _mark_without_start(panel, readings)
+    _mark_without_start(panel, [name for _, name in rows], readings)
     # Bars first, in their order; matplotlib would begin with the marks.
     entries = sorted(
         zip(*panel.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] not in _LOOKS
@@ -84,46 +84,45 @@ def draw_orders(summary: Summary) -> Drawing:
         "both joints. Where runs start apart, diamonds are where dark grey begins without the first two "
         "seconds."
     )
-    return Drawing("orders", figure, [panel], caption, origin=_of_plants(summary))
+    return Drawing("orders", figure, [panel], caption, origin=_of_plants(shown))
 
 
-def _mark_without_start(panel: Axes, readings: Sequence[ReadingSummary | None]) -> None:
+def _mark_without_start(panel: Axes, names: Sequence[str], readings: Sequence[Row | None]) -> None:
     """Mark where the last bar of runs that start apart would begin without the first two seconds."""
     edges = [
-        (1.0 - in_all_errors(reading["without_start"]["share_c1_worst"])["share"], row)
-        for row, reading in enumerate(readings)
-        if reading and STARTS_APART in reading["name"].split("+") and stable_plants(reading)
+        (1.0 - reading["late"], row)
+        for row, (name, reading) in enumerate(zip(names, readings, strict=True))
+        if reading and STARTS_APART in name.split("+") and reading["plants"]
     ]
     if edges:
         look: Look = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
         panel.plot(*zip(*edges, strict=True), "D", label="where “last” begins without the first 2 s", **look)
 
 
-def order_shares(reading: ReadingSummary) -> list[float]:
+def order_shares(reading: Row) -> list[float]:
     """Shares of the four kinds of order; their sum is 1, or 0 without stable plants."""
-    if not stable_plants(reading):
+    if not reading["plants"]:
         return [0.0] * len(_LOOKS)
-    rankings = (reading[name] for name in ("share_c1_lt_c2_lt_c3", "share_c1_best", "share_c1_worst"))
-    published, first, last = (in_all_errors(ranking)["share"] for ranking in rankings)
+    published, first, last = (reading[column] for column in ("order", "first", "last"))
     return [published, first - published, 1.0 - first - last, last]
 
 
 @journal_style()
-def draw_ranges(summary: Summary) -> Drawing:
+def draw_ranges(shown: Shown) -> Drawing:
     """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
-    labels, readings = zip(*labelled(summary, SHOWN), strict=True)
+    labels = [label for name, label in SHOWN.items() if name in shown.box]
+    readings = [shown.box[name] for name in SHOWN if name in shown.box]
     figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
     panels = figure.subplots(1, 2, sharey=True)
     joint_2, joint_3 = (published().number(f"table2.controller_1.mae.joint_{joint}") for joint in COMPARED)
     printed = (printed_ratios((0, 1), "mae", [2])[0], joint_3 / joint_2)
-    ratios = (
-        [reading["ratio_c1_c2"]["all_ok"]["mae"]["joint_2"] for reading in readings],
-        [reading["joint_3_over_2"]["controller_1"]["mae"] for reading in readings],
-    )
+    ratios = ("c1_c2_joint_2", "joint_3_over_2")
     ticks = ((0.3, 0.4, 0.6, 0.8, 1.0, 1.4), (0.05, 0.1, 0.2, 0.4, 0.8))
     for panel, value, ratio, places in zip(panels, printed, ratios, ticks, strict=True):
-        quantiles = [[spread[name]["value"] for name in ("q05", "median", "q95")] for spread in ratio]
-        low, middle, high = np.array(quantiles, dtype=np.float64).T
+        quantiles = [
+            [reading[f"{ratio}_{name}"] for reading in readings] for name in ("q05", "median", "q95")
+        ]
+        low, middle, high = np.array(quantiles)
         look: Look = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
         look["label"] = "stable plants: median and 90 %"
         panel.errorbar(middle, range(len(labels)), xerr=(middle - low, high - middle), **look)
@@ -143,7 +142,7 @@ def draw_ranges(summary: Summary) -> Drawing:
         "and central 90 % of the plants on which both runs are stable. An arrow at the edge means that the "
         "range goes on. Dashed: from Table 2."
     )
-    return Drawing("ranges", figure, panels, caption, origin=_of_plants(summary))
+    return Drawing("ranges", figure, panels, caption, origin=_of_plants(shown))
 
 
 _NAMED = {
@@ -169,7 +168,7 @@ _REGIONS = {
 
 
 @journal_style()
-def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
+def draw_map(shown: Shown, closest: Sequence[Json]) -> Drawing:
     """Draw the six orders over the two ratios that decide them, a panel a joint.
 
     ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
@@ -183,7 +182,7 @@ def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
         alpha = published().number(f"gain.alpha.joint_{joint}")
         for age, label in ((1.0 - alpha, "1 ± α, by theory"), (1.0 + alpha, None)):
             panel.axvline(age, color=_BLUE, linewidth=0.7, linestyle="--", zorder=1.5, label=label)
-        named = _draw_readings(panel, summary, joint)
+        named = _draw_readings(panel, shown, joint)
         for metric, ours, paper in (("mae", "closest arm", "Table 2"), ("rmse", None, None)):
             errors = {row["run"]: row[f"{metric}_deg"] for row in closest if row["joint"] == joint}
             sizes = [errors[name] for name in CONTROLLERS]
@@ -199,7 +198,7 @@ def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
     letter_panels(panels, [f"Joint {joint}" for joint in COMPARED])
     panels[0].set_ylabel("error of Controller 2 over 3")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    imprint(figure, origin := _of_plants(summary))
+    imprint(figure, origin := _of_plants(shown))
     settle(figure)
     for panel, joint in zip(panels, COMPARED, strict=True):
         name_points(panel, names[joint], *_drawn_in(panel))
@@ -213,8 +212,8 @@ def draw_map(summary: Summary, closest: Sequence[Json]) -> Drawing:
     return Drawing("map", figure, panels, caption, origin=origin)
 
 
-def _of_plants(summary: Summary) -> str:
-    return f"Simulated, {summary['populations']['box']['plants']:,} plants of the parameter ranges"
+def _of_plants(shown: Shown) -> str:
+    return f"Simulated, {shown.plants['box']:,} plants of the parameter ranges"
 
 
 def _drawn_in(panel: Axes) -> tuple[Array, Array]:
@@ -243,12 +242,12 @@ def _draw_regions(panel: Axes) -> None:
         panel.text(x, y, order, ha="center", va="center", color="#555555", fontsize=7, bbox=ground)
 
 
-def _draw_readings(panel: Axes, summary: Summary, joint: int) -> list[tuple[str, tuple[float, float], str]]:
+def _draw_readings(panel: Axes, shown: Shown, joint: int) -> list[tuple[str, tuple[float, float], str]]:
     """Draw a dot at the medians of each reading, a larger one where it has a name, and return the names."""
     medians = {
-        name: (median(reading["ratio_c1_c2"], joint), median(reading["ratio_c2_c3"], joint))
-        for name, reading in by_name(summary).items()
-        if stable_plants(reading)
+        name: (reading[f"c1_c2_joint_{joint}_median"], reading[f"c2_c3_joint_{joint}_median"])
+        for name, reading in shown.box.items()
+        if reading["plants"]
     }
     named = {name: medians[name] for name in _NAMED if name in medians}
     look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0, "label": "interpretation, median"}

@@ -10,7 +10,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import TypedDict
 
-import jinja2
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 from PIL import Image
@@ -131,27 +130,22 @@ def report_text(report: ReportFile) -> str:
 
 def page(sources: ReportSources, again: str | None = "tendonrepro report") -> str:
     """Make the page; equal contents give equal text. `again` is what made it."""
-    loader, strict = jinja2.FileSystemLoader(contents.TEMPLATES), jinja2.StrictUndefined
-    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict, trim_blocks=True)
+    environment = contents.environment(contents.TEMPLATES, html=True)
     environment.filters |= {"md": line, "text": text}
-    slots = contents.numbers(sources.summary)
     verdicts = sources.ledger.verdicts
     days = [manifest["created"] for manifest in (*sources.manifests.values(), sources.ledger.ensemble)]
     return environment.get_template("page.html").render(
         sources=sources,
         version=__version__,
         date=max(days)[:10],
-        headline=contents.filled("headline", slots),
-        conditions=slots["conditions"],
-        answer=contents.filled("answer", slots),
-        why=contents.filled("why", slots),
+        conditions=contents.conditions_in_words(),
+        words={name: contents.rendered(name, sources.ensemble) for name in contents.WORDS},
         picture=orders_picture(sources),
         main=[verdicts[name] for name in MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
         claim_in_words=claim_in_words,
         contents=contents,
-        robustness=contents.robustness(sources.summary),
         parts=[part(name, folder, sources) for name, folder in sources.parts.items()],
         again=[*dict.fromkeys(again_of(*result) for result in sources.manifests.items()), again],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
@@ -218,7 +212,7 @@ def _width_pt(path: Path) -> float:
 
 def orders_picture(sources: ReportSources) -> dict[str, str]:
     """Address and caption of the picture of the answer."""
-    content, drawn = BytesIO(), draw_orders(sources.summary)
+    content, drawn = BytesIO(), draw_orders(sources.ensemble)
     with journal_style():
         imprint(drawn.figure, drawn.origin)
         drawn.figure.savefig(content, format="svg", metadata={"Date": None})

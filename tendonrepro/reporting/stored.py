@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import cast
 
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.shown import FINE_STEPS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, read_json, shipped
 from tendonrepro.monte_carlo.summary import Summary
-from tendonrepro.reporting.contents import OF_ANSWER, by_name
-from tendonrepro.reporting.shown_keys import thinned
+from tendonrepro.reporting.contents import has_all_words
+from tendonrepro.reporting.readings import Shown, read_shown, shown
 from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST
@@ -35,15 +34,15 @@ PARTS = {
 class ReportSources:
     """Everything a page is made of, from the `folder` above the results.
 
-    `parts` are the folders of what has a section; `manifests` are of all results; `summary` is as
-    `thinned` leaves it; `ledger` is that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with
+    `parts` are the folders of what has a section; `manifests` are of all results; `ensemble` is what pages
+    show of it; `ledger` is that of ``claims --json``. `origins` of parts: ``run``, ``shipped`` with
     the package, ``missing``, or ``here``: an ensemble that no claim was judged on. `left_out` says of other
     folders why they are not shown.
     """
 
     parts: Mapping[str, Path]
     manifests: Mapping[str, Json]
-    summary: Summary
+    ensemble: Shown
     ledger: Ledger
     origins: Mapping[str, str]
     left_out: Mapping[str, str]
@@ -83,10 +82,6 @@ def other_arm(manifest: Json) -> str | None:
     return str(arm["name"])
 
 
-_SHOWN = {"printed", "Delta_unit=deg", FINE_STEPS, *OF_ANSWER.values()}
-"""Interpretations that the answer speaks of."""
-
-
 RESULTS = f"[!.]*/{MANIFEST}"
 """Pattern of the results in a folder."""
 _MOST_NAMED = 4
@@ -117,10 +112,9 @@ def stored_under(folder: Path) -> ReportSources:
     ours = shipped("docs/results")
     judged = claims is not None and claims.exists()
     ledger = read_ledger(_read(claims if claims is not None and judged else ours / "claims.json"))
-    summary = cast("Summary", _read(ours / "ensemble.json"))
     own = None
     if judged and ledger.ensemble["source"] == "local" and ensemble is not None and ensemble.exists():
-        own = _as_whole_as(summary, cast("Summary", _read(ensemble)))
+        own = _of_the_paper(_read(ensemble))
     # What the page speaks of all over has no section of its own.
     everywhere = {"claims", "ensemble"} if own or "ensemble" not in manifests else {"claims"}
     parts = {name: path for name, path in sound.items() if name not in everywhere}
@@ -128,19 +122,19 @@ def stored_under(folder: Path) -> ReportSources:
     origins["claims"] = "run" if judged else "shipped"
     origins["ensemble"] = "run" if own else "here" if "ensemble" in parts else "shipped"
     left_out = {} if alone else dict(_left_out(folder, {*sound}, damaged))
-    return ReportSources(parts, manifests, own or summary, ledger, origins, left_out)
+    return ReportSources(parts, manifests, own or read_shown(ours), ledger, origins, left_out)
 
 
-def _as_whole_as(shipped: Summary, own: Summary) -> Summary | None:
+def _of_the_paper(summary: Json) -> Shown | None:
     """What is shown of a user's own ensemble, if it is of the paper and has what the page speaks of."""
     # A study of a user's own may call its populations otherwise.
-    if not own["of_paper"] or "box" not in own["populations"]:
+    if not summary["of_paper"] or "box" not in summary["populations"]:
         return None
-    shown = thinned(own)
-    ours, theirs = by_name(shipped), by_name(shown)
-    # An ensemble of an older version may lack keys.
-    whole = theirs.keys() >= _SHOWN and theirs["printed"].keys() >= ours["printed"].keys()
-    return shown if whole else None
+    try:
+        own = shown(cast("Summary", summary))
+    except KeyError:
+        return None  # it is of an older version
+    return own if has_all_words(own) else None
 
 
 def _damaged(places: Mapping[str, Path]) -> Iterator[tuple[str, DataMissingError]]:

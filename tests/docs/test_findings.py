@@ -18,8 +18,8 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, CHOICES, KEPT, SHOWN, STEPS, conditions
-from tendonrepro.monte_carlo.summary import in_all_errors, median
-from tendonrepro.reporting.contents import numbers, percent, stable_plants
+from tendonrepro.reporting.contents import percent
+from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import Sources, judge_all
 
@@ -49,10 +49,13 @@ TRIALS = {
 """Interpretations whose search from a draw counts in no table, by their rows of findings."""
 
 
+def shown() -> Shown:
+    return read_shown(DOCS / "results")
+
+
 @pytest.fixture(scope="module")
-def readings() -> dict[str, Any]:
-    found = stored("ensemble")["populations"]["box"]["readings"]
-    return {reading["name"]: reading for reading in found}
+def readings() -> dict[str, Row]:
+    return shown().box
 
 
 @pytest.fixture(scope="module")
@@ -121,31 +124,26 @@ def _within(inner: Any, outer: Any) -> bool:
 
 def test_the_headline_names_its_conditions_before_its_shares() -> None:
     """Each choice that the paper leaves open; the shares stand nowhere before. A motion is drawn."""
-    held, slots = conditions(), numbers(stored("ensemble"))
+    held, printed = conditions(), shown().box["printed"]
     assert len(held) == len(CHOICES) - 1
     for page, part in (("README.md", "the headline"), ("docs/findings.md", "the answer")):
         before, _, behind = text_of(page).partition(f"<!-- made: {part} -->")
         made, _, _ = behind.partition("<!-- end -->")
-        for share in (slots["last_printed"], slots["behind_printed"]):
+        for share in (percent(printed["last"]), percent(printed["behind"])):
             assert share not in before
             told, found, _ = made.partition(share)
             assert found
             assert [words for words in held if words not in told] == []
 
 
-def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any], makers: list[Any]) -> None:
+def test_numbers_in_the_words(readings: dict[str, Row], claims: dict[str, Any], makers: list[Any]) -> None:
     """Each number that a sentence of README or findings has, and its place in the stored results."""
-    slots = numbers(stored("ensemble"))
     errors = {k: published().number(f"table2.controller_{k}.mae.joint_2") for k in (1, 2)}
     shape = stored("identify")["readings"][0]["best_shape"][0]
     first, last = (shape[f"printed_rmse_over_mae_controller_{k}"] for k in (1, 3))
-    growth, growth_apart = (
-        readings[name]["rmse_over_mae_growth"]["joint_2"] for name in ("printed", "starts=apart")
-    )
-    joint_3, joint_3_absent = (
-        readings[name]["joint_3_over_2"]["controller_1"]["mae"]
-        for name in ("printed", "reference_acceleration=absent")
-    )
+    printed, apart = readings["printed"], readings["starts=apart"]
+    absent, ramp = readings["reference_acceleration=absent"], readings["motion=ramp"]
+    friction = readings["run_friction=drawn"]
     alike = claims["F2"]["ours"]
     misfits = {held["name"]: held["misfit_log"] for held in stored("identify")["readings"]}
     equal_runs = {
@@ -159,41 +157,44 @@ def test_numbers_in_the_words(readings: dict[str, Any], claims: dict[str, Any], 
         for joint in (2, 3)
     ]
     given = makers[1].of_groups(stored("given"))
-    named_right = [right for *_, right in given]
-    assert slots["last_absent"] == slots["last_ramp"]
+    named_right = [group["right"] for group in given]
+    assert percent(absent["last"]) == percent(ramp["last"])
     pairs = [
         ("docs/findings.md", f"ratios are {min(published_shares):.2f} to {max(published_shares):.2f}"),
-        ("README.md", f"We drew {slots['plants']} arms"),
-        ("README.md", f"On {slots['last_printed']} of these Controller 1"),
+        ("README.md", f"We drew {shown().plants['box']:,} arms"),
+        ("README.md", f"On {percent(printed['last'])} of these Controller 1"),
         (
             "README.md",
-            f"two seconds are left out, Controller 1 is again the worst on {slots['late_apart']}.",
+            f"two seconds are left out, Controller 1 is again the worst on {percent(apart['late'])}.",
         ),
-        ("README.md", f"still behind Controller 2 on {slots['behind_apart']} there."),
-        ("README.md", f"If only friction differs, that is {slots['behind_friction']}."),
+        ("README.md", f"still behind Controller 2 on {percent(apart['behind'])} there."),
+        (
+            "README.md",
+            f"If only friction differs, that is {percent(friction['behind'])}.",
+        ),
         ("README.md", f"On the closest arm of all, {100 * min(misfits.values()):.1f} % off"),
         ("README.md", f"same friction, the closest arm is {100 * misfits[APPLIED]:.1f} % off"),
         ("docs/findings.md", f"alike come no closer than {100 * misfits[APPLIED]:.1f} %"),
         ("docs/findings.md", f"rises by {100 * (last / first - 1):.0f} % from Controller 1 to Controller 3"),
-        ("docs/findings.md", f"of the plants below {100 * (growth['q95']['value'] - 1):.1f} %"),
-        ("docs/findings.md", f"median {100 * (growth['median']['value'] - 1):.1f} %"),
-        ("docs/findings.md", f"central 90 % reaches {100 * (growth_apart['q95']['value'] - 1):.0f} %"),
-        ("docs/findings.md", f"median {joint_3['median']['value']:.2f}; all eight"),
+        ("docs/findings.md", f"of the plants below {100 * (printed['growth_q95'] - 1):.1f} %"),
+        ("docs/findings.md", f"median {100 * (printed['growth_median'] - 1):.1f} %"),
+        ("docs/findings.md", f"central 90 % reaches {100 * (apart['growth_q95'] - 1):.0f} %"),
+        ("docs/findings.md", f"median {printed['joint_3_over_2_median']:.2f}; all eight"),
         (
             "docs/findings.md",
-            f"median {joint_3_absent['median']['value']:.2f}, "
-            f"central 90 % up to {joint_3_absent['q95']['value']:.2f}",
+            f"median {absent['joint_3_over_2_median']:.2f}, "
+            f"central 90 % up to {absent['joint_3_over_2_q95']:.2f}",
         ),
         ("docs/findings.md", f"are that large on {100 * alike:.2g} % of the plants"),
         (
             "docs/findings.md",
-            f"on {100 * readings['printed']['share_c1_smoother']['share']:.1f} % of the plants",
+            f"on {100 * printed['smooth']:.1f} % of the plants",
         ),
         ("docs/findings.md", f"closest`) misses them by {100 * min(misfits.values()):.1f} %"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),
         ("docs/findings.md", f"differ by {errors[2] - errors[1]:.3f}° on joint 2"),
         ("docs/findings.md", f"each of {len(stored('given')['names'])} interpretations"),
-        ("docs/findings.md", f"a changed equation have {percent(given[-1][2])} [given"),
+        ("docs/findings.md", f"a changed equation have {percent(given[-1]['probability'])} [given"),
         ("docs/findings.md", f"right on {100 * min(named_right):.0f} to {100 * max(named_right):.0f} %"),
     ]
     closest = {
@@ -292,43 +293,43 @@ def test_numbers_of_the_tuning() -> None:
         assert phrase in text_of(page), f"{page}: {phrase}"
 
 
-def test_words_for_shares(readings: dict[str, Any], claims: dict[str, Any]) -> None:
+def test_words_for_shares(readings: dict[str, Row], claims: dict[str, Any]) -> None:
     """What stands in words: a third, two thirds, nearly all, most, almost none."""
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
-    assert 0.3 < stable_plants(printed) / stored("ensemble")["populations"]["box"]["plants"] < 0.36
+    assert 0.3 < printed["plants"] / shown().plants["box"] < 0.36
     for joint in ("joint_2", "joint_3"):
         for metric in ("mae", "rmse"):
             behind = claims[f"share.controller_1_of_2.{metric}.{joint}"]["evidence"]["direction"]
             assert behind["share"] < 0.05
-    assert in_all_errors(extrapolating["share_c1_best"])["share"] > 0.95
-    assert in_all_errors(printed["share_c1_best"])["share"] < 0.01
-    assert in_all_errors(readings[BOTH]["share_c1_lt_c2_lt_c3"])["share"] > 0.8
+    assert extrapolating["first"] > 0.95
+    assert printed["first"] < 0.01
+    assert readings[BOTH]["order"] > 0.8
     for name in ("starts=apart", "reference_acceleration=absent+starts=apart", "run_friction=drawn"):
-        assert in_all_errors(readings[name]["share_c1_worst"])["share"] < 0.5
-        assert readings[name]["share_c2_lt_c1"]["all_ok"]["mae"]["joint_2"]["share"] > 0.5
-    assert extrapolating["share_c1_smoother"]["share"] < 0.01
-    assert readings["delay_time=two_periods"]["share_c1_smoother"]["share"] < 0.25
-    stable = {name: printed["status"][name]["ok"]["share"] for name in CONTROLLERS}
+        assert readings[name]["last"] < 0.5
+        assert readings[name]["behind"] > 0.5
+    assert extrapolating["smooth"] < 0.01
+    assert readings["delay_time=two_periods"]["smooth"] < 0.25
+    stable = {name: printed[f"stable_{name}"] for name in CONTROLLERS}
     assert stable.pop("controller_1") > max(stable.values())
     in_degrees, in_reverse, unfixed = (
-        in_all_errors(readings[name]["share_c3_lt_c2_lt_c1"])["share"]
+        readings[name]["reverse"]
         for name in ("Delta_unit=deg", "printed", "phi_negative=even+eta_in_controller_2=dropped")
     )
     assert in_degrees < 0.01
     assert unfixed == pytest.approx(in_reverse, abs=0.01)
 
 
-def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Any]) -> None:
+def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Row]) -> None:
     """1 + alpha, and 1 - alpha where the weights extrapolate; beta over eta gamma_1, see docs/theory.md."""
     for name in ("encoder=ideal", "feedback=motor", "delay_time=two_periods", "output_delay=2"):
         for joint, alpha in ((2, 0.1), (3, 0.2)):
-            assert median(readings[name]["ratio_c1_c2"], joint) == pytest.approx(1.0 + alpha, rel=0.02)
+            assert readings[name][f"c1_c2_joint_{joint}_median"] == pytest.approx(1.0 + alpha, rel=0.02)
     for joint, alpha in ((2, 0.1), (3, 0.2)):
-        ideal = readings["encoder=ideal"]["ratio_c1_c2"]["all_ok"]["mae"][f"joint_{joint}"]
-        assert ideal["q05"]["value"] > 1.0
-        weights = median(readings["weights=extrapolating"]["ratio_c1_c2"], joint)
+        ideal = readings["encoder=ideal"]
+        assert ideal[f"c1_c2_joint_{joint}_q05"] > 1.0
+        weights = readings["weights=extrapolating"][f"c1_c2_joint_{joint}_median"]
         assert weights == pytest.approx(1.0 - alpha, rel=0.02)
-    assert median(readings["printed"]["ratio_c2_c3"], 2) == pytest.approx(1.032, rel=0.005)
+    assert readings["printed"]["c2_c3_joint_2_median"] == pytest.approx(1.032, rel=0.005)
 
 
 def test_what_is_shown_is_drawn_by_default() -> None:
@@ -336,33 +337,31 @@ def test_what_is_shown_is_drawn_by_default() -> None:
     assert SHOWN.keys() <= {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
 
 
-def test_picture_of_the_orders(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
+def test_picture_of_the_orders(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
     """A bar for each kind of order of each reading that has a label; those of a reading fill its row."""
-    shown = [readings[name] for name in SHOWN if name in readings]
+    labelled = [readings[name] for name in SHOWN if name in readings]
     widths = [[bar.get_width() for bar in bars] for bars in pictures["orders"].axes[0].containers]
     rows = [row for row in zip(*widths, strict=True) if sum(row)]
-    assert len(rows) == len(shown)
-    for (in_order, first, _, last), reading in zip(rows, shown, strict=True):
-        assert in_order == in_all_errors(reading["share_c1_lt_c2_lt_c3"])["share"]
-        assert in_order + first == pytest.approx(in_all_errors(reading["share_c1_best"])["share"])
-        assert last == in_all_errors(reading["share_c1_worst"])["share"]
-    assert [sum(row) for row in rows] == pytest.approx([1.0] * len(shown))
+    assert len(rows) == len(labelled)
+    for (in_order, first, _, last), reading in zip(rows, labelled, strict=True):
+        assert in_order == reading["order"]
+        assert in_order + first == pytest.approx(reading["first"])
+        assert last == reading["last"]
+    assert [sum(row) for row in rows] == pytest.approx([1.0] * len(labelled))
     (marks,) = pictures["orders"].axes[0].lines
-    late = [reading["without_start"] for reading in shown if "starts=apart" in reading["name"]]
-    assert marks.get_xdata() == pytest.approx(
-        [1.0 - in_all_errors(held["share_c1_worst"])["share"] for held in late]
-    )
+    late = [readings[name] for name in SHOWN if "starts=apart" in name]
+    assert marks.get_xdata() == pytest.approx([1.0 - held["late"] for held in late])
 
 
-def test_picture_of_the_map(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
+def test_picture_of_the_map(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
     """A dot for each reading under which plants are stable, lines at 1 ± alpha, and Table 2."""
     for panel, joint in zip(pictures["map"].axes, (2, 3), strict=True):
         (dots, named) = [line for line in panel.lines if line.get_marker() == "o"]
         places = [
-            (median(held["ratio_c1_c2"], joint), median(held["ratio_c2_c3"], joint))
+            (held[f"c1_c2_joint_{joint}_median"], held[f"c2_c3_joint_{joint}_median"])
             for held in readings.values()
         ]
-        assert dots.get_xydata().tolist() == [[*place] for place in places if None not in place]
+        assert dots.get_xydata().tolist() == [[*place] for place in places if not np.isnan(place).any()]
         assert {*map(tuple, named.get_xydata())} < {*places}
         alpha = published().number(f"gain.alpha.joint_{joint}")
         dashed = [line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == "--"]
@@ -377,12 +376,12 @@ def test_picture_of_the_map(readings: dict[str, Any], pictures: dict[str, Drawin
         assert closest == pytest.approx(errors[:, :2] / errors[:, 1:])
 
 
-def test_picture_of_the_ranges(readings: dict[str, Any], pictures: dict[str, Drawing]) -> None:
+def test_picture_of_the_ranges(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
     """A bar from the 5th to the 95th percentile of each reading with a label, and Table 2 across."""
     ratio, joints = pictures["ranges"].axes
     bars = [segment[:, 0] for segment in ratio.collections[0].get_segments()]
     ends = [
-        [readings[name]["ratio_c1_c2"]["all_ok"]["mae"]["joint_2"][key]["value"] for key in ("q05", "q95")]
+        [readings[name][f"c1_c2_joint_2_{quantile}"] for quantile in ("q05", "q95")]
         for name in SHOWN
         if name in readings
     ]

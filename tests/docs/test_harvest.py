@@ -102,7 +102,7 @@ def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatte
     harvest.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
     drawn = {"misfit_log": dict.fromkeys(("printed", "weights=extrapolating"), 0.2)}
     (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
-    text = generate.the_closest(harvest.stored("identify"))
+    text = generate.of_searches("the_closest", harvest.stored("identify"))
     cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
     assert len(cells) == rows
     assert "16,080" in text
@@ -122,7 +122,10 @@ def given(probability, typical=0.4, confused=None):
 
 def test_groups_of_interpretations_add_up(generate):
     """Of 400 plants as published 80 and 60 per cent are named as one of the two; of the others 90."""
-    found = {title: numbers for title, *numbers in generate.of_groups(given([0.2, 0.1, 0.7]))}
+    found = {
+        group["title"]: [group[key] for key in ("count", "probability", "right")]
+        for group in generate.of_groups(given([0.2, 0.1, 0.7]))
+    }
     assert found["Equations as published"] == pytest.approx([2, 0.3, 0.65])
     assert found["Equations changed"] == pytest.approx([1, 0.7, 0.9])
     assert found["Equations as published, other references and runs"][:2] == [0, 0.0]
@@ -130,7 +133,9 @@ def test_groups_of_interpretations_add_up(generate):
 
 def test_the_tables_name_one_or_a_group_or_none(generate):
     asked = (([0.0, 0.05, 0.95],), ([0.5, 0.45, 0.05],), ([0.5, 0.1, 0.4],), ([0.0, 0.05, 0.95], 0.01))
-    one, group, neither, unlike = (generate.verdict_on(given(*numbers)) for numbers in asked)
+    one, group, neither, unlike = (
+        generate.given_the_tables("named_by_the_tables", given(*numbers)) for numbers in asked
+    )
     assert "`weights=extrapolating`" in one
     assert "Equations as published" in group
     assert "`printed`" in group

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.pages import NEEDS_DOCS, stored
+from support.pages import DOCS, NEEDS_DOCS, stored
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
@@ -21,6 +21,7 @@ from tendonrepro.monte_carlo.data import Block
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.reporting.readings import read_shown
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.verdicts.judge import Sources, judge_all
 
@@ -82,11 +83,11 @@ def test_errors_are_those_that_were_stored(sample: dict[str, Any], made_again: d
 
 @pytest.mark.release
 def test_every_reading_was_drawn_and_searched() -> None:
-    found = {name: held["readings"] for name, held in stored("ensemble")["populations"].items()}
+    found = read_shown(DOCS / "results").readings
     assert found.keys() == load_ensemble(None).config.populations.keys()
     today = {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
     for name, readings in found.items():
-        assert {reading["name"] for reading in readings} == today, name
+        assert readings.keys() == today, name
     assert {reading["name"] for reading in stored("identify")["readings"]} == SHOWN.keys()
     assert stored("draws")["misfit_log"].keys() == SHOWN.keys()
     given = stored("given")

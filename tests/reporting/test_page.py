@@ -11,7 +11,7 @@ from reporting.conftest import LIKE_HTML
 from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.shown import conditions
+from tendonrepro.configuration.shown import SHOWN, conditions
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.page import page, pictures, plate
@@ -83,7 +83,7 @@ def test_every_verdict_has_words(ledger):
 
 
 def test_conditions_stand_before_the_share_and_among_what_is_assumed(made, found):
-    told, share, _ = made.one(id="answer").text.partition(contents.numbers(found.summary)["last_printed"])
+    told, share, _ = made.one(id="answer").text.partition(percent(found.ensemble.box["printed"]["last"]))
     assert share
     for text in (told, made.one(id="assumptions").text):
         assert [words for words in conditions() if words not in " ".join(text.split())] == []
@@ -91,10 +91,14 @@ def test_conditions_stand_before_the_share_and_among_what_is_assumed(made, found
 
 def test_the_table_of_what_it_depends_on(made, found):
     changes, depends = made.one(id="why").all("table")
-    assert len(changes.cells()) == 1 + len(contents.OF_ANSWER)
-    head, *rows = depends.cells()
-    assert tuple(head) == contents.ROBUSTNESS_HEADS
-    assert [tuple(map(plain, row)) for row in rows] == contents.robustness(found.summary)
+    assert len(changes.cells()) == 11
+    shown = found.ensemble
+    printed, last, firm, *rows = [[plain(cell) for cell in row] for row in depends.cells()[1:]]
+    counts = [f"{shown.readings[name]['printed']['plants']:,.0f}" for name in ("box", "firm")]
+    assert [printed[1], firm[1]] == counts
+    assert last[4] == percent(shown.box["printed"]["last_diverged_last"])
+    others = {SHOWN[name]: percent(shown.box[name]["last"]) for name in SHOWN if name != "printed"}
+    assert {row[0]: row[4] for row in rows} == others
 
 
 def test_nothing_is_loaded_from_elsewhere(made, text):

@@ -1,6 +1,8 @@
 """What the command reads, replaces and refuses."""
 
+import importlib
 import json
+import math
 import shutil
 from html import unescape
 from pathlib import Path
@@ -12,13 +14,13 @@ from support import ROOT
 from support.html_page import read_page
 from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
-from tendonrepro.configuration.shown import FINE_STEPS
+from tendonrepro.configuration.shown import FINE_STEPS, SHOWN
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
-from tendonrepro.reporting.contents import OF_ANSWER, robustness
+from tendonrepro.reporting.contents import cells_of, rendered
 from tendonrepro.reporting.figures import draw_orders, draw_ranges
 from tendonrepro.reporting.page import run_report
-from tendonrepro.reporting.shown_keys import thinned
+from tendonrepro.reporting.readings import COLUMNS, HEAD, read_shown, shown
 from tendonrepro.reporting.stored import stored_under
 
 
@@ -132,26 +134,30 @@ def test_a_folder_without_results_is_told_by_what_it_holds(results, tmp_path):
 def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]
-    of_answer = {FINE_STEPS, "Delta_unit=deg", *OF_ANSWER.values()} - {"printed"}
+    of_answer = {FINE_STEPS, *SHOWN} - {"printed"}
     held += [{**held[1], "name": name} for name in sorted(of_answer)]
     rest = dict.fromkeys(("tendonrepro_version", "config_sha256", "physics_sha256"), "0")
     rest |= {"cost": {}}
     return json.loads(json.dumps(summary | rest))
 
 
-def test_what_is_kept_of_an_ensemble_is_what_is_stored():
-    stored = json.loads((ROOT / "docs" / "results" / "ensemble.json").read_text(encoding="utf-8"))
-    kept = thinned(summary_of_256())
-    assert kept.keys() == stored.keys()
-    one, other = (held["populations"]["box"]["readings"][0] for held in (kept, stored))
-    assert keys_of(one) >= keys_of(other), "what has been added since is stored with the next release"
-
-
-def keys_of(tree, path=""):
-    """Dotted keys of all numbers of a tree."""
-    if not isinstance(tree, dict):
-        return {path}
-    return set().union(*(keys_of(part, f"{path}.{key}") for key, part in tree.items()))
+def test_what_is_stored_of_an_ensemble_is_what_is_shown_of_one(monkeypatch, tmp_path):
+    """Each number to six digits; where there are no plants it is unknown."""
+    folder = ROOT / "docs" / "results"
+    held = read_shown(folder)
+    assert {*json.loads((folder / "ensemble.json").read_text(encoding="utf-8"))} <= {*HEAD, "plants"}
+    assert all(row.keys() == COLUMNS.keys() for rows in held.readings.values() for row in rows.values())
+    summary = summary_of_256()
+    summary["populations"]["box"]["readings"][0]["share_c1_smoother"]["share"] = None
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    monkeypatch.setattr(importlib.import_module("stored_results"), "RESULTS", tmp_path)
+    importlib.import_module("harvest").store_ensemble(summary)
+    ours, stored = shown(summary), read_shown(tmp_path)
+    assert stored._replace(readings={}) == ours._replace(readings={})
+    assert stored.box.keys() == ours.box.keys()
+    for name, row in ours.box.items():
+        assert stored.box[name] == pytest.approx(row, rel=1e-5, nan_ok=True)
+    assert math.isnan(stored.box["printed"]["smooth"])
 
 
 @pytest.mark.parametrize(
@@ -177,7 +183,7 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, population
         (tmp_path / name).write_text(json.dumps(content), encoding="utf-8")
     found = stored_under(tmp_path)
     assert (found.origins["claims"], found.origins["ensemble"]) == ("run", origin)
-    assert (found.summary["populations"]["box"]["plants"] == PLANTS) == (origin == "run")
+    assert (found.ensemble.plants["box"] == PLANTS) == (origin == "run")
     (tmp_path / "claims" / "claims.json").unlink()
     assert stored_under(tmp_path).origins["ensemble"] == "shipped"
 
@@ -185,8 +191,8 @@ def test_an_ensemble_is_shown_with_its_own_verdicts(source, of_paper, population
 def test_an_ensemble_without_a_stable_plant_is_shown():
     """A small one of a user's own may have none under some interpretation."""
     summary = whole(ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8)))
-    shown = thinned(json.loads(to_json(summary)))
-    (row, *_) = robustness(shown)
-    assert row[1:] == ("0", "–", "–", "–", "–", "–")
-    draw_orders(shown)
-    assert np.isnan(draw_ranges(shown).axes[0].containers[0].lines[0].get_xdata()).all()
+    held = shown(json.loads(to_json(summary)))
+    row = cells_of(rendered("robustness", held))[1]
+    assert row[1:] == ["0", "–", "–", "–", "–", "–"]
+    draw_orders(held)
+    assert np.isnan(draw_ranges(held).axes[0].containers[0].lines[0].get_xdata()).all()

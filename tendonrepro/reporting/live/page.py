@@ -21,8 +21,11 @@ UPLOT = {
 
 def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
     """The HTML file."""
-    first, *others = presets
-    short = [first, *(other if "of" in other else _changes(other, first) for other in others)]
+    short: list[Mapping[str, object]] = []
+    before: Mapping[str, object] = {}
+    for preset in presets:
+        short.append(preset if "of" in preset else _changes(preset, before))
+        before = before if "of" in preset else preset
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
         "STYLE": _compact("page.css"),

@@ -440,7 +440,7 @@ def test_the_mark_of_computing_covers_no_word(browser: Browser, page: Path) -> N
     browser.run("byId('results').setAttribute('aria-busy', 'true')")
     covered = (
         "const mark = byId('busy').getBoundingClientRect(), range = document.createRange();"
-        "const rows = [...document.querySelectorAll('#answer p, #panel summary')].flatMap((one) => {"
+        "const rows = [...document.querySelectorAll('#answer p, #panel > summary')].flatMap((one) => {"
         "range.selectNodeContents(one); return [...range.getClientRects()]});"
         "const both = (row) => row.top < mark.bottom && row.bottom > mark.top && row.right > mark.left;"
         "return rows.filter(both).length"

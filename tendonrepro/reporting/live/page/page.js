@@ -34,8 +34,8 @@ function controlOf(tree, [knob, value, factor]) {
   const id = said.part ? `${said.key}.${said.part.replace("joint ", "")}` : said.key;
   return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin };
 }
-// Presets are written as what they change in the first one, controls in the latest of their key or else in the one
-// before; null takes a key away.
+// Presets are written as what they change in the one before that is no variant, controls in the latest of their key or
+// else in the one before; null takes a key away.
 const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 function overlaid(first, changes) {
   const found = { ...first };
@@ -52,9 +52,10 @@ const KNOBS = PAGE.knobs.map((changes) => {
   latest.set(before.key, before);
   return before;
 });
+let held = {};
 const PRESETS = PAGE.presets.map((one) => {
   if (one.of) return one;
-  const held = overlaid(PAGE.presets[0], one);
+  held = overlaid(held, one);
   return { ...held, controls: held.controls.map((control) => controlOf(held.tree, control)) };
 });
 
