@@ -71,15 +71,17 @@ def _one_process() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _pictures_in_one_format() -> Iterator[None]:
-    """Draw pictures as SVG alone, but in slow tests and those marked `pictures`: PDF and PNG take longest."""
+def _quick_pictures() -> Iterator[None]:
+    """Draw no PDF and coarse PNG, but in slow tests and those marked `pictures`: they take longest."""
     draw = Figure.savefig
 
     def drawn(self: Figure, file: Any, **options: Any) -> None:
-        if options.get("format") in {"pdf", "png"} and not any(all_formats):
-            file.write(b"not drawn")
-        else:
+        if any(all_formats) or options.get("format") not in {"pdf", "png"}:
             draw(self, file, **options)
+        elif options["format"] == "png":
+            draw(self, file, **options | {"dpi": 40})
+        else:
+            file.write(b"not drawn")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", drawn)
@@ -88,7 +90,7 @@ def _pictures_in_one_format() -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Note whether the test has every format drawn."""
+    """Note whether the test has every format drawn, and fine."""
     all_formats[:] = [item.get_closest_marker(name) for name in ("slow", "pictures")]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_file
 from tendonrepro.parallel import workers
-from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.formats import DRAWN, FORMATS
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced
@@ -17,7 +17,7 @@ from tendonrepro.studies.outcome import figure_formats
 
 
 def redraw(
-    out: Path, figures: Sequence[str] = (), *, formats: Sequence[str] = FORMATS, force: bool = False
+    out: Path, figures: Sequence[str] = (), *, formats: Sequence[str] = DRAWN, force: bool = False
 ) -> list[Path]:
     """Draw figures and write tables from stored traces again, and return the files.
 

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 from tendonrepro.errors import UsageError
 
-FORMATS = ("pdf", "svg", "png")
+FORMATS = ("png", "pdf", "svg")
 """Formats of figures."""
+DRAWN = ("png", "pdf")
+"""Those that are drawn where none are named."""
 
 
 def formats_of(asked: str | Sequence[str] | None, *, figures: bool = True) -> tuple[str, ...]:
-    """Formats to write of every figure: all of `FORMATS` if none are named, none without `figures`.
+    """Formats to write of every figure: `DRAWN` if none are named, none without `figures`.
 
     Raises
     ------
@@ -19,7 +21,7 @@ def formats_of(asked: str | Sequence[str] | None, *, figures: bool = True) -> tu
         For a format that is not there, and for formats of no figures.
     """
     if asked is None:
-        return FORMATS if figures else ()
+        return DRAWN if figures else ()
     named = asked.split(",") if isinstance(asked, str) else list(asked)
     for name in named:
         if name not in FORMATS:

@@ -38,7 +38,7 @@ Controllers: TypeAlias = Annotated[
 ]
 Formats: TypeAlias = Annotated[
     str | Sequence[str] | None,
-    Word(metavar="png,pdf,svg", help="Formats of figures [default: all three]."),
+    Word(metavar="png,pdf,svg", help="Formats of figures [default: png,pdf]."),
 ]
 Drawn: TypeAlias = Annotated[bool, Word(help="Draw no figures.")]
 

@@ -123,7 +123,7 @@ class Result:
         Parameters
         ----------
         formats : str or sequence of str, optional
-            Of figures, ``png``, ``pdf`` or ``svg``; else all three. Of a command that wrote its own folder
+            Of figures, ``png``, ``pdf`` or ``svg``; else PNG and PDF. Of a command that wrote its own folder
             those that it drew.
         figures : bool
             Whether to draw any.
@@ -134,23 +134,23 @@ class Result:
             When there is a file of that name, or, without `force`, a folder that holds anything else; for a
             format that is not there.
         """
-        kinds = self._formats(formats_of(formats, figures=figures), asked=formats is not None)
+        kinds = formats_of(formats, figures=figures)
+        if self._folder is not None and kinds:
+            kinds = self._drawn(kinds if formats is not None else ())
         target = Path(folder)
         with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
             self._write(result, kinds)
             result.manifest = self.manifest | figure_formats(kinds)
         return target
 
-    def _formats(self, formats: Sequence[str], *, asked: bool) -> Sequence[str]:
-        """Formats of figures that can be saved: of a result in a folder those that are drawn."""
-        if self._folder is None:
-            return formats
+    def _drawn(self, asked: Sequence[str]) -> tuple[str, ...]:
+        """Formats that lie in the result's folder: those that are asked for, else all."""
         drawn = self.manifest.get("figure_formats", FORMATS)
-        missing = [name for name in formats if name not in drawn]
-        if missing and asked:
-            message = f"{self.command} drew its figures as {', '.join(drawn) or 'no files'}, not {missing[0]}"
-            raise UsageError(message, where="formats", hint=f"say formats= to {self.command}")
-        return [name for name in formats if name in drawn]
+        for name in asked:
+            if name not in drawn:
+                message = f"{self.command} drew its figures as {', '.join(drawn) or 'no files'}, not {name}"
+                raise UsageError(message, where="formats", hint=f"say formats= to {self.command}")
+        return tuple(asked or drawn)
 
     def _write(self, result: NewResult, formats: Sequence[str]) -> None:
         if self._folder is not None:

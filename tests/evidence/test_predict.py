@@ -218,7 +218,7 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: 
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
     assert stored["draws"] == 20
     assert stored["never_told_apart"] == []
-    for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.svg"):
+    for name in ("tables/predictions.csv", "tables/experiments.md", "figures/predictions.png"):
         assert (tmp_path / "out" / name).exists()
     for words in (["--draws", "4"], ["--draws", "1000000000"], ["--readings", "nonsense"]):
         answer("predict", *words, "--dry-run", cwd=tmp_path, code=2)

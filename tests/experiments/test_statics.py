@@ -126,7 +126,7 @@ def test_files(tmp_path):
     assert stored["courses"]["alternating"]["half_plane"]["motor"]["force_window_N"] == [0.0, None]
     assert all(course in text for course in TENDON_4)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
-    names = {f"figures/statics_margin.{suffix}" for suffix in ("pdf", "svg", "png", "txt")}
+    names = {f"figures/statics_margin.{suffix}" for suffix in ("pdf", "png", "txt")}
     names |= {f"tables/{name}.{suffix}" for name in ("statics", "courses") for suffix in ("csv", "md")}
     assert names | {"statics.json"} == set(manifest["outputs"])
     assert len(pd.read_csv(tmp_path / "tables" / "statics.csv")) == 9

@@ -114,7 +114,7 @@ class TestFiles:
     def test_results_are_complete(self, tmp_path):
         result = tr.sweep([ALPHA], "plain", set=[ONE], controllers=[1, 2], out=tmp_path)
         found, manifest = result.data, read_manifest(tmp_path)
-        figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "svg", "png")}
+        figures = {f"figures/sweep.{suffix}" for suffix in ("pdf", "png")}
         assert {"sweep.json", "tables/sweep.csv", "tables/points.md", *figures} <= set(manifest["outputs"])
         assert manifest["over"] == [ALPHA]
         assert manifest["config"]["sha256"] == found["config_sha256"]

@@ -29,7 +29,7 @@ def test_figures_are_written(unbroken, monkeypatch):
 
     monkeypatch.setattr("tendonrepro.monte_carlo.ensemble.ensemble_figures", lambda *_: {"one": draw})
     run_ensemble_of(unbroken)
-    assert (unbroken / "figures" / "one.svg").exists()
+    assert (unbroken / "figures" / "one.png").exists()
 
 
 class Stop(KeyboardInterrupt):

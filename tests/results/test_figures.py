@@ -32,6 +32,7 @@ from tendonrepro.results.figures.style import (
     open_figure,
     save_drawing,
 )
+from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -426,7 +427,7 @@ def test_overflow_at_the_end_of_a_diverged_run_can_be_drawn_and_saved(tmp_path: 
     for value in changed.values():
         value[-3:] = np.array([[1e300], [-1e300], [np.nan]])
     artists = draw(15, replace(compare_file(), runs={trace.name: with_status(trace, "diverged", **changed)}))
-    assert len(save_drawing(artists, tmp_path)) == 4
+    assert len(save_drawing(artists, tmp_path, FORMATS)) == 4
     assert np.isfinite(artists.axes["c"].get_ylim()).all()
 
 
@@ -520,10 +521,10 @@ def test_a_date_of_the_environment_changes_no_figure(tmp_path: Path, monkeypatch
 
 @pytest.mark.pictures
 def test_three_pictures_with_numbered_names_and_a_caption_beside_them(tmp_path: Path) -> None:
-    paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures")
-    assert [path.name for path in paths] == ["fig09.pdf", "fig09.svg", "fig09.png", "fig09.txt"]
+    paths = save_drawing(drawn("fig09"), tmp_path / "new" / "figures", FORMATS)
+    assert [path.name for path in paths] == ["fig09.png", "fig09.pdf", "fig09.svg", "fig09.txt"]
     starts = [path.read_bytes()[:5] for path in paths[:3]]
-    assert starts == [b"%PDF-", b"<?xml", b"\x89PNG\r"]
+    assert starts == [b"\x89PNG\r", b"%PDF-", b"<?xml"]
     caption, origin = paths[3].read_text(encoding="utf-8").split("\n\n")
     assert caption == drawn("fig09").caption
     assert caption.startswith("Figure 9. ")

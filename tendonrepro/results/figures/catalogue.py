@@ -15,7 +15,7 @@ from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
-from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.formats import DRAWN
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs, fitted_under
@@ -92,7 +92,7 @@ def draw(figure: str | int, file: TraceFile) -> Drawing:
 
 
 def begin_drawing(
-    figures: Iterable[tuple[TraceFile, Path, str]], formats: Sequence[str] = FORMATS, start: Start = map
+    figures: Iterable[tuple[TraceFile, Path, str]], formats: Sequence[str] = DRAWN, start: Start = map
 ) -> Iterable[list[Path]]:
     """Begin to draw and write figures, by traces, folder and name; yield the paths of each."""
     # Another process gets a copy.

@@ -27,7 +27,7 @@ from matplotlib.patches import Polygon
 from tendonrepro import __version__
 from tendonrepro.files import write_atomically
 from tendonrepro.results.figures.thinned import thinned_fonts
-from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.formats import DRAWN
 
 Look: TypeAlias = dict[str, Any]
 """How matplotlib shall draw: keyword arguments of its functions."""
@@ -181,7 +181,7 @@ def title_of(name: str) -> str:
     return f"Figure {int(number)}" if number.isdecimal() else name
 
 
-def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -> list[Path]:
     """Write a figure in every format, and its caption as text.
 
     A TendonreproError tells where a file cannot be written.
