@@ -31,7 +31,6 @@ from tendonrepro.simulation.codegen.machine import (
 )
 from tendonrepro.simulation.loop import (
     Loop,
-    Rest,
     TimeDelayController,
     is_noisy,
     noise_source,
@@ -40,7 +39,7 @@ from tendonrepro.simulation.loop import (
     unit_noise,
 )
 from tendonrepro.simulation.parts import CompiledPart, experiment_part
-from tendonrepro.simulation.resolution import TOLERANCE, ForEach, plant_needs
+from tendonrepro.simulation.resolution import TOLERANCE, PreparedLoop, prepared_loops
 
 PACK = 1536
 """Most experiments in a pack: the more, the fuller the lanes when some have ended.
@@ -141,8 +140,12 @@ def simulate_batch(
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
+    parts: dict[int, CompiledPart] = {}
     with ThreadPoolExecutor(threads) as pool:
-        parts, steps = _parts(loops, tolerance, pool.map, block, record=record)
+        ready = prepared_loops(loops, tolerance, pool.map)
+        for alike in _alike(ready):
+            parts |= dict.fromkeys(alike, experiment_part(alike, block, record=record))
+        steps = np.array([loop.steps for loop in ready])
         batch = _unresolved(loops, steps, record=record)
         for done in pool.map(run, _packs(loops, parts, steps, size)):
             report(done)
@@ -161,38 +164,12 @@ def _refuse_others(loops: Sequence[Loop]) -> None:
             raise TendonreproError(message, hint="use the SciPy stepper, --solver scipy")
 
 
-def _parts(
-    loops: Sequence[Loop],
-    tolerance: float,
-    for_each: ForEach,
-    block: Callable[[float], int],
-    *,
-    record: bool,
-) -> tuple[dict[int, CompiledPart], NDArray[np.int64]]:
-    """Code by place, and steps per sample, (N, levels)."""
-    parts: dict[int, CompiledPart] = {}
-    steps: dict[int, NDArray[np.int64]] = {}
-    rest: dict[int, Rest] = {}
-    for alike in _alike(loops, _shape):
-        needed, at_rest = plant_needs(alike, tolerance, for_each)
-        steps |= needed
-        rest |= at_rest
-    for alike in _alike(loops, _branches):
-        parts |= dict.fromkeys(alike, experiment_part(alike, rest, steps, block, record=record))
-    return parts, np.array([steps[place] for place in range(len(loops))])
-
-
-def _alike(loops: Sequence[Loop], key: Callable[[Loop], Hashable]) -> Iterable[dict[int, Loop]]:
-    """Loops of one key, by place."""
-    alike: dict[Hashable, dict[int, Loop]] = {}
-    for place, loop in enumerate(loops):
-        alike.setdefault(key(loop), {})[place] = loop
+def _alike(ready: Sequence[PreparedLoop]) -> Iterable[dict[int, PreparedLoop]]:
+    """Loops that share code, by place."""
+    alike: dict[Hashable, dict[int, PreparedLoop]] = {}
+    for place, loop in enumerate(ready):
+        alike.setdefault(_branches(loop.loop), {})[place] = loop
     return alike.values()
-
-
-def _shape(loop: Loop) -> Hashable:
-    """Joints, and parts of the disturbance."""
-    return loop.plant.preload.size, loop.plant.disturbance.omega.size
 
 
 def _branches(loop: Loop) -> Hashable:
@@ -200,7 +177,8 @@ def _branches(loop: Loop) -> Hashable:
     law = loop.controller.law._asdict()
     choices = [value for name, value in law.items() if isinstance(value, int) and name not in SIDE_BY_SIDE]
     linear = law.get("surface") == Surface.PD
-    return _shape(loop), type(loop.controller), loop.controller.command, linear, *choices
+    parts = loop.plant.disturbance.omega.size
+    return parts, type(loop.controller), loop.controller.command, linear, *choices
 
 
 def _packs(

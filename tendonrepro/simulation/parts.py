@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.physics import control
@@ -25,7 +24,7 @@ from tendonrepro.simulation.loop import (
     torque_before,
     unit_noise,
 )
-from tendonrepro.simulation.resolution import HIGHEST
+from tendonrepro.simulation.resolution import HIGHEST, PreparedLoop
 
 
 @dataclass(frozen=True)
@@ -62,31 +61,25 @@ class CompiledPart:
 
 
 def experiment_part(
-    loops: Mapping[int, Loop],
-    rest: Mapping[int, Rest],
-    steps: Mapping[int, NDArray[np.int64]],
-    block: Callable[[float], int],
-    *,
-    record: bool,
+    alike: Mapping[int, PreparedLoop], block: Callable[[float], int], *, record: bool
 ) -> CompiledPart:
-    """Compile law and plant of loops alike in all that chooses branches, see `batch`.
+    """Compile law and plant of loops alike in all that chooses branches, by place in the batch.
 
     Errors are summed up over ``block(L)`` samples.
     """
-    ordered = [(loop, rest[place]) for place, loop in loops.items()]
+    loops, rests, steps = zip(*alike.values(), strict=True)
+    ordered = [*zip(loops, rests, strict=True)]
     numbers = law_numbers(ordered, block)
-    command = next(iter(loops.values())).controller.command or control.command
-    plants = stacked([loop.plant for loop in loops.values()])
-    counts = np.array([steps[place] for place in loops], dtype=np.float64).T
-    length = np.array([loop.L for loop in loops.values()]) / np.maximum(counts, 1.0)
+    plants = stacked([loop.plant for loop in loops])
+    counts = np.array(steps, dtype=np.float64).T
     first = {
-        "state": np.array([still.state for _, still in ordered]).T,
+        "state": np.array([rest.state for rest in rests]).T,
         "demand": np.full((1, len(loops)), HIGHEST),
         "steps": counts,
-        "length": length,
+        "length": np.array([loop.L for loop in loops]) / np.maximum(counts, 1.0),
     }
-    written = experiment_code((plants, numbers), record, command)
-    return _compiled(written, first | _start(ordered, numbers), {place: k for k, place in enumerate(loops)})
+    written = experiment_code((plants, numbers), record, loops[0].controller.command or control.command)
+    return _compiled(written, first | _start(ordered, numbers), {place: k for k, place in enumerate(alike)})
 
 
 def single_part(loop: Loop, rest: Rest, *, sampled: bool) -> CompiledPart:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,6 @@ PACES = (FLAT, TURNING, 0.0)
 
 HIGHEST = 2.0
 """Highest level of :func:`demand`."""
-
 
 CHUNK = 128
 """Plants whose steps are worked out together, by one thread."""
@@ -137,6 +136,17 @@ def _amplification(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))
 
 
+class PreparedLoop(NamedTuple):
+    """A loop, where it rests, and its steps per sample, (levels,), one number for each level of demand.
+
+    A number is 0 where none is enough.
+    """
+
+    loop: Loop
+    rest: Rest
+    steps: NDArray[np.int64]
+
+
 Chunk: TypeAlias = tuple[Plant, Array]
 """Stacked plants and the strokes of their motions."""
 
@@ -147,35 +157,28 @@ ForEach: TypeAlias = Callable[[Callable[[Chunk], Counts], Sequence[Chunk]], Iter
 """What calls a function for each chunk, such as ``map``."""
 
 
-def plant_needs(
-    loops: Mapping[int, Loop], tolerance: float, for_each: ForEach
-) -> tuple[dict[int, NDArray[np.int64]], dict[int, Rest]]:
-    """Steps per sample and rest, by place, of plants with as many joints and parts of the disturbance.
-
-    Steps are (levels,), one for each level of demand; 0 where none are enough.
-    """
+def prepared_loops(loops: Sequence[Loop], tolerance: float, for_each: ForEach = map) -> list[PreparedLoop]:
+    """Loops in their order, with rest and steps."""
     # Runs under other readings share their plant and motion: these are worked out once.
-    key = {
-        place: (id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes())
-        for place, loop in loops.items()
-    }
-    single = {key[place]: loop for place, loop in loops.items()}
-    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in single.values()}
+    keys = [(id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes()) for loop in loops]
+    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in loops}
     far = {name: peak(q_d) for name, q_d in angles.items()}
-    plant, stroke, q = stacked(
-        [(loop.plant, far[id(loop.reference.q_d)], loop.start_angles) for loop in single.values()]
-    )
-    chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
-    periods = {loop.L for loop in loops.values()}
-    counted = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
-    counts = {L: np.hstack([part[L] for part in counted]) for L in periods}
-    column = {name: k for k, name in enumerate(single)}
-    places = {place: column[name] for place, name in key.items()}
-    at_rest = rest_at(q, plant)
-    return (
-        {place: counts[loop.L][:, places[place]] for place, loop in loops.items()},
-        {place: Rest(*(part[:, k] for part in at_rest)) for place, k in places.items()},
-    )
+    alike: dict[int, dict[Hashable, Loop]] = {}
+    for key, loop in zip(keys, loops, strict=True):
+        alike.setdefault(loop.plant.disturbance.omega.size, {})[key] = loop
+    periods = {loop.L for loop in loops}
+    by_key: dict[Hashable, tuple[Rest, Counts]] = {}
+    for single in alike.values():
+        plant, stroke, q = stacked(
+            [(loop.plant, far[id(loop.reference.q_d)], loop.start_angles) for loop in single.values()]
+        )
+        chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
+        counted = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
+        counts, rest = {L: np.hstack([part[L] for part in counted]) for L in periods}, rest_at(q, plant)
+        for k, name in enumerate(single):
+            by_key[name] = Rest(*(part[:, k] for part in rest)), {L: each[:, k] for L, each in counts.items()}
+    ready = [(loop, *by_key[key]) for key, loop in zip(keys, loops, strict=True)]
+    return [PreparedLoop(loop, rest, counts[loop.L]) for loop, rest, counts in ready]
 
 
 def _steps(chunk: Chunk, *, periods: Collection[float], tolerance: float) -> Counts:

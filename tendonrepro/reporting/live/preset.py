@@ -35,7 +35,7 @@ from tendonrepro.reporting.live.library import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS
 from tendonrepro.simulation.loop import Loop, is_noisy
-from tendonrepro.simulation.resolution import STEPS, TOLERANCE, plant_needs
+from tendonrepro.simulation.resolution import STEPS, TOLERANCE, prepared_loops
 
 COARSE = 1
 """Steps fewer while a slider is being dragged."""
@@ -251,7 +251,7 @@ def _of_run(run: CompareRun, n: int) -> list[float]:
 
 
 def _steps(loops: Mapping[int, Loop]) -> list[NDArray[np.int64]]:
-    return [*plant_needs(loops, TOLERANCE, map)[0].values()]
+    return [ready.steps for ready in prepared_loops([*loops.values()], TOLERANCE)]
 
 
 def _tables(config: CompareConfig) -> list[dict[str, object]]:

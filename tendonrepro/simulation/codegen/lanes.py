@@ -234,23 +234,15 @@ def lane_code(name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: L
 
     The latter has to run first. Results are by row.
     """
-    read, prepared = prepared_rows(name, tape, results, rows)
+    kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in _fixed(tape, results.values())}
+    read: dict[str, Line] = {value: ("row", (float(row),)) for value, row in kept.items()}
     body = {row: as_operand(value) for row, value in results.items()}
     return "\n".join(
         (
-            machine.vector_code(name, read, body),
-            machine.vector_code("prepare", tape.lines, prepared),
+            machine.vector_code(name, tape.lines | read, body),
+            machine.vector_code("prepare", tape.lines, {row: value for value, row in kept.items()}),
         )
     )
-
-
-def prepared_rows(
-    name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: LaneRows
-) -> tuple[dict[str, Line], dict[int, str]]:
-    """Lines that read what depends on parameters alone from new rows, and its names by row."""
-    kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in _fixed(tape, results.values())}
-    read: dict[str, Line] = {value: ("row", (float(row),)) for value, row in kept.items()}
-    return tape.lines | read, {row: value for value, row in kept.items()}
 
 
 def _fixed(tape: LaneTape, results: Iterable[Numeric]) -> list[str]:
