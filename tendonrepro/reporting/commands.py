@@ -30,7 +30,7 @@ def live(
         Overwrite a file that is no such page.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.reporting.live.write import live_text, write_page
+    from tendonrepro.reporting.live.page import live_text, write_page
 
     is_own = config is not None or bool(set)
     loaded = load_config(config, "compare", overrides=set) if is_own else None

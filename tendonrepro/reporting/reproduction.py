@@ -47,7 +47,7 @@ def reproduce(
     from tendonrepro.experiments.paper import experiment_study, paper_experiments, summary_of
     from tendonrepro.experiments.run import outcomes
     from tendonrepro.files import refuse_foreign
-    from tendonrepro.reporting.live.write import MARK, PAGE, live_text, page_beside
+    from tendonrepro.reporting.live.page import MARK, PAGE, live_text, page_beside
     from tendonrepro.studies.lifecycle import carry_out_together, planned
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)

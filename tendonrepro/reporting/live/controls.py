@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import NamedTuple
 
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.quantity import Scalar
-from tendonrepro.reporting.live.model import Inputs
 
 READING, CONTROLLER, MOTION, STARTS, ARM = (
     "How the paper is understood",
@@ -158,6 +157,18 @@ def entries_of(config: CompareConfig, key: str) -> list[tuple[int | None, str]]:
         return [(None, "")]
     joints, every = config.joints, len(quantity.value)
     return [(every - len(joints) + k, f"joint {joint}") for k, joint in enumerate(joints)]
+
+
+class Inputs(NamedTuple):
+    """What can be moved, in the order of the inputs' array.
+
+    ``numbers`` are dotted keys, with the entry where a key holds a vector; ``units`` are theirs, by key.
+    ``readings`` have their values.
+    """
+
+    numbers: Sequence[tuple[str, int | None]]
+    units: Mapping[str, str]
+    readings: Mapping[str, Sequence[str]]
 
 
 def inputs_of(config: CompareConfig) -> Inputs:

@@ -1,4 +1,4 @@
-"""The page: presets, their code, scripts and styles, in one HTML file."""
+"""The page of ``tendonrepro live``: presets, their code, scripts and styles, in one HTML file."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypedDict
 
 from tendonrepro import __version__
-from tendonrepro.reporting.live.library import Library
+from tendonrepro.configuration.load import LoadedConfig, load_config
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.files import refuse_foreign, write_atomically
+from tendonrepro.reporting.live.model import Library
+from tendonrepro.reporting.live.preset import preset
 
 FOLDER = Path(__file__).parent / "page"
 
@@ -23,9 +29,9 @@ def build_page(presets: Sequence[dict[str, object]], library: Library) -> str:
     """The HTML file."""
     short: list[Mapping[str, object]] = []
     before: Mapping[str, object] = {}
-    for preset in presets:
-        short.append(preset if "of" in preset else _changes(preset, before))
-        before = before if "of" in preset else preset
+    for whole in presets:
+        short.append(whole if "of" in whole else _changes(whole, before))
+        before = before if "of" in whole else whole
     parts = {
         "UPLOT_STYLE": _file("uplot.css"),
         "STYLE": _compact("page.css"),
@@ -76,3 +82,130 @@ def _file(name: str) -> str:
 def _compact(name: str) -> str:
     """A script or style sheet without indentation and lines of comment."""
     return re.sub(r"^(\s+|//.*\n)+", "", _file(name), flags=re.M)
+
+
+RAMPS = {
+    "reference": {
+        "kind": "ramp",
+        "amplitude": {"value": [3.4, 8.7], "unit": "deg", "source": "assumed: chosen to come near Table 2"},
+        "rise": {"value": 3.6, "unit": "s", "source": "assumed: chosen to come near Table 2"},
+        "hold": {"value": 1.4, "unit": "s", "source": "assumed: chosen to come near Table 2"},
+        "periods": {"value": 2, "unit": "1", "source": "assumed: as many as as published"},
+    },
+    "control.readings.reference_acceleration": "absent",
+}
+"""Straight ramps, whose acceleration no law gets."""
+
+APART = {
+    "runs.controller_2.start_offset.2": -1.1,
+    "runs.controller_2.start_offset.3": -1.1,
+    "runs.controller_3.start_offset.2": -1.8,
+    "runs.controller_3.start_offset.3": -1.7,
+}
+"""Starts, deg, found by a search: with them the typical arm comes near Table 2."""
+
+VARIANTS: Sequence[dict[str, object]] = (
+    {
+        "name": "apart",
+        "of": "ramps",
+        "title": "Runs that start apart",
+        "about": "The same ramps. Controllers 2 and 3 start one to two degrees below their reference, "
+        "Controller 1 starts on it. They were chosen to come near Table 2, so agreement proves nothing.",
+        "values": APART,
+    },
+    {
+        "name": "weights",
+        "of": "published",
+        "title": "Changed weights",
+        "about": "As published, but the two delayed estimates weigh 1 + α and −α: Eq. (15) with a changed "
+        "sign.",
+        "values": {"control.readings.weights": "extrapolating"},
+    },
+    {
+        "name": "delta_in_degrees",
+        "of": "published",
+        "title": "Δ in degrees",
+        "about": "As published, but Δ = 0.2 is understood in degrees. The paper gives no unit.",
+        "values": {"control.readings.Delta_unit": "deg"},
+    },
+)
+"""Presets that are another one with some values changed."""
+
+
+def shipped_presets(library: Library) -> list[dict[str, object]]:
+    """The presets that tell the paper's story; a variant is another preset with some values changed."""
+    published = preset(
+        load_config(None, "compare"),
+        "published",
+        "As published",
+        "Equations, gains and encoder as published. Arm and motion are assumed: a typical one of plausible "
+        "ranges, that of tendonrepro compare. Every run starts on its reference and gets its acceleration.",
+        library,
+    )
+    ramps = preset(
+        load_config(None, "compare", overrides=RAMPS),
+        "ramps",
+        "Straight ramps",
+        "The reference is a straight ramp, and its acceleration is not fed forward. The order is as before.",
+        library,
+    )
+    fitted = preset(
+        load_config("closest", "compare"),
+        "fitted",
+        "Fitted arm",
+        "An arm and a motion that were fitted to Tables 2 and 3, so agreement proves nothing.",
+        library,
+    )
+    return [published, ramps, *VARIANTS, fitted]
+
+
+PAGE = "live.html"
+"""Name of the page."""
+
+MARK = b'<meta name="generator" content="live page of tendonrepro'
+"""What every page has near its beginning."""
+
+
+class LiveFile(TypedDict):
+    """What ``--json`` prints of a page: its file, size, and names of its presets."""
+
+    schema_version: int
+    path: str
+    bytes: int
+    presets: list[str]
+
+
+def write_page(path: Path, loaded: LoadedConfig | None, *, force: bool) -> LiveFile:
+    """Write the page, a user's configuration among its presets; return what ``--json`` prints.
+
+    It replaces an earlier page, any other file with `force` alone.
+
+    Raises
+    ------
+    UsageError
+        If another file is in the way, or the page cannot run the configuration.
+    """
+    refuse_foreign(path, MARK, force=force)
+    library = Library()
+    presets = shipped_presets(library)
+    if loaded is not None:
+        about = f"The configuration {Path(loaded.origin).name}, with its own arm, gains and motion."
+        presets.insert(0, preset(loaded, "own", "Your configuration", about, library))
+    content = build_page(presets, library).encode()
+    write_atomically(path, content)
+    names = [str(made["name"]) for made in presets]
+    return {"schema_version": 1, "path": str(path), "bytes": len(content), "presets": names}
+
+
+def page_beside(path: Path, loaded: LoadedConfig | None, talk: Talk, *, force: bool) -> LiveFile:
+    """Write the page; it has no preset of a user's own configuration that it cannot run."""
+    try:
+        return write_page(path, loaded, force=force)
+    except UsageError as error:
+        talk.note(f"{path.name} has no preset of your configuration: {error.message}")
+        return write_page(path, None, force=force)
+
+
+def live_text(page: LiveFile) -> str:
+    """What the terminal says."""
+    return f"{page['path']}: {page['bytes'] / 1e3:.0f} kB, open it in a browser"

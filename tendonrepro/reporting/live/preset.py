@@ -31,7 +31,7 @@ from tendonrepro.reporting.live.controls import (
     knobs_of,
     menus_of,
 )
-from tendonrepro.reporting.live.library import Library, comparison, model_source
+from tendonrepro.reporting.live.model import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS
 from tendonrepro.simulation.loop import Loop, is_noisy
