@@ -212,9 +212,10 @@ def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]
     if not numbers:
         return None
     width = max(map(len, sample))
-    shares = [_share(row, numbers, width) for row in rows]
-    for place in range(len(rows) - 1):
-        if shares[place] > 0.5 and all(share > 0.0 for share in shares[place + 1 : place + 3]):
+    for place, row in enumerate(rows[:-1]):
+        if _share(row, numbers, width) > 0.5 and all(
+            _share(after, numbers, width) > 0.0 for after in rows[place + 1 : place + 3]
+        ):
             return _with_words(rows, place, numbers[0])
     return None
 
@@ -243,7 +244,7 @@ def _share(row: Sequence[str], places: Sequence[int], width: int) -> float:
 
 def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:
     """Last row of words, with a group above and a unit below; else rows that are called names and units."""
-    rows = [list(row) for row in head]
+    rows = [list(row) for row in head if any(row)]
     labelled = {row[0].casefold().strip(" :"): row for row in rows if row and len(row) == width}
     if {"name", "unit"} <= labelled.keys():
         # A scope's export: what a row is stands in it above the times.
@@ -264,7 +265,7 @@ def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:
     blank = [""] * width
     cells = zip_longest(groups or blank, names[:width], units[:width], fillvalue="")
     return [
-        _name(place, f"{group} {name}".strip(), _bare(unit))
+        _name(place, " ".join(f"{group} {name}".split()), _bare(unit))
         for place, (group, name, unit) in enumerate(cells, start=1)
     ]
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from datetime import timedelta
 from io import BytesIO
 
+import h5py
 import numpy as np
 import openpyxl
 import pandas as pd
@@ -161,6 +162,7 @@ PLAIN = {
     ),
     "a quote that nothing closes": (".csv", 'Rod,"5\n' + HEADS + lines(), MAE),
     "commands above the numbers": (".csv", HEADS + "begin,home,home,home,home\n" + lines(), MAE),
+    "blank cells and commands": (".csv", HEADS + ",,,,\nhome,home,home,home,home\n" + lines(), MAE),
     "names below the header": (".csv", HEADS + "clock,desired,actual,desired,actual\n" + lines(), MAE),
     "rows of a scope": (".csv", f"Name\trig\nFile\trig.csv\n\n{ROWS_OF_SCOPE}\n" + lines(IN_MS, "\t"), MAE),
     "times beside each signal of a scope": (
@@ -219,6 +221,23 @@ def test_a_first_sample_with_a_time_alone_is_a_sample(tmp_path):
         assert found["runs"]["controller_1"]["samples"] == 400
         assert mae(found) == [np.abs(ERROR[joint][1:]).mean() for joint in (2, 3)]
         assert np.isnan(runs["controller_1"]["e"][0]).all()
+
+
+def test_names_that_say_everything_are_not_asked_about(tmp_path):
+    """A place in an array, which says less, is."""
+    _, _, mapping = ingested(tmp_path, ".csv", HEADS + lines())
+    assert "CHECK" not in mapping
+    arrays = {"t (s)": T[:, None], "q (deg)": NUMBERS[:, [2, 4]], "q_d (deg)": NUMBERS[:, [1, 3]]}
+    with h5py.File(tmp_path / "SYNTHETIC_c1.h5", "w") as file:
+        for name, values in arrays.items():
+            file[name] = values
+    suggested = run_inspect([tmp_path / "SYNTHETIC_c1.h5"], None, force=False)["suggestion"]
+    assert suggested.count("CHECK") == 4
+
+
+def test_a_byte_of_another_encoding_is_told(tmp_path):
+    found, _, _ = ingested(tmp_path, ".csv", b"\xce\xb8 " * 9 + b"\xff\n" + (HEADS + lines()).encode())
+    assert any("UTF-8" in note for note in found["notes"])
 
 
 def test_a_joint_that_is_counted_from_0_is_told(tmp_path):
