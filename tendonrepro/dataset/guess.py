@@ -13,9 +13,18 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
-from tendonrepro.dataset.mapping import JOINT, LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.mapping import LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.tables import Column, Columns
-from tendonrepro.dataset.words import FACTORS, KINDS, ROLES, Meaning, is_other_unit, meaning_of, variable_of
+from tendonrepro.dataset.words import (
+    FACTORS,
+    KINDS,
+    ROLES,
+    Meaning,
+    is_other_unit,
+    meaning_of,
+    plain_unit,
+    variable_of,
+)
 
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
@@ -35,8 +44,8 @@ class Guess:
     """A column: what its name says, what it is taken for, and what to check.
 
     `says` are the groups of its name and of the names around it. `runs` are those that it belongs to, with
-    the payload of each. Where `asked` says why it was not guessed, `use` has capitals in place of what a
-    person has to fill in.
+    the payload of each. `numbered` and `sized` tell how its joint and `unit` were found, if not by its name.
+    Where `asked` says why it was not guessed, `use` has capitals in place of what a person has to fill in.
     """
 
     table: Columns
@@ -46,6 +55,9 @@ class Guess:
     joint: int | None
     variable: str | None
     runs: dict[str, float | None]
+    unit: str = ""
+    numbered: str = ""
+    sized: str = ""
     check: str = ""
     asked: str = ""
     use: Use = NOT_USED
@@ -64,22 +76,6 @@ class Guess:
     def is_known(self) -> bool:
         """Whether it holds numbers, and every word of its name is known."""
         return self.is_numbers and self.variable is not None and not self.said.unknown
-
-
-@dataclass(frozen=True)
-class _Traits:
-    """What columns of a table share.
-
-    `most` is the largest angle of no unit; `stated`, the unit of angles that the file states for all of them;
-    `of_angles`, theirs as rates beside them have it. `shift` leads from joints of the file, which are counted
-    from `first`, to those of the paper.
-    """
-
-    most: float
-    stated: str
-    of_angles: str
-    shift: int
-    first: int
 
 
 def quoted(text: str) -> str:
@@ -126,24 +122,13 @@ def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     for column in columns:
         shared |= {} if not column.said.controller else column.runs | shared
     _take_times(columns)
-    # The comparison moves the paper's joints 2 and 3, which a lab may count from 1 or 0.
-    counted = {column.joint for column in columns if column.is_known and column.variable != "time"}
-    is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
-    first = 0 if 0 in counted else 1
-    shift = 1 - first + (is_compared and counted == {first, first + 1})
-    _take_rates(columns, shift)
+    _number_joints(columns, around)
+    _take_rates(columns)
+    _find_units(columns, table.angle_unit)
     doubts = _doubts_about_arrays(columns)
-    # Angles of joints in one table share a unit: a small error alone would pass for radians.
-    angles = [column for column in columns if column.is_known and column.variable in _OF_JOINTS]
-    most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
-    sized = {"rad"} if 0.0 < most <= _MOST_RADIANS else set()
-    in_radians = ({column.said.unit for column in angles} - {None}) or sized
-    stated = table.angle_unit
-    of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
-    traits = _Traits(most, stated, of_angles, shift, first)
     for column in columns:
         column.runs = column.runs if column.said.controller or not shared else shared
-        _settle(column, doubts.get(column.column, ""), traits)
+        _settle(column, doubts.get(column.column, ""))
     return columns
 
 
@@ -159,27 +144,19 @@ def _named(table: Columns, name: str, around: Sequence[Meaning]) -> Guess:
     return Guess(table, name, said, says, joint, variable_of(says), _runs_of(table.name, [said, *around]))
 
 
-def _settle(column: Guess, doubt: str, traits: _Traits) -> None:
+def _settle(column: Guess, doubt: str) -> None:
     """Settle what a column is and what to check; or why it is asked, and what of its line is sure."""
-    said, variable = column.said, column.variable
-    joint = 0 if column.joint is None else column.joint + traits.shift
-    column.asked = "" if column.check else _problem(column, joint, doubt)
-    if column.asked or variable is None:
-        column.use = _to_fill(column, joint, doubt, traits)
+    column.asked = "" if column.check else _problem(column, doubt)
+    if column.asked or column.variable is None:
+        column.use = _to_fill(column, doubt)
         return
-    unit, sized = _unit(variable, said.unit, column.values, traits)
-    column.use = Use(variable, 0 if variable == "time" else joint, unit)
-    checks = [column.check, *_checks(column, sized)]
-    if column.use.joint and (traits.shift or said.joint is None):
-        counted = "" if traits.first else ", counted from 0"
-        told = f"joint {column.joint} of the file{counted}, taken as {joint}"
-        checks.append(f"{told}; else {variable} {JOINT} {unit}")
-    column.check = "; ".join(filter(None, checks))
+    column.use = Use(column.variable, 0 if column.variable == "time" else column.joint or 0, column.unit)
+    column.check = "; ".join(filter(None, [column.check, *_checks(column)]))
 
 
-def _to_fill(column: Guess, joint: int, doubt: str, traits: _Traits) -> Use:
+def _to_fill(column: Guess, doubt: str) -> Use:
     """Line of a column that is asked: what is sure, and capitals for the rest."""
-    said, variable = column.said, column.variable
+    said, variable, joint = column.said, column.variable, column.joint or 0
     # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
     is_bare = bool(said.unknown) and not said.says & (KINDS | ROLES | {"angle"})
     if doubt or is_bare or not _fits(said.unit, variable):
@@ -187,9 +164,60 @@ def _to_fill(column: Guess, joint: int, doubt: str, traits: _Traits) -> Use:
     # A place in an array tells a joint only where the array is known.
     is_told = 1 <= joint <= MOST_JOINTS and (variable is not None or said.joint is not None)
     unit = None if is_other_unit(said.unit or "") else said.unit
-    if unit is None and variable is not None and not said.unknown and column.is_numbers:
-        unit = _unit(variable, None, column.values, traits)[0]
+    if unit is None and variable is not None and not said.unknown:
+        unit = column.unit
     return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT)
+
+
+def _number_joints(columns: Sequence[Guess], around: Sequence[Meaning]) -> None:
+    """Number joints as the paper does, whose 2 and 3 a lab may count from 1 or 0, and tell of it."""
+    counted = {column.joint for column in columns if column.is_known and column.variable != "time"}
+    is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
+    first = 0 if 0 in counted else 1
+    shift = 1 - first + (is_compared and counted == {first, first + 1})
+    for column in columns:
+        if column.joint is not None:
+            if shift or column.said.joint is None:
+                how = "" if first else ", counted from 0"
+                column.numbered = f"joint {column.joint} of the file{how}, taken as {column.joint + shift}"
+            column.joint += shift
+
+
+def _find_units(columns: Sequence[Guess], stated: str) -> None:
+    """Find the units that columns' names say, else by the size of their numbers, which is told.
+
+    Angles of joints share a unit, since a small error alone would pass for radians; rates go with it.
+    """
+    angles = [column for column in columns if column.is_known and column.variable in _OF_JOINTS]
+    most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
+    sized = {"rad"} if 0.0 < most <= _MOST_RADIANS else set()
+    in_radians = ({column.said.unit for column in angles} - {None}) or sized
+    of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
+    for column in columns:
+        if column.variable is None or not column.is_numbers:
+            continue
+        kind = kind_of(column.variable)
+        if kind is None or column.said.unit in FACTORS[kind]:
+            column.unit = plain_unit(column.said.unit or "") or ""
+        elif kind == "time":
+            column.unit, column.sized = _unit_of_times(column.values)
+        elif kind == "angle":
+            size = most if column.variable in _OF_JOINTS else _largest(column.values)
+            column.unit = stated or ("deg" if size > _MOST_RADIANS else "rad")
+            column.sized = "" if stated else f"no unit, up to {size:.3g}"
+        else:
+            column.unit = f"{of_angles}/s" if kind == "rate" else "N m"
+            column.sized = "" if kind == "rate" and stated else "no unit"
+
+
+def _unit_of_times(time: Array) -> tuple[str, str]:
+    """Unit by which times step as a control loop does; and by how much, if that is not plain seconds."""
+    low, high = LOOP_STEPS
+    steps = np.abs(np.diff(time))
+    # Rounded times repeat; times of curves that were read off go back.
+    step = float(np.nanmedian(steps)) or float(np.nanmean(steps))
+    unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
+    return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
 
 
 def _take_times(columns: Sequence[Guess]) -> None:
@@ -206,7 +234,7 @@ def _take_times(columns: Sequence[Guess]) -> None:
             column.check = f"times of {quoted(before.column)} are used; to use these delete the line of those"
 
 
-def _take_rates(columns: Sequence[Guess], shift: int) -> None:
+def _take_rates(columns: Sequence[Guess]) -> None:
     """Take qd2 for a velocity where a word says measured, or beside qdd2 or a reference of joint 2."""
     for column in columns:
         match = _DERIVATIVE.search(_PLACE.sub("", column.column))
@@ -223,7 +251,7 @@ def _take_rates(columns: Sequence[Guess], shift: int) -> None:
         if beside or "measured" in angle.says:
             why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
             column.variable = "dq_d" if variable_of(angle.says) == "q_d" else "dq"
-            column.check = f"{why}, taken as a velocity; else q_d {int(number) + shift} deg"
+            column.check = f"{why}, taken as a velocity; else q_d {column.joint} deg"
 
 
 def _doubts_about_arrays(columns: Sequence[Guess]) -> dict[str, str]:
@@ -268,7 +296,7 @@ def _tells(says: frozenset[str], is_inside: bool) -> bool:
     return bool(says & (ROLES | {"torque", "motor"})) or is_inside or "joint" in says
 
 
-def _problem(column: Guess, joint: int, doubt: str) -> str:
+def _problem(column: Guess, doubt: str) -> str:
     """Why a column is asked, or an empty text."""
     said, variable = column.said, column.variable
     if not column.is_numbers:
@@ -281,7 +309,7 @@ def _problem(column: Guess, joint: int, doubt: str) -> str:
         return _unsaid(column)
     if not _fits(said.unit, variable):
         return f"its name says {variable}, its unit {said.unit}"
-    is_joint = variable == "time" or 1 <= joint <= MOST_JOINTS
+    is_joint = variable == "time" or 1 <= (column.joint or 0) <= MOST_JOINTS
     return doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
 
 
@@ -304,33 +332,12 @@ def _largest(values: Array) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0))
 
 
-def _unit(variable: str, said: str | None, values: Array, traits: _Traits) -> tuple[str, str]:
-    """Unit that its name or table says, else by the size of its numbers, which is told."""
-    kind = kind_of(variable)
-    if kind is None or said in FACTORS[kind]:
-        return said or "", ""
-    if kind == "time":
-        low, high = LOOP_STEPS
-        steps = np.abs(np.diff(values))
-        # Rounded times repeat; times of curves that were read off go back.
-        step = float(np.nanmedian(steps)) or float(np.nanmean(steps))
-        unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
-        return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
-    if kind == "angle":
-        most = traits.most if variable in _OF_JOINTS else _largest(values)
-        by_size = "deg" if most > _MOST_RADIANS else "rad"
-        return traits.stated or by_size, "" if traits.stated else f"no unit, up to {most:.3g}"
-    if kind == "rate":
-        return f"{traits.of_angles}/s", "" if traits.stated else "no unit"
-    return "N m", "no unit"
-
-
-def _checks(column: Guess, sized: str) -> Iterator[str]:
+def _checks(column: Guess) -> Iterator[str]:
     """What was assumed, and the line to write if that is wrong."""
     use = column.use
-    if sized:
+    if column.sized:
         other = next(unit for unit in FACTORS[kind_of(use.variable) or ""] if unit != use.unit)
-        yield f"{sized}, taken as {use.unit}; else {replace(use, unit=other)}"
+        yield f"{column.sized}, taken as {use.unit}; else {replace(use, unit=other)}"
     if use.variable == "q_motor_encoder":
         yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
     if use.variable == "e":
@@ -339,6 +346,8 @@ def _checks(column: Guess, sized: str) -> Iterator[str]:
         yield "torque of a motor, taken as at the joint; else delete this line"
     if use.variable == "q_encoder" and not column.said.says & {"angle", "measured"}:
         yield f"neither desired nor measured, taken as measured; else {replace(use, variable='q_d')}"
+    if column.numbered and use.joint:
+        yield f"{column.numbered}; else {replace(use, joint=0)}"
 
 
 def _runs_of(name: str, telling: Sequence[Meaning]) -> dict[str, float | None]:
