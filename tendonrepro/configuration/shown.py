@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tendonrepro.configuration.models.readings import AXES
+from tendonrepro.configuration.models.readings import AXES, PRINTED
 
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
@@ -56,6 +56,67 @@ KEPT = AS_PUBLISHED | BEYOND
 """Those that keep every equation as published."""
 SHOWN = KEPT | CHANGED
 """All of them; their name among readings is ``shown``."""
+
+IN_MAP = {
+    "printed": "as published",
+    "Delta_unit=deg": "Δ in degrees",
+    "gain_unit=phi_in_degrees": "φ in degrees",
+    "weights=extrapolating": "(1 + α, −α)",
+    BOTH: "both",
+    "stored_torque=applied+output_delay=1": "applied torque, late",
+    STEPS: "torque in steps",
+}
+"""Readings that have their name in the map; the others are small dots."""
+
+SETTINGS = {
+    "phi_negative=even": "φ even for negative errors",
+    "phi_branch=power": "φ the power everywhere",
+    "weights=extrapolating": "weights 1 + α and −α",
+    "weights=swapped": "weights α and 1 − α",
+    "differencing=centred": "differences centred",
+    "gain_unit=phi_in_degrees": "φ in degrees",
+    "gain_unit=law_in_degrees": "all gains in degrees",
+    "Delta_unit=deg": "Δ in degrees",
+    "eta_in_controller_2=dropped": "Controller 2 without η",
+    "torque_coordinates=winch": "torque at the winches",
+    "torque_coordinates=motor_shaft": "torque at the motor shafts",
+    "torque_unit=percent_of_rated": "torque in percent of rated",
+    "torque_unit=volt": "torque in volts",
+    "stored_torque=applied": "applied torque stored",
+    "torque_step=0.016": "torque in coarse steps",
+    "torque_step=0.0032": "torque in fine steps",
+    "torque_step=none": "torque without steps",
+    "delay_time=two_periods": "L is two periods",
+    "delay_time=four_periods": "L is four periods",
+    "estimate_filter=acceleration": "acceleration filtered",
+    "estimate_filter=estimate": "estimate filtered",
+    "feedback=motor": "motor encoders in the loop",
+    "reference_acceleration=absent": "acceleration not fed forward",
+    "reference_acceleration=late": "acceleration fed forward late",
+    "start=cold": "estimator starts empty",
+    "error_rate=low_pass": "velocity filtered",
+    "error_rate=difference_of_error": "error differenced",
+    "hardware=drawn": "encoder, delay, filter varied",
+    "encoder=ideal": "ideal encoders",
+    "motion=ramp": "straight ramps",
+    "starts=apart": "runs start apart",
+    "run_friction=drawn": "friction differs between runs",
+}
+"""What a reader calls the settings of a reading; others keep their names."""
+
+
+def in_words(reading: str) -> str:
+    """What a reader calls a reading, by its name.
+
+    Examples
+    --------
+    >>> in_words("printed"), in_words("Delta_unit=deg+encoder=0.045")
+    ('as published', 'Δ in degrees, encoder=0.045')
+    """
+    if reading == PRINTED:
+        return "as published"
+    return ", ".join(SETTINGS.get(setting, setting) for setting in reading.split("+"))
+
 
 CHOICES = ("motion", "starts", "reference_acceleration", "run_friction")
 """Axes of readings that change no equation: motion, starts and friction of a run, which are not published.

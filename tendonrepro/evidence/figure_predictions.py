@@ -9,6 +9,7 @@ from textwrap import fill
 from matplotlib.lines import Line2D
 
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.shown import in_words
 from tendonrepro.files import Json
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -32,49 +33,6 @@ _ABOUT = 30
 """Letters of a line that says what an experiment is."""
 _ROOMY = 3
 """So many panels side by side have room for every tick."""
-
-WORDS = {
-    "phi_negative=even": "φ even for negative errors",
-    "phi_branch=power": "φ the power everywhere",
-    "weights=extrapolating": "weights 1 + α and −α",
-    "weights=swapped": "weights α and 1 − α",
-    "differencing=centred": "differences centred",
-    "gain_unit=phi_in_degrees": "φ in degrees",
-    "gain_unit=law_in_degrees": "all gains in degrees",
-    "Delta_unit=deg": "Δ in degrees",
-    "eta_in_controller_2=dropped": "Controller 2 without η",
-    "torque_coordinates=winch": "torque at the winches",
-    "torque_coordinates=motor_shaft": "torque at the motor shafts",
-    "torque_unit=percent_of_rated": "torque in percent of rated",
-    "torque_unit=volt": "torque in volts",
-    "stored_torque=applied": "applied torque stored",
-    "torque_step=0.016": "torque in coarse steps",
-    "torque_step=0.0032": "torque in fine steps",
-    "torque_step=none": "torque without steps",
-    "delay_time=two_periods": "L is two periods",
-    "delay_time=four_periods": "L is four periods",
-    "estimate_filter=acceleration": "acceleration filtered",
-    "estimate_filter=estimate": "estimate filtered",
-    "feedback=motor": "motor encoders in the loop",
-    "reference_acceleration=absent": "acceleration not fed forward",
-    "reference_acceleration=late": "acceleration fed forward late",
-    "start=cold": "estimator starts empty",
-    "error_rate=low_pass": "velocity filtered",
-    "error_rate=difference_of_error": "error differenced",
-    "hardware=drawn": "encoder, delay, filter varied",
-    "encoder=ideal": "ideal encoders",
-    "motion=ramp": "straight ramps",
-    "starts=apart": "runs start apart",
-    "run_friction=drawn": "friction differs between runs",
-}
-"""What a reader calls the settings of an interpretation; others keep their names."""
-
-
-def interpretation_in_words(reading: str, *, own: bool = False) -> str:
-    """An interpretation's name in words; the first of a user's `own` comparison is what that says."""
-    if reading == PRINTED:
-        return "as in your comparison" if own else "as published"
-    return ", ".join(WORDS.get(setting, setting) for setting in reading.split("+"))
 
 
 @journal_style()
@@ -120,8 +78,9 @@ def draw_predictions(
     panels[0].set_yticks([group * step + middle for group in range(len(experiments))], labels)
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
+    own = "as in your comparison" if told else ""
     handles = [
-        Line2D([], [], label=interpretation_in_words(reading, own=bool(told)), **_look(place))
+        Line2D([], [], label=own if own and reading == PRINTED else in_words(reading), **_look(place))
         for place, reading in enumerate(readings)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)

@@ -11,9 +11,8 @@ from pathlib import Path
 import jinja2
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.shown import SHOWN, every_run
+from tendonrepro.configuration.shown import SHOWN, every_run, in_words
 from tendonrepro.configuration.strict_yaml import Node
-from tendonrepro.evidence.figure_predictions import interpretation_in_words
 from tendonrepro.reporting.readings import Shown
 from tendonrepro.verdicts.judge import SHARE
 from tendonrepro.verdicts.report import number_in_words
@@ -153,9 +152,7 @@ def ours(judged: Verdict) -> str:
 
 def unless(judged: Verdict) -> str:
     """Motions and starts under which the verdict is another one, and which, for a reader."""
-    return "; ".join(
-        f"{interpretation_in_words(choice.reading)}: {VERDICTS[choice.verdict]}" for choice in judged.unless
-    )
+    return "; ".join(f"{in_words(choice.reading)}: {VERDICTS[choice.verdict]}" for choice in judged.unless)
 
 
 def statement_in_words(statement: str) -> str:

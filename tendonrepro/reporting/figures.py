@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.shown import BOTH, GROUPS, SHOWN, STARTS_APART, STEPS
+from tendonrepro.configuration.shown import GROUPS, IN_MAP, SHOWN, STARTS_APART
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.readings import Row, Shown
@@ -145,17 +145,6 @@ def draw_ranges(shown: Shown) -> Drawing:
     return Drawing("ranges", figure, panels, caption, origin=_of_plants(shown))
 
 
-_NAMED = {
-    "printed": "as published",
-    "Delta_unit=deg": "Δ in degrees",
-    "gain_unit=phi_in_degrees": "φ in degrees",
-    "weights=extrapolating": "(1 + α, −α)",
-    BOTH: "both",
-    "stored_torque=applied+output_delay=1": "applied torque, late",
-    STEPS: "torque in steps",
-}
-"""Readings that have their name in the map; the others are small dots."""
-
 _REGIONS = {
     (0.45, 0.82): "1, 2, 3",
     (0.45, 1.26): "1, 3, 2",
@@ -249,12 +238,12 @@ def _draw_readings(panel: Axes, shown: Shown, joint: int) -> list[tuple[str, tup
         for name, reading in shown.box.items()
         if reading["plants"]
     }
-    named = {name: medians[name] for name in _NAMED if name in medians}
+    named = {name: medians[name] for name in IN_MAP if name in medians}
     look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0, "label": "interpretation, median"}
     panel.plot(*zip(*medians.values(), strict=True), color=_PALE, markersize=2.2, **look)
     look |= {"label": "the same, named", "zorder": 4.0}
     panel.plot(*zip(*named.values(), strict=True), color=_BLUE, markersize=3.8, **look)
-    return [(_NAMED[name], place, "black") for name, place in named.items()]
+    return [(IN_MAP[name], place, "black") for name, place in named.items()]
 
 
 def _logarithmic(panel: Axes, axis: str, limits: tuple[float, float], ticks: tuple[float, ...]) -> None:

@@ -21,6 +21,7 @@ from tendonrepro.configuration.models.readings import (
     reading,
     under,
 )
+from tendonrepro.configuration.shown import SETTINGS, in_words
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import hypotheses
 from tendonrepro.experiments.loops import build_loops
@@ -98,6 +99,14 @@ def test_hardware_is_the_papers_or_that_of_the_draw(choice: str, count_deg: floa
     assert loop.actuator.delay == delay
     rate_filter = loop.controller.law.rate_filter  # type: ignore[attr-defined]
     assert rate_filter == 1.0 if choice == "printed" else 0.0 < rate_filter < 1.0
+
+
+def test_every_reading_of_the_law_has_words_and_no_other_setting_has() -> None:
+    of_law = {f"{name}={value}" for name in Readings.model_fields for value in AXES[name].alternatives}
+    assert of_law <= SETTINGS.keys()
+    for setting in SETTINGS:
+        assert parse_reading(setting).name == setting
+        assert in_words(setting) != setting
 
 
 UNTRIED = {
