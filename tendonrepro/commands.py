@@ -65,19 +65,19 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
-    from tendonrepro.results.on_disk import read_result, table_files
+    from tendonrepro.results.on_disk import numbers_in, result_manifest, table_files
     from tendonrepro.results.traces import TRACES, read_traces
-    from tendonrepro.studies.outcome import Outcome
     from tendonrepro.studies.result import Result
 
     path = Path(folder)
     if path.is_dir() and not (path / TRACES).exists():
-        stored = read_result(path)
-        tables = [table.read_text("utf-8") for table in table_files(path, stored.manifest, ".md")]
-        return Result(stored.command, Outcome(stored.data, tables), stored.manifest, _folder=path)
-    from tendonrepro.experiments.run import outcome_of
+        manifest = result_manifest(path)
+        tables = [table.read_text("utf-8") for table in table_files(path, manifest, ".md")]
+        command = str(manifest.get("command", ""))
+        return Result(numbers_in(path, manifest), tables, manifest=manifest, command=command, folder=path)
+    from tendonrepro.experiments.run import experiment_result
 
     file = read_traces(path)
     # A measured file has a mapping in place of a configuration.
     manifest = {"config": {"sha256": file.config_sha256}, **file.manifest}
-    return Result(file.experiment, outcome_of(file), manifest)
+    return experiment_result(file).stamped(file.experiment, manifest)

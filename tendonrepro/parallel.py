@@ -17,13 +17,13 @@ from typing import Protocol, TypeVar
 from tendonrepro.errors import TendonreproError, UsageError
 
 Item = TypeVar("Item")
-Result = TypeVar("Result")
+Done = TypeVar("Done")
 
 
 class Start(Protocol):
     """Begins to apply a function to items, and yields the results in order."""
 
-    def __call__(self, function: Callable[[Item], Result], items: Sequence[Item], /) -> Iterable[Result]:
+    def __call__(self, function: Callable[[Item], Done], items: Sequence[Item], /) -> Iterable[Done]:
         """Begin."""
 
 
@@ -64,7 +64,7 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
     anew: list[Executor] = []
     with ExitStack() as stack:
 
-        def start(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterable[Result]:
+        def start(function: Callable[[Item], Done], items: Sequence[Item]) -> Iterable[Done]:
             jobs = min(most, processors())
             if jobs < 2:
                 return map(function, items)
@@ -78,8 +78,8 @@ def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
 
 
 def _forked(
-    stack: ExitStack, jobs: int, function: Callable[[Item], Result], items: Sequence[Item]
-) -> Iterator[Result]:
+    stack: ExitStack, jobs: int, function: Callable[[Item], Done], items: Sequence[Item]
+) -> Iterator[Done]:
     """Begin work in copies of this process, which have imported what it has; they end with the work."""
     if not items:
         return iter(())
@@ -87,16 +87,14 @@ def _forked(
     executor = copies.enter_context(_processes(min(jobs, len(items))))
     begun = _submitted(executor, function, items)
 
-    def results() -> Iterator[Result]:
+    def results() -> Iterator[Done]:
         with copies:
             yield from begun
 
     return results()
 
 
-def _submitted(
-    executor: Executor, function: Callable[[Item], Result], items: Sequence[Item]
-) -> Iterator[Result]:
+def _submitted(executor: Executor, function: Callable[[Item], Done], items: Sequence[Item]) -> Iterator[Done]:
     begun = [executor.submit(function, item) for item in items]
     return (future.result() for future in begun)
 
@@ -122,7 +120,7 @@ def check_jobs(jobs: int) -> None:
         raise UsageError(message, where="--jobs")
 
 
-def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Iterator[Result]:
+def counted(results: Iterable[Done], progress: Callable[[int], None]) -> Iterator[Done]:
     """Yield results, and call `progress` with 1 after each."""
     for result in results:
         progress(1)
@@ -130,8 +128,8 @@ def counted(results: Iterable[Result], progress: Callable[[int], None]) -> Itera
 
 
 def as_ready(
-    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
-) -> Generator[Result, None, None]:
+    function: Callable[[Item], Done], items: Sequence[Item], jobs: int
+) -> Generator[Done, None, None]:
     """Yield results as they become ready.
 
     With one job all work is done in this process; -1 is one job for each of `processors`.

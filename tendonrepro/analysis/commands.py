@@ -19,8 +19,8 @@ def explain(
     **folder: Unpack[Folder],
 ) -> Study:
     """Stability margins and error ratios of the sampled loop."""
-    from tendonrepro.analysis.report import explain_outcome
+    from tendonrepro.analysis.report import explain_result
     from tendonrepro.configuration.load import load_config
 
     loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)
-    return Study(loaded, lambda site: explain_outcome(loaded, site), folder)
+    return Study(loaded, lambda site: explain_result(loaded, site), folder)

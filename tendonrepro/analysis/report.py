@@ -13,7 +13,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import View
 from tendonrepro.physics.control import TYPICAL_ERROR_DEG, estimate_age, stiffness
 from tendonrepro.results.tables import Table, TableColumns
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site
 
 SCHEMA_VERSION = 1
@@ -38,7 +38,7 @@ _FILES_ALONE = {"ringing_decay", "gain_margin_hz", "gain_reduction_margin", "cro
 """Columns that the terminal has no room for."""
 
 
-def explain_outcome(loaded: LoadedConfig, site: Site) -> Outcome:
+def explain_result(loaded: LoadedConfig, site: Site) -> Result:
     """Explain a configuration."""
     from tendonrepro.analysis.figures import figures
 
@@ -48,7 +48,7 @@ def explain_outcome(loaded: LoadedConfig, site: Site) -> Outcome:
         # NumPy's and SciPy's words for matrices that numbers cannot hold.
         message, hint = f"the loop cannot be linearised: {error}", "look at masses and stiffness"
         raise TendonreproError(message, where=loaded.origin, hint=hint) from error
-    return Outcome(explanation_data(explanation), explanation_parts(explanation), figures(explanation))
+    return Result(explanation_data(explanation), explanation_parts(explanation), figures(explanation))
 
 
 def explanation_data(explanation: Explanation) -> dict[str, object]:

@@ -44,14 +44,14 @@ def predict(
         Comma-separated names [default: the main ones].
     """
     from tendonrepro.configuration.plants import load_plants, with_all_controllers
-    from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_outcome
+    from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
 
     loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
     asked_for(loaded, draws, names)
     return Study(
         replace(loaded.base, sha256=loaded.sha256, origin=loaded.origin),
-        lambda site: predict_outcome(loaded, draws, names, site.talk),
+        lambda site: predict_result(loaded, draws, names, site.talk),
         folder,
         decided_by={"draws": draws, "readings": names},
         stored=True,
@@ -76,14 +76,14 @@ def recover(
         Trace file, or results folder with one.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.evidence.recover_report import recover_outcome
+    from tendonrepro.evidence.recover_report import recover_result
     from tendonrepro.results.traces import read_traces
 
     file, loaded = read_traces(Path(log)), load_config(config, "compare", overrides=set)
     own = config is not None or bool(set)
     return Study(
         loaded,
-        lambda site: recover_outcome(file, str(Path(log)), loaded, site, own=own),
+        lambda site: recover_result(file, str(Path(log)), loaded, site, own=own),
         folder,
         decided_by={"log": [file.config_sha256, file.created], **({"own": True} if own else {})},
     )

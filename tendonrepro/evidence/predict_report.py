@@ -22,7 +22,7 @@ from tendonrepro.evidence.predict import (
 )
 from tendonrepro.monte_carlo.plan import MOST_DRAWS
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 
 SCHEMA_VERSION = 1
 READINGS = (
@@ -42,7 +42,7 @@ def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
     readings_on(loaded, readings)
 
 
-def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Outcome:
+def predict_result(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Result:
     """Predict every experiment under interpretations, their names with commas between."""
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
@@ -84,7 +84,7 @@ def predict_outcome(loaded: LoadedEnsemble, draws: int, readings: str, talk: Tal
     where = around.told if around else ""
     on = f"{draws} plants {where}".strip()
     figures = {"predictions": lambda: draw_predictions(experiments, names, joints, where)}
-    return Outcome(data, prediction_tables(predicted, gaps, never, on, experiments_run), figures)
+    return Result(data, prediction_tables(predicted, gaps, never, on, experiments_run), figures)
 
 
 def default_readings_on(loaded: LoadedEnsemble) -> str:

@@ -14,7 +14,7 @@ from tendonrepro.evidence.recover import recover_controllers
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site
 
 NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
@@ -37,9 +37,9 @@ def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict
         return []
 
 
-def recover_outcome(
+def recover_result(
     file: TraceFile, name: str, loaded: LoadedConfig, site: Site, *, own: bool = False
-) -> Outcome:
+) -> Result:
     """Find which controller made each run of a log that is called `name`.
 
     Raises
@@ -57,7 +57,7 @@ def recover_outcome(
     }
     sentences = "\n".join(controller.sentence for controller in controllers)
     whose = [] if of_paper or own else [OWN_GAINS]
-    return Outcome(data, [*whose, sentences, *controller_tables(controllers)])
+    return Result(data, [*whose, sentences, *controller_tables(controllers)])
 
 
 def controller_row(controller: RecoveredController) -> dict[str, object]:

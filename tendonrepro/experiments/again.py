@@ -13,7 +13,7 @@ from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced
 from tendonrepro.results.traces import TRACES, read_traces
-from tendonrepro.studies.outcome import figure_formats
+from tendonrepro.studies.result import figure_formats
 
 
 def redraw(

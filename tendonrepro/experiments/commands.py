@@ -82,10 +82,10 @@ def statics(
     """
     from tendonrepro.configuration.load import load_config
     from tendonrepro.experiments.statics import survey
-    from tendonrepro.experiments.statics_report import statics_outcome
+    from tendonrepro.experiments.statics_report import statics_result
 
     loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
-    return Study(loaded, lambda _: statics_outcome(survey(loaded)), folder)
+    return Study(loaded, lambda _: statics_result(survey(loaded)), folder)
 
 
 Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word(metavar="KEY=A,B,C")]
@@ -109,10 +109,10 @@ def sweep(
         A key and its values; once or twice.
     """
     from tendonrepro.experiments.sweep import load_grid, simulate
-    from tendonrepro.experiments.sweep_report import sweep_outcome
+    from tendonrepro.experiments.sweep_report import sweep_result
 
     grid = load_grid(over, config, overrides=set, seed=seed, controllers=controllers)
-    return Study(grid.base, lambda site: sweep_outcome(simulate(grid, site.talk)), folder)
+    return Study(grid.base, lambda site: sweep_result(simulate(grid, site.talk)), folder)
 
 
 @command(RESULT, "tendonrepro result redraw 14 15")

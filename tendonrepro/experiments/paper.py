@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.load import ExperimentName, load_config
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.experiments.run import Prepared, outcomes, prepared
+from tendonrepro.experiments.run import Prepared, prepared, results_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.parameters import Folder
@@ -25,7 +25,7 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
     plan = {"experiment": loaded.config.experiment, "config": loaded.origin, "samples": samples}
     return Study(
         loaded,
-        lambda site: next(outcomes([experiment], site.talk, site.start)),
+        lambda site: next(results_of([experiment], site.talk, site.start)),
         folder,
         numbers=None,
         plan=plan,

@@ -26,7 +26,7 @@ from tendonrepro.results.summary import USER_LAW, fitted_under, tension_sizes
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
@@ -61,15 +61,15 @@ def prepared(loaded: LoadedConfig, laws: Sequence[UserLaw] = (), solver: SolverN
     return Prepared(loaded, laws, all_loops(loaded, laws), solver)
 
 
-def outcomes(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[Outcome]:
-    """Simulate experiments together, and yield what each found."""
+def results_of(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[Result]:
+    """Simulate experiments together, and yield the result of each."""
     for experiment, traces in zip(experiments, begin_all(experiments, talk, start), strict=True):
         for trace in traces:
             talk.detail(f"{trace.name}: {trace.status}, {count_of(len(trace.time), 'sample')}")
         manifest: Json = {"growing_hz": growing(experiment.loops)}
         if experiment.solver == "compiled":
             manifest["solver"] = {"name": COMPILED_STEPPER, "tolerance": PRECISE}
-        yield outcome_of(trace_file(experiment.loaded, traces, manifest))
+        yield experiment_result(trace_file(experiment.loaded, traces, manifest))
 
 
 def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
@@ -182,7 +182,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: Json) ->
     )
 
 
-def outcome_of(file: TraceFile) -> Outcome:
+def experiment_result(file: TraceFile) -> Result:
     """Numbers, tables and notes of an experiment."""
     joints = list(next(iter(file.runs.values())).joint)
     data = {"schema_version": 1, "experiment": file.experiment, "joints": joints, **table_data(file)}
@@ -192,7 +192,7 @@ def outcome_of(file: TraceFile) -> Outcome:
         data["growing_hz"] = growing_hz
     diverged = any(trace.status == "diverged" for trace in file.runs.values())
     parts: list[Table | str] = [*made_tables(file), *_notes(file, growing_hz)]
-    return Outcome(data, parts, manifest=file.manifest, traces=file, diverged=diverged)
+    return Result(data, parts, manifest=file.manifest, traces=file, diverged=diverged)
 
 
 def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:

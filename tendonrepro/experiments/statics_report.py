@@ -8,15 +8,15 @@ from tendonrepro.experiments.rig import start_angles
 from tendonrepro.experiments.statics import RESERVE, STRETCH, Course, Extremes, Survey
 from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 
 
-def statics_outcome(survey: Survey) -> Outcome:
+def statics_result(survey: Survey) -> Result:
     """All views of a survey."""
     from tendonrepro.experiments.figures_statics import draw_margin
 
     figures = {"margin": lambda: draw_margin(survey)} if survey.has_maps else {}
-    return Outcome(statics_data(survey), _parts(survey), figures, {"solver": None})
+    return Result(statics_data(survey), _parts(survey), figures, {"solver": None})
 
 
 def statics_data(survey: Survey) -> dict[str, object]:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from tendonrepro.experiments.sweep import IN_DEGREES, IN_SI, Point, Sweep, text_of
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 
 
-def sweep_outcome(sweep: Sweep) -> Outcome:
+def sweep_result(sweep: Sweep) -> Result:
     """All views of a sweep."""
     from tendonrepro.experiments.figures_sweep import draw_sweep
 
@@ -18,7 +18,7 @@ def sweep_outcome(sweep: Sweep) -> Outcome:
     manifest = {"solver": {"name": COMPILED_STEPPER}, "over": grid.words, "points": len(grid.points)}
     figures = {"sweep": lambda: draw_sweep(sweep)}
     diverged = bool(sweep.named("diverged"))
-    return Outcome(sweep_data(sweep), _tables(sweep), figures, manifest, diverged=diverged)
+    return Result(sweep_data(sweep), _tables(sweep), figures, manifest, diverged=diverged)
 
 
 def sweep_data(sweep: Sweep) -> dict[str, object]:

@@ -24,7 +24,7 @@ from tendonrepro.identification.search import switched_by
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 
 CONFIG = "identified.yaml"
 """The best plant of all."""
@@ -43,9 +43,9 @@ _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known"
 """Columns for a terminal."""
 
 
-def outcome(
+def identification_result(
     head: Json, searches: Sequence[SearchAnswer], goal: Goal, within: str, remarks: Sequence[str]
-) -> Outcome:
+) -> Result:
     """Everything that is written and shown; some remarks come first."""
     from tendonrepro.identification.figures import draw_numbers
 
@@ -76,7 +76,7 @@ def outcome(
         "\n".join(open_ends),
         f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
-    return Outcome(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
+    return Result(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
 
 
 def _of_the_best(best: SearchAnswer, goal: Goal) -> Table:

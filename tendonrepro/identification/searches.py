@@ -49,8 +49,8 @@ from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, folder_of
 
 Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
@@ -193,8 +193,8 @@ def identification(
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
     states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
 
-    def run(site: Site) -> Outcome:
-        return _outcome(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
+    def run(site: Site) -> Result:
+        return _result(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
 
     base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
     return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
@@ -250,7 +250,7 @@ def _plan(task: IdentificationTask, head: Json) -> Json:
     }
 
 
-def _outcome(task: IdentificationTask, head: Json, results: Results, files: Path) -> Outcome:
+def _result(task: IdentificationTask, head: Json, results: Results, files: Path) -> Result:
     """Numbers, tables and figures, and the best plant's configuration as a file."""
     loaded = task.loaded
     searches = [results[reading.name][0] for reading in task.readings]
@@ -263,8 +263,8 @@ def _outcome(task: IdentificationTask, head: Json, results: Results, files: Path
     }
     other = task.goal.of_paper and not base_of_paper(loaded.compare)
     remarks = [OTHER_BASE] if other else []
-    outcome = report.outcome(head, searches, task.goal, task.bench.space.within, remarks)
-    return replace(outcome, manifest=manifest)
+    result = report.identification_result(head, searches, task.goal, task.bench.space.within, remarks)
+    return replace(result, manifest=manifest)
 
 
 def _write_plants(folder: Path, results: Results, first: str, head: Json, task: IdentificationTask) -> None:

@@ -34,13 +34,13 @@ from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, populatio
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
 from tendonrepro.monte_carlo.user_laws import Simulate, refuse_alone
-from tendonrepro.parallel import Item, Result, as_ready, check_jobs
+from tendonrepro.parallel import Done, Item, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.store import take_over
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, folder_of
 
 
@@ -134,7 +134,7 @@ def ensemble_study(
     make = partial(make_blocks, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
-    def run(site: Site) -> Outcome:
+    def run(site: Site) -> Result:
         talk, files = site.talk, site.files
         if seconds_out := errors_from(study.loaded.compare):
             talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
@@ -158,7 +158,7 @@ def ensemble_study(
         seconds = time.perf_counter() - started
         (files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
         speed = ahead["experiments"] / seconds if missing else None
-        return _outcome(study, draws, files, speed, resumed)
+        return _result(study, draws, files, speed, resumed)
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
@@ -183,8 +183,8 @@ def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
 
 
 def on_cluster(
-    function: Callable[[Item], Result], items: Sequence[Item], address: str
-) -> Generator[Result, None, None]:
+    function: Callable[[Item], Done], items: Sequence[Item], address: str
+) -> Generator[Done, None, None]:
     """Yield results of a dask.distributed cluster as they become ready.
 
     A dying worker's items are given to another.
@@ -226,7 +226,7 @@ def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool
     take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
 
 
-def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Outcome:
+def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Result:
     """Numbers, tables and figures of all blocks; `speed` is of those just made, experiments per second."""
     blocks = study.blocks(draws)
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
@@ -252,10 +252,10 @@ def _outcome(study: EnsembleStudy, draws: int, folder: Path, speed: float | None
     }
     if around:
         summary["around"] = {**around.as_data(), "told": around.told}
-        return Outcome(summary, [*arm_tables(summary)], arm_figures(summary), _manifest(study))
+        return Result(summary, [*arm_tables(summary)], arm_figures(summary), _manifest(study))
     notes = () if of_paper else (OTHER_BASE,)
     parts = [*ensemble_tables(summary), *notes]
-    return Outcome(summary, parts, ensemble_figures(summary), _manifest(study))
+    return Result(summary, parts, ensemble_figures(summary), _manifest(study))
 
 
 def _manifest(study: EnsembleStudy) -> dict[str, object]:

@@ -45,7 +45,7 @@ def reproduce(
         Check everything, run nothing.
     """
     from tendonrepro.experiments.paper import experiment_study, paper_experiments, summary_of
-    from tendonrepro.experiments.run import outcomes
+    from tendonrepro.experiments.run import results_of
     from tendonrepro.files import refuse_foreign
     from tendonrepro.reporting.live.page import MARK, PAGE, live_text, page_beside
     from tendonrepro.studies.lifecycle import carry_out_together, planned
@@ -67,7 +67,7 @@ def reproduce(
     refuse_foreign(path, MARK, force=force)
     together = carry_out_together(
         [*studies.values()],
-        lambda sites: outcomes([*experiments.values()], talk, sites[0].start),
+        lambda sites: results_of([*experiments.values()], talk, sites[0].start),
         talk,
     )
     answers = dict(zip(studies, together, strict=True))

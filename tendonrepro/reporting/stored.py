@@ -14,9 +14,8 @@ from tendonrepro.files import Json, read_json, shipped
 from tendonrepro.monte_carlo.summary import Summary
 from tendonrepro.reporting.contents import has_all_words
 from tendonrepro.reporting.readings import Shown, read_shown, shown
-from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.paper import is_arm_of_paper
-from tendonrepro.results.store import MANIFEST
+from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.verdicts.ledger import Ledger, read_ledger
 
 PARTS = {
@@ -99,7 +98,7 @@ def stored_under(folder: Path) -> ReportSources:
     DataMissingError
         If the result is damaged, or all are.
     """
-    alone = read_result(folder).command if (folder / MANIFEST).exists() else ""
+    alone = str(read_manifest(folder).get("command", "")) if (folder / MANIFEST).exists() else ""
     places = {name: folder / name for name in (*PARTS, *_FILES)}
     within = {path.parent.name: path.parent for path in sorted(folder.glob(RESULTS))}
     places |= {alone: folder} if alone else within

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import Json
-from tendonrepro.results.on_disk import read_result
+from tendonrepro.results.on_disk import numbers_in, result_manifest
 from tendonrepro.results.records import Trace
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
@@ -83,12 +83,12 @@ def difference(first: Path, second: Path, tolerance: float | None = None) -> dic
 
 def _side(path: Path) -> _Side:
     if path.is_dir() and not (path / TRACES).exists():
-        result = read_result(path)
-        of_run = result.manifest["config"]
+        manifest = result_manifest(path)
+        of_run, command = manifest["config"], str(manifest.get("command", ""))
         # It covers more than the tree: of an ensemble its box, of a validation the measured file.
         config = {"sha256": of_run["sha256"], **dict(_values(of_run.get("tree", {})))}
-        numbers = {key: value for key, value in result.data.items() if key != "config"}
-        return _Side(result.command, config, _versions(result.manifest), dict(_values(numbers)), {})
+        numbers = {key: value for key, value in numbers_in(path, manifest).items() if key != "config"}
+        return _Side(command, config, _versions(manifest), dict(_values(numbers)), {})
     file = read_traces(path)
     tree = load(file.config_yaml, "config_yaml")
     return _Side(file.experiment, dict(_values(tree)), _versions(file.manifest), {}, file.runs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError
@@ -11,20 +10,8 @@ from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.results.traces import TRACES
 
 
-@dataclass(frozen=True)
-class StoredResult:
-    """What lies in the results folder of a command.
-
-    `data` are its numbers by the keys of ``--json``; an experiment's follow from its traces instead.
-    """
-
-    command: str
-    manifest: Json
-    data: Json
-
-
-def read_result(folder: Path) -> StoredResult:
-    """Read the result of any command.
+def result_manifest(folder: Path) -> Json:
+    """Manifest of the result of any command.
 
     Raises
     ------
@@ -36,14 +23,16 @@ def read_result(folder: Path) -> StoredResult:
         message = f"holds no result: there is neither {MANIFEST} nor {TRACES}"
         hint = f"name one of the folders in it: {', '.join(within)}" if within else "run a command first"
         raise DataMissingError(message, where=str(folder), hint=hint)
-    manifest = read_manifest(folder)
+    return read_manifest(folder)
+
+
+def numbers_in(folder: Path, manifest: Json) -> Json:
+    """Numbers of a result by the keys of ``--json``; none of an experiment, whose follow from its traces."""
     command = str(manifest.get("command", ""))
     # An ensemble calls its numbers a summary.
     numbers = [path for path in (folder / f"{command}.json", folder / "summary.json") if path.is_file()]
     data = read_json(numbers[0], "run its command again") if numbers else {}
-    if command == "ensemble":
-        data = _upgraded(data)
-    return StoredResult(command, manifest, data)
+    return _upgraded(data) if command == "ensemble" else data
 
 
 def _upgraded(summary: Json) -> Json:

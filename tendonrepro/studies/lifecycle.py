@@ -11,22 +11,18 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.configuration.quantity import unusual
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import Json
-from tendonrepro.parallel import Start, interrupts_blocked, workers
+from tendonrepro.parallel import Done, Item, Start, interrupts_blocked, workers
 from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, refuse_others, replaced
-from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
-from tendonrepro.studies.result import Result
+from tendonrepro.studies.result import Result, begin_drawing, figure_formats
 from tendonrepro.studies.study import Answer, Site, Study
-
-Item = TypeVar("Item")
-Done = TypeVar("Done")
 
 AGAINST = 3
 """Exit code of a check that fails."""
@@ -49,42 +45,44 @@ def carry_out(study: Study, talk: Talk, *, dry_run: bool = False) -> Answer[Resu
         plan = planned(study, talk)
         return Answer(plan, str(plan["text"]), None)
     if study.shown:
-        result, outcome = _in_memory(study, talk)
-        return Answer({**outcome.data, **outcome.beside}, outcome.text(), result, _exit_code(outcome))
+        result = _in_memory(study, talk)
+        return Answer({**result.data, **result.beside}, str(result), result, _exit_code(result))
     (answer,) = carry_out_together([study], lambda sites: map(study.run, sites), talk)
     return answer
 
 
 def carry_out_together(
-    studies: Sequence[Study], run: Callable[[Sequence[Site]], Iterable[Outcome]], talk: Talk
+    studies: Sequence[Study], run: Callable[[Sequence[Site]], Iterable[Result]], talk: Talk
 ) -> list[Answer[Result]]:
     """Run studies, and put their results into their folders.
 
-    `run` finds the outcomes of all, each at its own site, with the same processes. Errors are those of
+    `run` finds the results of all, each at its own site, with the same processes. Errors are those of
     `carry_out`; then no folder changes.
     """
     for study in studies:
         _tell_remarks(study, talk)
     formats = [study.formats for study in studies]
     with ExitStack() as stack:
-        results = [stack.enter_context(_replaced(study, talk)) for study in studies]
+        places = [stack.enter_context(_replaced(study, talk)) for study in studies]
         start = stack.enter_context(workers())
         begin = _loading_meanwhile(start) if any(formats) else start
-        made = run([Site(talk, result.path, begin) for result in results])
-        outcomes: list[Outcome] = []
-        for study, kinds, outcome, result in zip(studies, formats, made, results, strict=True):
-            result.manifest = _manifest(study, outcome, result.seconds) | figure_formats(kinds)
-            outcomes.append(outcome.stamped(result.manifest))
-        folders = [result.path for result in results]
-        drawn = begin_drawing([*zip(outcomes, folders, strict=True)], formats[0], start)
+        made = run([Site(talk, place.path, begin) for place in places])
+        results: list[Result] = []
+        for study, kinds, result, place in zip(studies, formats, made, places, strict=True):
+            place.manifest = _manifest(study, result, place.seconds) | figure_formats(kinds)
+            results.append(result.stamped(study.command, place.manifest))
+        drawn = begin_drawing(
+            [(result, place.path) for result, place in zip(results, places, strict=True)], formats[0], start
+        )
         # Other processes draw meanwhile.
-        for study, outcome, result in zip(studies, outcomes, results, strict=True):
-            outcome.write(result, study.command if study.numbers == "" else study.numbers)
+        for study, result, place in zip(studies, results, places, strict=True):
+            result.write(place, study.command if study.numbers == "" else study.numbers)
             if study.keep and not study.stays:
-                shutil.rmtree(result.path / study.keep)
+                shutil.rmtree(place.path / study.keep)
         for _ in drawn:
             pass
-    return [_answer(*each) for each in zip(studies, outcomes, results, strict=True)]
+    manifests = [place.manifest for place in places]
+    return [_answer(*each) for each in zip(studies, results, manifests, strict=True)]
 
 
 def result_of(study: Study) -> Result:
@@ -96,15 +94,14 @@ def result_of(study: Study) -> Result:
         result = carry_out(study, Talk()).value
         assert result is not None
         return result
-    return _in_memory(study, Talk())[0]
+    return _in_memory(study, Talk())
 
 
-def _in_memory(study: Study, talk: Talk) -> tuple[Result, Outcome]:
+def _in_memory(study: Study, talk: Talk) -> Result:
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as files:
-        outcome = study.run(Site(talk, Path(files)))
-    manifest = _manifest(study, outcome, time.perf_counter() - started)
-    return Result(study.command, outcome.stamped(manifest), manifest), outcome
+        result = study.run(Site(talk, Path(files)))
+    return result.stamped(study.command, _manifest(study, result, time.perf_counter() - started))
 
 
 def _replaced(study: Study, talk: Talk) -> AbstractContextManager[NewResult]:
@@ -128,28 +125,27 @@ def _loading_meanwhile(start: Start) -> Start:
     return begin
 
 
-def _answer(study: Study, outcome: Outcome, result: NewResult) -> Answer[Result]:
+def _answer(study: Study, result: Result, manifest: Json) -> Answer[Result]:
+    """What is told of a result; tables of one without runs are read from its folder, by its manifest."""
     target = study.target
-    text = f"{outcome.text()}\n\nResults are in {target}"
-    data = {**outcome.data, "out": str(target), "manifest": str(target / MANIFEST)}
-    if outcome.traces is None:
-        shown = Outcome(data, [outcome.text()], outcome.figures)
-        value = Result(study.command, shown, result.manifest, _folder=target)
-    else:
-        value = Result(study.command, outcome, outcome.traces.manifest)
-    told = {**data, **outcome.beside, "text": text}
+    text = f"{result}\n\nResults are in {target}"
+    data = {**result.data, "out": str(target), "manifest": str(target / MANIFEST)}
+    told = {**data, **result.beside, "text": text}
     if study.lists_files:
-        told["files"] = [str(target / file) for file in result.manifest["outputs"]]
-    return Answer(told, text, value, _exit_code(outcome))
+        told["files"] = [str(target / file) for file in manifest["outputs"]]
+    value = result
+    if result.traces is None:
+        value = replace(result, data=data, parts=[str(result)], manifest=manifest, folder=target)
+    return Answer(told, text, value, _exit_code(result))
 
 
-def _exit_code(outcome: Outcome) -> int:
-    return AGAINST if outcome.fails_check else DIVERGED if outcome.diverged else 0
+def _exit_code(result: Result) -> int:
+    return AGAINST if result.fails_check else DIVERGED if result.diverged else 0
 
 
-def _manifest(study: Study, outcome: Outcome, seconds: float) -> Json:
+def _manifest(study: Study, result: Result, seconds: float) -> Json:
     """How a result came about; what only its study knows comes last."""
-    known, own = make_manifest(study.loaded, seconds, study.command, study.digest), outcome.manifest
+    known, own = make_manifest(study.loaded, seconds, study.command, study.digest), result.manifest
     return known | {"again": study.again} | dict(own) | {"config": known["config"] | own.get("config", {})}
 
 

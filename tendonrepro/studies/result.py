@@ -1,31 +1,33 @@
-"""What a command found."""
+"""What a study found: numbers, tables, figures and runs; files, terminal, JSON and Python are views of it."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
-from tendonrepro.files import Json
+from tendonrepro.files import Json, to_json
+from tendonrepro.parallel import Start
 from tendonrepro.results.formats import FORMATS, formats_of
 from tendonrepro.results.on_disk import table_files
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
-from tendonrepro.results.traces import dataset_of
-from tendonrepro.studies.outcome import Outcome, begin_drawing, figure_formats
+from tendonrepro.results.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tendonrepro.results.figures.style import Drawing
 
-@dataclass(eq=False, repr=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What a command found: numbers, tables, figures and, of an experiment, runs.
 
@@ -33,29 +35,45 @@ class Result:
 
     Attributes
     ----------
+    data : mapping
+        The numbers that ``--json`` prints.
+    parts : sequence
+        Stand in the terminal; tables are written, too.
+    drawings : mapping
+        How to draw each figure, by name; of traces the figures follow without being named.
+    manifest : mapping
+        What made it; of a study that gives it, what this one alone knows.
+    traces : TraceFile, optional
+        Runs of an experiment with what they were made with; None of other commands.
+    files : mapping
+        Texts of further files, by name.
+    beside : mapping
+        What ``--json`` says of this call alone; it is not stored.
+    diverged : bool
+        Whether a run diverged.
+    fails_check : bool
+        Whether a check that the user asked for fails.
     command : str
-    manifest : dict
-        What made it.
+        Its name.
+    folder : Path, optional
+        Where its tables and files lie, if they are read from there.
     """
 
-    command: str
-    _outcome: Outcome
-    manifest: Json
-    _folder: Path | None = None
-
-    @property
-    def traces(self) -> TraceFile | None:
-        """Runs of an experiment with what they were made with; None of other commands."""
-        return self._outcome.traces
+    data: Mapping[str, Any]
+    parts: Sequence[Table | str] = ()
+    drawings: Mapping[str, Callable[[], Drawing]] = field(default_factory=dict)
+    manifest: Json = field(default_factory=dict)
+    traces: TraceFile | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+    beside: Mapping[str, object] = field(default_factory=dict)
+    diverged: bool = False
+    fails_check: bool = False
+    command: str = ""
+    folder: Path | None = None
 
     @property
     def _runs(self) -> Mapping[str, Trace]:
         return self.traces.runs if self.traces else {}
-
-    @cached_property
-    def data(self) -> Json:
-        """The numbers that ``--json`` prints."""
-        return dict(self._outcome.data)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._runs)
@@ -68,29 +86,44 @@ class Result:
 
     def __getitem__(self, run: str) -> xr.Dataset:
         """Return a run with the dimensions time and joint; units stand in the attributes."""
+        from tendonrepro.results.traces import dataset_of
+
         return dataset_of(self._runs[run])
+
+    @property
+    def _tables(self) -> list[Table]:
+        return [part for part in self.parts if isinstance(part, Table)]
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tables by name, with all digits."""
         import pandas as pd
 
-        if self._folder is not None:
-            paths = table_files(self._folder, self.manifest, ".csv")
-            # From 3.1 on that is the default, and to ask for it a warning.
-            older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
-            exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}
-            # A table without a row has no columns either.
-            return {
-                path.stem: pd.read_csv(path, **exact) if path.read_text("utf-8").strip() else pd.DataFrame()
-                for path in paths
-            }
-        return {name: pd.DataFrame(list(table.rows)) for name, table in self._outcome.tables.items()}
+        if self.folder is None:
+            return {table.name: pd.DataFrame(list(table.rows)) for table in self._tables}
+        paths = table_files(self.folder, self.manifest, ".csv")
+        # From 3.1 on that is the default, and to ask for it a warning.
+        older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
+        exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}
+        # A table without a row has no columns either.
+        return {
+            path.stem: pd.read_csv(path, **exact) if path.read_text("utf-8").strip() else pd.DataFrame()
+            for path in paths
+        }
+
+    @property
+    def _drawings(self) -> Mapping[str, Callable[[], Drawing]]:
+        if self.traces is None:
+            return self.drawings
+        # Only who asks for pictures loads what draws.
+        from tendonrepro.results.figures.catalogue import available, draw
+
+        return {name: partial(draw, name, self.traces) for name in available(self.traces)}
 
     @property
     def figures(self) -> list[str]:
         """Names that `plot` takes."""
-        return list(self._outcome.drawings)
+        return list(self._drawings)
 
     def plot(self, name: str | int) -> Figure:
         """Draw one of `figures`, by name or by its number in the paper.
@@ -100,15 +133,33 @@ class Result:
         UsageError
             When there is none, or the runs do not hold what it shows.
         """
-        drawings = self._outcome.drawings
+        drawings = self._drawings
         stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
         if stem not in drawings:
             message = f"this result of {self.command} has no figure {name}"
             hint = f"figures: {', '.join(drawings) or 'none'}"
-            if self._folder is not None and not drawings:
-                hint = f"stored pictures of {self.command} are in {self._folder}, and are not drawn again"
+            if self.folder is not None and not drawings:
+                hint = f"stored pictures of {self.command} are in {self.folder}, and are not drawn again"
             raise UsageError(message, hint=hint)
         return drawings[stem]().figure
+
+    def stamped(self, command: str, manifest: Json) -> Result:
+        """Return it with its command and what made it, also in its traces."""
+        traces = self.traces and replace(self.traces, manifest=manifest)
+        return replace(self, command=command, manifest=manifest, traces=traces)
+
+    def write(self, place: NewResult, numbers: str | None) -> None:
+        """Write all but the figures: numbers as ``<numbers>.json``, if that is named."""
+        if numbers is not None:
+            place.write(f"{numbers}.json", to_json(dict(self.data)))
+        for file, text in self.files.items():
+            place.write(file, text)
+        if self.traces is not None:
+            from tendonrepro.results.traces import TRACES, write_traces
+
+            write_traces(place.path / TRACES, self.traces)
+        for table in self._tables:
+            table.write(place.path / table.folder)
 
     def save(
         self,
@@ -135,12 +186,17 @@ class Result:
             format that is not there.
         """
         kinds = formats_of(formats, figures=figures)
-        if self._folder is not None and kinds:
+        if self.folder is not None and kinds:
             kinds = self._drawn(kinds if formats is not None else ())
         target = Path(folder)
-        with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as result:
-            self._write(result, kinds)
-            result.manifest = self.manifest | figure_formats(kinds)
+        with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as place:
+            if self.folder is None:
+                self.write(place, self.command)
+                for _ in begin_drawing([(self, place.path)], kinds):
+                    pass
+            else:
+                self._copy(self.folder, place.path, kinds)
+            place.manifest = self.manifest | figure_formats(kinds)
         return target
 
     def _drawn(self, asked: Sequence[str]) -> tuple[str, ...]:
@@ -152,28 +208,63 @@ class Result:
                 raise UsageError(message, where="formats", hint=f"say formats= to {self.command}")
         return tuple(asked or drawn)
 
-    def _write(self, result: NewResult, formats: Sequence[str]) -> None:
-        if self._folder is not None:
-            # A caption belongs to its figure, in whatever format that is.
-            figures = {*formats, "txt"} if formats else set()
-            names = map(PurePosixPath, read_manifest(self._folder)["outputs"])
-            kept = (n for n in names if n.parts[0] != "figures" or n.suffix.removeprefix(".") in figures)
-            take_over(self._folder, result.path, map(str, kept))
-            return
-        self._outcome.write(result, self.command)
-        for _ in begin_drawing([(self._outcome, result.path)], formats):
-            pass
+    @staticmethod
+    def _copy(folder: Path, target: Path, formats: Sequence[str]) -> None:
+        """Copy the files of a result, of its figures those in some formats."""
+        # A caption belongs to its figure, in whatever format that is.
+        figures = {*formats, "txt"} if formats else set()
+        names = map(PurePosixPath, read_manifest(folder)["outputs"])
+        kept = (n for n in names if n.parts[0] != "figures" or n.suffix.removeprefix(".") in figures)
+        take_over(folder, target, map(str, kept))
 
     def __repr__(self) -> str:
-        runs = f", {count_of(len(self), 'run')}" if self._outcome.traces else ""
+        runs = f", {count_of(len(self), 'run')}" if self.traces else ""
         return f"<tendonrepro {self.command}{runs}, configuration {self.manifest['config']['sha256'][:8]}>"
 
     def __str__(self) -> str:
-        return self._outcome.text()
+        """What the terminal shows."""
+        shown = [part for part in self.parts if isinstance(part, str) or part.terminal != ()]
+        return "\n\n".join(part if isinstance(part, str) else part.text() for part in shown)
 
     def _repr_html_(self) -> str:
-        if self._folder is not None:
+        if self.folder is not None:
             return f"<pre>{html.escape(str(self))}</pre>"
         tables = self.tables
-        shown = [name for name, table in self._outcome.tables.items() if table.terminal != ()]
+        shown = [table.name for table in self._tables if table.terminal != ()]
         return "".join(f"<h4>{name}</h4>{tables[name].to_html(index=False)}" for name in shown)
+
+
+def begin_drawing(
+    results: Sequence[tuple[Result, Path]], formats: Sequence[str], start: Start = map
+) -> Iterator[None]:
+    """Begin to draw the figures of results into their folders; who runs through the iterator waits.
+
+    Figures of traces are drawn by what `start` starts, the others in this process.
+    """
+    if not formats or not any(result.traces or result.drawings for result, _ in results):
+        return iter(())
+    from tendonrepro.results.figures import catalogue, style
+
+    of_traces = [
+        (result.traces, folder / "figures", name)
+        for result, folder in results
+        if result.traces
+        for name in result.figures
+    ]
+    # Later figures first, for they have more panels.
+    begun = catalogue.begin_drawing(of_traces[::-1], formats, start)
+
+    def drawn() -> Iterator[None]:
+        for result, folder in results:
+            for draw in () if result.traces else result.drawings.values():
+                style.save_drawing(draw(), folder / "figures", formats)
+                yield
+        for _ in begun:
+            yield
+
+    return drawn()
+
+
+def figure_formats(formats: Sequence[str]) -> dict[str, list[str]]:
+    """What a manifest says of figures: their formats, none where none were drawn."""
+    return {"figure_formats": list(formats)}

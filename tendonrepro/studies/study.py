@@ -15,7 +15,7 @@ from tendonrepro.studies.parameters import FOLDER, Destination, Folder
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import LoadedConfig
     from tendonrepro.parallel import Start
-    from tendonrepro.studies.outcome import Outcome
+    from tendonrepro.studies.result import Result
 
 V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
@@ -68,7 +68,7 @@ class Study:
     """
 
     loaded: LoadedConfig | None
-    run: Callable[[Site], Outcome]
+    run: Callable[[Site], Result]
     folder: Destination = field(default_factory=Destination)
     decided_by: Mapping[str, object] = field(default_factory=dict)
     keep: str = ""

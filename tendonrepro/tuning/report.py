@@ -12,7 +12,7 @@ import numpy as np
 from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.tuning.search import CAPS, CONDITIONS, TunedRow, TuningTask
 
@@ -123,7 +123,7 @@ def pairs_among(laws: KeysView[str]) -> list[tuple[str, str]]:
     return pairs
 
 
-def outcome(task: TuningTask, drawn: Sequence[TunedRow]) -> Outcome:
+def tuning_result(task: TuningTask, drawn: Sequence[TunedRow]) -> Result:
     """Numbers, tables and figure."""
     from tendonrepro.tuning.figure import draw_tuning
 
@@ -163,7 +163,7 @@ def outcome(task: TuningTask, drawn: Sequence[TunedRow]) -> Outcome:
         Table("laws", f"Every law at its best, and with {gains} gains.", at_best, terminal=()),
     ]
     told = [*_warnings(len(lost), scattered)]
-    return Outcome(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on, gains)})
+    return Result(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on, gains)})
 
 
 def count_scattered(rows: Sequence[TunedRow]) -> int:

@@ -25,12 +25,12 @@ from tendonrepro.files import digest_of, read_json, to_json, write_atomically
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
-from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
-from tendonrepro.tuning.report import SCHEMA_VERSION, outcome
+from tendonrepro.tuning.report import SCHEMA_VERSION, tuning_result
 from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
@@ -78,14 +78,14 @@ def tuning_study(
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
 
-    def run(site: Site) -> Outcome:
+    def run(site: Site) -> Result:
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
         numbers = _usable(task, plants, every=any_plant)
         drawn = _tuned(task, numbers, site.files / states, jobs, site.talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": seed, "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(outcome(task, drawn), manifest=head)
+        return replace(tuning_result(task, drawn), manifest=head)
 
     base = replace(base, sha256=identity, origin=loaded.origin)
     return Study(base, run, folder, keep=states, stored=True)

@@ -32,7 +32,7 @@ def validate(
     """
     from tendonrepro.configuration.load import ExperimentName, load_config
     from tendonrepro.files import sha256_of
-    from tendonrepro.validation.report import validation_outcome
+    from tendonrepro.validation.report import validation_result
     from tendonrepro.validation.validated import validated
     from tendonrepro.verdicts.measurement import read_measured
 
@@ -44,7 +44,7 @@ def validate(
 
     return Study(
         base,
-        lambda site: validation_outcome(validated(file, path.name, base, site), path),
+        lambda site: validation_result(validated(file, path.name, base, site), path),
         folder,
         decided_by={"measured": sha256_of(path)},
         stored=True,

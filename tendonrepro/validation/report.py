@@ -14,7 +14,7 @@ from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.files import Json
 from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
-from tendonrepro.studies.outcome import Outcome
+from tendonrepro.studies.result import Result
 from tendonrepro.validation.validated import Validation
 from tendonrepro.verdicts.from_measurement import JUDGED
 from tendonrepro.verdicts.measurement import Measurement
@@ -38,7 +38,7 @@ _CONTROLLERS = ("run", "joint", "answer", "surface", "readings", "weights", "adv
 """Columns that the terminal shows."""
 
 
-def validation_outcome(validation: Validation, path: Path) -> Outcome:
+def validation_result(validation: Validation, path: Path) -> Result:
     """Show what the measurement at a path says of paper and model."""
     from tendonrepro.validation.figures import draw_overlay, overlays
 
@@ -90,7 +90,7 @@ def validation_outcome(validation: Validation, path: Path) -> Outcome:
         *shown("controllers", "Controllers of the runs, as recover finds.", told, _CONTROLLERS),
         *(f"Missing: {what}" for what in validation.missing),
     ]
-    return Outcome(data, parts, figures, {"experiment": "validate"}, diverged=diverged)
+    return Result(data, parts, figures, {"experiment": "validate"}, diverged=diverged)
 
 
 def _about(path: Path, known: Json) -> str:

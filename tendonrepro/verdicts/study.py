@@ -16,8 +16,8 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.results.summary import CONTROLLERS, fitted_under
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
-from tendonrepro.studies.outcome import Outcome
 from tendonrepro.studies.parameters import MEASURED, Folder
+from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.ledger import Origin, as_data, changed, origin_of, shipped_ledger, with_shipped
@@ -71,12 +71,12 @@ def claims_study(
     refuse_file(above)
     before = None if baseline is None else _baseline(baseline, ids)
 
-    def run(site: Site) -> Outcome:
+    def run(site: Site) -> Result:
         sources, verdicts, judged_by = _judged(above, measured, ids, site.talk)
         data = as_data(verdicts, judged_by)
         changes = {} if before is None else changed(before, verdicts)
         failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
-        told = Outcome(
+        told = Result(
             data,
             list(map(details_text, verdicts)),
             beside={} if before is None else {"changed": changes},
@@ -92,10 +92,10 @@ def claims_study(
     return Study(None, run, folder, place=above / FOLDER, shown=bool(ids), lists_files=True)
 
 
-def _with_influences(outcome: Outcome, data: EnsembleData | None) -> Outcome:
+def _with_influences(told: Result, data: EnsembleData | None) -> Result:
     """Add what an ensemble tells of the unknowns that decide."""
     if data is None:
-        return replace(outcome, manifest={"ensemble": None})
+        return replace(told, manifest={"ensemble": None})
     influences = rankings(data)
 
     def draw() -> Drawing:
@@ -105,10 +105,10 @@ def _with_influences(outcome: Outcome, data: EnsembleData | None) -> Outcome:
         return replace(draw_influences(influences), origin=origin)
 
     return replace(
-        outcome,
+        told,
         manifest={"ensemble": [data.identity, data.planned]},
         files={"decides.json": to_json(influences)},
-        figures={"decides": draw} if influences else {},
+        drawings={"decides": draw} if influences else {},
     )
 
 

@@ -186,7 +186,7 @@ SIMULATED = [name for name in STUDIES if "controllers" in COMMANDS[name].signatu
 
 @pytest.mark.parametrize("name", sorted({*SIMULATED} - NOT_SIMULATED))
 def test_a_diverged_run_is_told_by_the_exit_code(tmp_path: Path, name: str) -> None:
-    """`diverged` of an Outcome says so."""
+    """`diverged` of a Result says so."""
     limit = ["--set", "status.divergence_limit=1e-6", "--no-figures"]
     answer(*name.split(), *SMALL.get(name, []), *limit, cwd=tmp_path, code=DIVERGED)
 

@@ -26,7 +26,7 @@ from tendonrepro.evidence import bench_runs, predict, predict_report
 from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, EXPERIMENTS, experiments_on, law_of, with_alpha
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
-from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_outcome
+from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_result
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.results.tables import Table
@@ -263,7 +263,7 @@ def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path
 def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     for draws in (32, 20):
         with pytest.raises(UsageError):
-            predict_outcome(load_ensemble(None), draws, "nonsense", Talk())
+            predict_result(load_ensemble(None), draws, "nonsense", Talk())
         assert ("32" in capsys.readouterr().err) == (draws == 20)
 
 

@@ -13,7 +13,7 @@ import tendonrepro as tr
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.experiments.statics import RESERVE, half_plane, survey
-from tendonrepro.experiments.statics_report import statics_outcome
+from tendonrepro.experiments.statics_report import statics_result
 
 LENGTH, MASS, COM = np.array([0.30, 0.28]), np.array([0.77, 0.47, 0.22]), np.array([0.144, 0.1344, 0.096])
 
@@ -63,7 +63,7 @@ def test_one_moving_joint_has_tensions_but_no_map():
     smallest = [9.81 * 0.22 * 0.096 * np.sin(np.radians(2.5)) / 0.0185]
     assert found.weight_alone == pytest.approx(smallest)
     assert set(found.courses["negative"].half_plane) == {"motor", "payload", "spring"}
-    shown = statics_outcome(found)
+    shown = statics_result(found)
     assert shown.data["map"] is None
     assert not shown.figures
 

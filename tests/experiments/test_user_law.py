@@ -11,7 +11,7 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.rig import build_plant
-from tendonrepro.experiments.run import outcome_of, simulate_run, trace_file
+from tendonrepro.experiments.run import experiment_result, simulate_run, trace_file
 from tendonrepro.experiments.user_law import checked, laws_of, refuse_memory, runs_of, with_user_laws
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.control import start_memory
@@ -166,7 +166,7 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
     np.testing.assert_allclose(held["tau_cmd"][0], gravity_torque(held["q_encoder"][0], plant.arm))
     assert file.runs["PD-law_payload"].attributes["payload_mass"] > 0.0
     assert held.attributes["law"] == "user law PD-law"
-    data = outcome_of(file).data
+    data = experiment_result(file).data
     assert list(data["table2"]) == ["controller_1", "PD-law", "away"]
     assert {"no_load", "PD-law_no_load", "PD-law_with_load", "away_with_load"} <= data["table3"].keys()
     assert data["status"]["away"] == "diverged"

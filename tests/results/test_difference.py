@@ -8,8 +8,8 @@ import pytest
 from support.command import answer
 from support.synthetic import FEW, make_compare_file
 
+import tendonrepro as tr
 from tendonrepro.results.difference import difference, difference_text
-from tendonrepro.results.on_disk import read_result
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -139,4 +139,4 @@ def test_an_ensemble_stored_before_version_2_is_the_same_under_the_keys_of_today
         (tmp_path / name / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
         (tmp_path / name / "summary.json").write_text(json.dumps(content), encoding="utf-8")
     assert difference(tmp_path / "old", tmp_path / "new")["same"]
-    assert read_result(tmp_path / "old").data == summary
+    assert tr.open(tmp_path / "old").data == summary

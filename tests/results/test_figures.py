@@ -21,7 +21,7 @@ from support.measured_synthetic import with_runs
 from support.synthetic import S, make_compare_file, make_decouple_file, whole
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.experiments.run import outcome_of
+from tendonrepro.experiments.run import experiment_result
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, shown
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import (
@@ -291,8 +291,8 @@ def test_a_picture_of_a_fitted_plant_says_so_and_under_which_reading() -> None:
     pictures = [draw(name, shown(name, fitted(compare_file()))) for name in available(compare_file())]
     assert len({picture.origin for picture in pictures}) == 1
     assert under_said in draw(14, fitted(compare_file())).origin
-    assert under_said in outcome_of(fitted(compare_file())).text()
-    assert "phi_branch" not in outcome_of(compare_file()).text()
+    assert under_said in str(experiment_result(fitted(compare_file())))
+    assert "phi_branch" not in str(experiment_result(compare_file()))
 
 
 def test_pulling_tendon_1_states_the_slope_of_joint_2() -> None:

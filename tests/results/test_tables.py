@@ -13,7 +13,7 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.experiments.run import outcome_of
+from tendonrepro.experiments.run import experiment_result
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import base_of_paper
 from tendonrepro.results.paper_tables import (
@@ -339,9 +339,9 @@ class TestData:
 
 def test_the_terminal_shows_what_the_files_hold() -> None:
     growing = {"growing_hz": {"controller_1": 4.5}}
-    outcome = outcome_of(dataclasses.replace(make_compare_file(), manifest=growing))
-    text = outcome.text()
+    result = experiment_result(dataclasses.replace(make_compare_file(), manifest=growing))
+    text = str(result)
     for name in ("table2_paper", "table3_paper", "ranking"):
-        for row in outcome.tables[name].rows:
+        for row in result.tables[name].to_dict("records"):
             assert all(rounded(value) in text for value in row.values())
     assert "controller_1 at 4.5 Hz" in text
