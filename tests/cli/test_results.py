@@ -94,8 +94,8 @@ def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> Non
     told = answer("report", ".", cwd=place)
     folders = {path.name for path in place.iterdir() if path.is_dir()}
     shown = {name for name, origin in told["parts"].items() if origin == "run"}
-    assert {"compare"} <= shown
-    assert {"statics", "no_result"} <= told["left_out"].keys()
+    assert {"compare", "statics"} <= shown
+    assert {"no_result"} <= told["left_out"].keys()
     assert folders == (shown & folders) | told["left_out"].keys()
     text = run("report", ".", cwd=place).stdout
     page = (place / "report.html").read_text(encoding="utf-8")
