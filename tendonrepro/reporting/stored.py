@@ -120,7 +120,7 @@ def stored_under(folder: Path) -> ReportSources:
     origins = {name: "run" if name in manifests else "missing" for name in parts}
     origins["claims"] = "run" if judged else "shipped"
     origins["ensemble"] = "run" if own else "here" if "ensemble" in parts else "shipped"
-    left_out = {} if alone else dict(_left_out(folder, {*sound}, damaged))
+    left_out = {} if alone else dict(_left_out(folder, {*manifests}, damaged))
     return ReportSources(parts, manifests, own or read_shown(ours), ledger, origins, left_out)
 
 
