@@ -34,6 +34,7 @@ def predict(
 ) -> Study:
     """What experiments on a bench would give, by interpretation.
 
+    An interrupted prediction goes on.
     With a comparison as configuration, plants are drawn around its arm.
 
     Parameters
@@ -43,17 +44,23 @@ def predict(
     readings
         Comma-separated names [default: the main ones].
     """
+    from tendonrepro import __version__
     from tendonrepro.configuration.plants import load_plants, with_all_controllers
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
+    from tendonrepro.files import digest_of
+    from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 
     loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
     asked_for(loaded, draws, names)
+    made_by = __version__, code_digest(*ROOMS, "evidence"), loaded.sha256, loaded.base.sha256
+    states = f"plants-{digest_of({'made_by': made_by})[:16]}"  # those of others are not taken up
     return Study(
         replace(loaded.base, sha256=loaded.sha256, origin=loaded.origin),
-        lambda site: predict_result(loaded, draws, names, site.talk),
+        lambda site: predict_result(loaded, draws, names, site.talk, site.files / states),
         folder,
         decided_by={"draws": draws, "readings": names},
+        keep=states,
         stored=True,
     )
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +18,7 @@ from tendonrepro.configuration.models.control import FIRST, RUNS
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
 from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, BenchExperiment, experiments_on
+from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.parallel import processors
 from tendonrepro.physics.metrics import STATUSES
@@ -51,26 +54,36 @@ def predictions(
     readings: Sequence[Reading],
     draws: int,
     talk: Talk,
+    files: Path | None = None,
 ) -> Iterator[Prediction]:
-    """Yield every experiment's ratio under every reading on every joint."""
+    """Yield every experiment's ratio under every reading on every joint.
+
+    With a folder for `files`, what was simulated is kept there, and taken up again.
+    """
     joints, experiments = loaded.compare.joints, experiments_on(loaded)
     base = [run for run in RUNS if run in loaded.compare.runs]
+    names = [*dict.fromkeys(experiment.error for experiment in experiments)]
+    runs = len(base) + len(experiments)
     values = population_of(loaded).sample(int(loaded.config.seed.si), 0, 0, draws)
     with talk.bar("simulating", draws * len(readings)) as progress:
         for reading in readings:
-            errors: dict[str, list[Array]] = {experiment.error: [] for experiment in experiments}
-            stable = []
+            kept = Kept(partial(_simulated, loaded, reading, names), files and files / f"{reading.name}.npy")
             for rows in np.split(values, range(AT_ONCE, draws, AT_ONCE)):
-                loops = [*loops_of_plants(loaded, rows, reading)]
-                limits, threads = loaded.compare.status, processors()
-                batch = simulate_batch(loops, limits, threads=threads)
-                count = len(base) + len(experiments)
-                for name, parts in errors.items():
-                    parts.append(batch.statistics[name].reshape(-1, count, len(joints)))
-                stable.append(batch.status.reshape(-1, count) == STATUSES.index("ok"))
+                kept(rows)
                 progress(len(rows))
-            sizes = {name: np.concatenate(parts) for name, parts in errors.items()}
-            yield from error_ratios(experiments, base, sizes, np.concatenate(stable), reading.name, joints)
+            columns = kept.table[:, values.shape[1] :]
+            status, sizes = columns[:, :runs], columns[:, runs:].reshape(draws, len(names), runs, -1)
+            by_name = np.moveaxis(sizes, 1, 0)
+            errors, stable = dict(zip(names, by_name, strict=True)), status == STATUSES.index("ok")
+            yield from error_ratios(experiments, base, errors, stable, reading.name, joints)
+
+
+def _simulated(loaded: LoadedEnsemble, reading: Reading, names: Sequence[str], values: Array) -> Array:
+    """Status of each run of plants (N, P) under a reading, then each of its statistics, (N, K)."""
+    loops = [*loops_of_plants(loaded, values, reading)]
+    batch = simulate_batch(loops, loaded.compare.status, threads=processors())
+    parts = [batch.status.astype(np.float64), *(batch.statistics[name] for name in names)]
+    return np.column_stack([part.reshape(len(values), -1) for part in parts])
 
 
 def loops_of_plants(loaded: LoadedEnsemble, values: Array, reading: Reading) -> Iterator[Loop]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import errors_from
@@ -42,8 +43,13 @@ def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
     readings_on(loaded, readings)
 
 
-def predict_result(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk) -> Result:
-    """Predict every experiment under interpretations, their names with commas between."""
+def predict_result(
+    loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk, files: Path | None = None
+) -> Result:
+    """Predict every experiment under interpretations, their names with commas between.
+
+    What was simulated is kept in the folder `files`, if one is named.
+    """
     from tendonrepro.evidence.figure_predictions import draw_predictions
 
     if draws & (draws - 1):
@@ -56,7 +62,7 @@ def predict_result(loaded: LoadedEnsemble, draws: int, readings: str, talk: Talk
         loaded.compare.joints,
         experiments_on(loaded),
     )
-    predicted = list(predictions(loaded, chosen, draws, talk))
+    predicted = list(predictions(loaded, chosen, draws, talk, files))
     names = [reading.name for reading in chosen]
     gaps = gaps_between(predicted, names)
     told, never = told_apart(gaps), never_told_apart(gaps, names)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.files import atomic_path
+from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import Population, evolution
 
 
@@ -114,36 +114,34 @@ class SearchPoints:
     def __init__(
         self, misfit: Misfit, width: int, most: int, path: Path, progress: Callable[[int], None]
     ) -> None:
-        self._misfit, self._width, self._path, self._progress = misfit, width, path, progress
-        self.left, self.count = most, 0
-        self._table = np.load(path) if path.exists() else np.empty((0, 0))
+        self._kept = Kept(lambda points: np.column_stack(misfit(points)), path)
+        self._width, self._progress, self.left = width, progress, most
 
     def __call__(self, points: Array) -> Evaluated:
         """Look at points, or find on disk what was seen there."""
         if len(points) > self.left:
             raise _UsedUp
-        asked = slice(self.count, self.count + len(points))
-        if not np.array_equal(self._table[asked, : self._width], points):
-            looked_at = np.column_stack([points, *self._misfit(points)])
-            self._table = np.concatenate([self._table[: self.count], looked_at]) if self.count else looked_at
-            with atomic_path(self._path) as temporary:
-                np.save(temporary, self._table)
-        self.count += len(points)
+        values = self._kept(points)
         self.left -= len(points)
         self._progress(len(points))
-        return Evaluated(self._table[asked, self._width], self._table[asked, self._width + 1 :])
+        return Evaluated(values[:, 0], values[:, 1:])
+
+    @property
+    def count(self) -> int:
+        """How many were looked at."""
+        return self._kept.count
 
     @property
     def seen(self) -> tuple[Array, Array]:
         """All points that were looked at, (N, P), and their misfits, (N,)."""
-        table = self._table[: self.count]
+        table = self._kept.table
         return table[:, : self._width], table[:, self._width : self._width + 1].reshape(-1)
 
     def best(self, since: int = 0) -> tuple[float, Array]:
         """Smallest misfit since so many points, and its point (P,)."""
-        seen = self._table[since : self.count]
-        row = seen[np.argmin(seen[:, self._width])]
-        return float(row[self._width]), row[: self._width]
+        points, misfits = self.seen
+        row = since + int(np.argmin(misfits[since:]))
+        return float(misfits[row]), points[row]
 
 
 def search(

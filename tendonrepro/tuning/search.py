@@ -9,7 +9,9 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise, product
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +21,7 @@ from scipy.stats import gmean
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import SECOND
+from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.tuning.bench import (
@@ -98,13 +101,17 @@ class TuningEffort:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Searches on one draw under caps on roughness, N m; infinity is none."""
+    """Searches on one draw under caps on roughness, N m; infinity is none.
+
+    What was looked at is kept in the file `path`, if one is named.
+    """
 
     laws: Mapping[str, TunedLaw]
     caps: Sequence[float]
     plants: TrialPlants
     effort: TuningEffort
     seed: tuple[int, int]
+    path: Path | None = None
     places: dict[SearchKey, list[Seen]] = field(default_factory=dict)
 
     def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[SearchKey, list[Seen]]:
@@ -142,16 +149,31 @@ class Tuning:
                 strategy.tell(asked[key, k], costs(own, self.caps[k]).tolist())
 
     def _look(self, asked: Sequence[tuple[SearchKey, Array]]) -> None:
-        n, candidates = self.plants.alpha.size, []
-        for key, unit in asked:
+        if not asked:
+            return
+        number, n = {key: k for k, key in enumerate(self.places)}, self.plants.alpha.size
+        # A row for each candidate: its search, and its place in the cube of its law.
+        points = np.full((len(asked), 1 + max(sum(law.sizes(n)) for law in self.laws.values())), np.nan)
+        for row, (key, unit) in zip(points, asked, strict=True):
+            row[0], row[1 : 1 + unit.size] = number[key], unit
+        for (key, unit), (error, roughness, *stable) in zip(asked, self._kept(points).tolist(), strict=True):
+            self.places[key].append(Seen(unit, error, roughness, np.array(stable) > 0.0))
+
+    @cached_property
+    def _kept(self) -> Kept:
+        return Kept(self._measured, self.path)
+
+    def _measured(self, points: Array) -> Array:
+        """Mean log error, roughness and stability of each run of candidates."""
+        keys, n, candidates = [*self.places], self.plants.alpha.size, []
+        for place, *unit in points:
+            key = keys[int(place)]
             law = self.laws[key.law]
-            candidates.append(Candidate(law, key.knows, key.filtered, law.values(unit, n)))
-        if candidates:
-            measured = measure(self.plants, candidates)
-            errors = np.log(measured.mae[:, :2]).mean(axis=(1, 2)).tolist()
-            parts = zip(asked, errors, measured.roughness.tolist(), measured.stable, strict=True)
-            for (key, unit), error, roughness, stable in parts:
-                self.places[key].append(Seen(unit, error, roughness, stable))
+            gains = law.values(np.array(unit[: sum(law.sizes(n))]), n)
+            candidates.append(Candidate(law, key.knows, key.filtered, gains))
+        measured = measure(self.plants, candidates)
+        errors = np.log(measured.mae[:, :2]).mean(axis=(1, 2))
+        return np.column_stack([errors, measured.roughness, measured.stable])
 
     def _exchange(self) -> None:
         for before, after in pairwise(CLASSES):
@@ -208,17 +230,20 @@ class TuningTask:
         config = population.configured(population.sample(seed, 0, number, 1)[0])
         return posed(config)
 
-    def tuned(self, number: int) -> TunedRow:
-        """Tune every law on one draw, as plain values."""
+    def tuned(self, states: Path, number: int) -> TunedRow:
+        """Tune every law on one draw, as plain values; what was looked at is kept in the folder `states`."""
         plants = self.draw(number)
         scale = measure(plants, [as_published(plants)[SECOND]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
-        tuning = Tuning(self.laws, [*caps.values()], plants, self.effort, (self.seed, number))
+        tuning = Tuning(
+            self.laws, [*caps.values()], plants, self.effort, (self.seed, number), states / f"{number}.npy"
+        )
         best_seen: BestSeen = {}
         for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
             best_seen.setdefault((*key[:3], name), []).append(best(seen, cap))
         kept = [*self._best(best_seen, plants.alpha.size), *_published_rows(plants)]
-        return {"draw": number, "rows": _measured(plants, kept), "lost": [*lost_to_special_case(best_seen)]}
+        rows = _measured(plants, kept, states / f"{number}-best.npy")
+        return {"draw": number, "rows": rows, "lost": [*lost_to_special_case(best_seen)]}
 
     def _best(self, best_seen: BestSeen, n: int) -> Iterator[TunedRow]:
         for (name, knows, filtered, cap), own in best_seen.items():
@@ -244,10 +269,17 @@ def _published_rows(plants: TrialPlants) -> Iterator[TunedRow]:
         yield _row(SECOND, knows, False, "published", alpha=alpha, candidate=moved)
 
 
-def _measured(plants: TrialPlants, rows: Sequence[TunedRow]) -> list[TunedRow]:
-    """Rows with what their candidates give, angles in rad."""
-    measured = measure(plants, [row["candidate"] for row in rows if "candidate" in row], ALL_RUNS)
-    results = zip(measured.mae, measured.roughness.tolist(), measured.stable, strict=True)
+def _measured(plants: TrialPlants, rows: Sequence[TunedRow], path: Path) -> list[TunedRow]:
+    """Rows with what their candidates give, angles in rad, kept in a file."""
+    candidates, n = [row["candidate"] for row in rows if "candidate" in row], plants.alpha.size
+
+    def at(places: Array) -> Array:
+        measured = measure(plants, [candidates[int(place)] for (place,) in places], ALL_RUNS)
+        return np.column_stack([measured.mae.reshape(len(places), -1), measured.roughness, measured.stable])
+
+    values = Kept(at, path)(np.arange(len(candidates), dtype=float)[:, np.newaxis])
+    mae, roughness, stability = np.split(values, [ALL_RUNS * n, ALL_RUNS * n + 1], axis=1)
+    results = zip(mae.reshape(-1, ALL_RUNS, n), roughness[:, 0].tolist(), stability > 0.0, strict=True)
     for row in rows:
         row["stable"] = False
         if "candidate" in row:

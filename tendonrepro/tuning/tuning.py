@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from tendonrepro.experiments.user_law import (
     refused_on_lanes,
     with_user_laws,
 )
-from tendonrepro.files import digest_of, read_json, to_json, write_atomically
+from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -129,13 +130,11 @@ def _usable(task: TuningTask, wanted: int, *, every: bool) -> list[int]:
 
 
 def _tuned(task: TuningTask, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[TunedRow]:
-    """Tune on the draws that are not on disk already."""
-    states.mkdir(exist_ok=True)
-    paths = {number: states / f"{number}.json" for number in numbers}
-    missing = [number for number, path in paths.items() if not path.exists()]
-    stream = as_ready(task.tuned, missing, jobs)
-    with talk.bar("tuning on plants", len(missing)) as progress, closing(stream):
+    """Tune on draws, from what is on disk already; in the order of their numbers."""
+    stream = as_ready(partial(task.tuned, states), numbers, jobs)
+    with talk.bar("tuning on plants", len(numbers)) as progress, closing(stream):
+        drawn = {}
         for tuned in stream:
-            write_atomically(paths[tuned["draw"]], to_json(tuned))
+            drawn[tuned["draw"]] = tuned
             progress(1)
-    return [read_json(path, "delete it, and run the same command again") for path in paths.values()]
+    return [drawn[number] for number in numbers]

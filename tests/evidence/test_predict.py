@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import tendonrepro as tr
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
-from tendonrepro.configuration.models.experiment import CompareRun
+from tendonrepro.configuration.models.experiment import CompareRun, StatusLimits
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
@@ -30,7 +31,9 @@ from tendonrepro.evidence.predict_report import READINGS, default_readings_on, p
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.results.tables import Table
-from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.batch import Batch, simulate_batch
+from tendonrepro.simulation.loop import Loop
+from tendonrepro.simulation.streaming import STATISTICS
 
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
 COMPARE = LOADED.compare
@@ -168,6 +171,34 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
     unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])
     assert [*unknown["x"]] == [("a", "c")]
     assert never_told_apart(unknown, ["a", "b", "c"]) == []
+
+
+def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+
+    def counting(loops: Sequence[Loop], *_: StatusLimits, **__: int) -> Batch:
+        calls.append(len(loops))
+        if len(calls) == deadly:
+            raise KeyboardInterrupt
+        sizes = 1.0 + 0.01 * np.sin(np.arange(2.0 * len(loops)).reshape(-1, 2) + min(len(calls), 4))
+        status, ends = np.zeros(len(loops), np.int8), np.ones(len(loops))
+        return Batch(dict.fromkeys(STATISTICS, sizes), status, ends, np.full(len(loops), 2), None)
+
+    deadly = 0
+    monkeypatch.setattr(predict, "simulate_batch", counting)
+    asked = {"readings": "printed,weights=extrapolating", "figures": False}
+    tr.predict(32, out=tmp_path / "whole", **asked)
+    assert len(calls) == 4
+    calls[:], deadly = [], 4
+    with pytest.raises(KeyboardInterrupt):
+        tr.predict(32, out=tmp_path / "killed", **asked)
+    assert not (tmp_path / "killed" / "predict.json").exists()
+    tr.predict(32, out=tmp_path / "killed", **asked)
+    assert len(calls) == 5
+    whole, killed = ((tmp_path / name / "predict.json").read_bytes() for name in ("whole", "killed"))
+    assert whole == killed
 
 
 def test_too_few_plants_are_dashes_and_no_findings() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,7 +17,15 @@ from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.tuning import report, search, tuning
-from tendonrepro.tuning.bench import as_published, loops_of, posed
+from tendonrepro.tuning.bench import (
+    Candidate,
+    Performance,
+    TrialPlants,
+    as_published,
+    loops_of,
+    measure,
+    posed,
+)
 from tendonrepro.tuning.laws import LAWS
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
@@ -47,28 +56,30 @@ def run(folder: Path, **options: Any) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few")
-def test_killed_on_the_second_plant_it_goes_on_and_ends_the_same(
+def test_killed_in_the_middle_of_a_plant_it_goes_on_and_ends_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = run(tmp_path / "whole")
-    done: list[int] = []
-    tuned = search.TuningTask.tuned
+    looked: list[int] = []
 
-    def dying(task: search.TuningTask, number: int) -> dict[str, Any]:
-        done.append(number)
-        if len(done) == 2:
+    def counting(plants: TrialPlants, candidates: Sequence[Candidate], *runs: int) -> Performance:
+        looked.append(len(candidates))
+        if len(looked) == deadly:
             raise KeyboardInterrupt
-        return tuned(task, number)
+        return measure(plants, candidates, *runs)
 
-    monkeypatch.setattr(search.TuningTask, "tuned", dying)
+    deadly = 0
+    monkeypatch.setattr(search, "measure", counting)
+    whole = run(tmp_path / "whole")
+    every, looked[:], deadly = [*looked], [], len(looked) - 4
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
-    assert not (tmp_path / "killed").exists()
+    assert not (tmp_path / "killed" / "tune.json").exists()
+    looked[:], deadly = [], 0
     again = run(tmp_path / "killed")
-    assert len(done) == 3
-    assert done[2] == done[1] != done[0]
+    # Each plant's cap is measured again, and what the kill left out; no candidate of a search twice.
+    assert sum(looked) <= sum(every[-5:]) + 2
     assert all(again[key] == whole[key] for key in ("laws", "by_plant"))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "whole"]
+    assert not list((tmp_path / "killed").rglob("*.npy"))
 
 
 @pytest.mark.slow
