@@ -14,10 +14,9 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.shown import SHOWN, every_run, in_words
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.reporting.readings import Shown
-from tendonrepro.verdicts.judge import SHARE
+from tendonrepro.verdicts.ledger import SHARE, Verdict
 from tendonrepro.verdicts.report import number_in_words
 from tendonrepro.verdicts.rules import VERDICTS
-from tendonrepro.verdicts.verdict import Verdict
 
 TEMPLATES = Path(__file__).with_name("templates")
 WORDS = ("headline", "answer", "why", "robustness")

@@ -16,8 +16,7 @@ from tendonrepro.results.summary import CONTROLLERS, LOADS
 from tendonrepro.results.tables import Table, TableRows
 from tendonrepro.studies.result import Result
 from tendonrepro.validation.validated import Validation
-from tendonrepro.verdicts.from_measurement import JUDGED
-from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.measurement import JUDGED, Measurement
 from tendonrepro.verdicts.rules import Ruling
 
 _ROWS: Mapping[str, Mapping[str, str]] = {

@@ -1,27 +1,335 @@
-"""A measurement beside the paper and beside the model."""
+"""A measurement beside the model, which runs again on the measured motion, and beside the paper."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
-from tendonrepro.configuration.load import LoadedConfig
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.load import LoadedConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.published import published
+from tendonrepro.configuration.strict_yaml import Tree, dump, section
+from tendonrepro.console import Talk
+from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
+from tendonrepro.errors import DataMissingError, TendonreproError
 from tendonrepro.evidence.recover_report import controllers_of
+from tendonrepro.experiments.run import begin_all, prepared, trace_file
+from tendonrepro.parallel import workers
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.paper import is_arm_of_paper, of_paper
-from tendonrepro.results.records import PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, LOADS
+from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.store import make_manifest
+from tendonrepro.results.summary import CONTROLLERS, LOADS, Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.tables import TableRows
+from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.study import Site
-from tendonrepro.validation.rerun import reruns
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows, start_rows
-from tendonrepro.verdicts.from_measurement import judge_measured
-from tendonrepro.verdicts.measurement import Measurement, measurement_of
+from tendonrepro.verdicts.measurement import Measurement, judge_measured, measurement_of
 from tendonrepro.verdicts.rules import Ruling
+
+_METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
+_SMOOTH = 0.05
+"""Half the stretch of an encoder's signal whose ends tell its rate, s."""
+
+
+def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, object]]:
+    """Put a measured run beside its simulation on the measured axes: a row for each joint.
+
+    The motion begins at `start`, s. The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*``
+    are measured less simulated; ``lag_s`` is positive where the measurement is late. Of curves that were read
+    off a figure the RMS has a band, by as much as the reading error.
+    """
+    joints = [joint for joint in measured.joint if joint in simulated.joint]
+    ours, model = measured.of_joints(joints), simulated.of_joints(joints)
+    edge = 1e-9 + 1e-6 * (model.time[1] - model.time[0])
+    first_time = max(model.time[0] - edge, start - 0.5 * float(np.median(np.diff(ours.time))))
+    inside = (ours.time >= first_time) & (ours.time <= model.time[-1] + edge)
+    time = ours.time[inside]
+    both = [name for name in ("e", "q_encoder", "q_d", "q_calculated") if name in ours and name in model]
+    first = {name: ours[name][inside] for name in both}
+    # Where the measurement has a gap, the simulation is left out too.
+    second = {name: np.where(np.isfinite(first[name]), at(model, name, time), np.nan) for name in both}
+    apart = {name: first[name] - second[name] for name in both}
+    columns: Sizes = {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if "e" in both:
+            sizes = [sizes_deg(errors["e"])["mae"] for errors in (first, second)]
+            columns |= {"measured_mae_deg": sizes[0], "simulated_mae_deg": sizes[1]}
+            columns |= {"mae_ratio": sizes[0] / sizes[1], "e_samples": np.isfinite(apart["e"]).sum(axis=0)}
+            columns |= _differences("e_", apart["e"])
+            columns |= _band(columns["e_rms_deg"], reading_error(ours))
+            columns["e_correlation"] = _correlation(first["e"], second["e"])
+        if "q_encoder" in both:
+            columns["q_samples"] = np.isfinite(apart["q_encoder"]).sum(axis=0)
+            columns |= _differences("q_", apart["q_encoder"])
+            columns["lag_s"] = _lag(-apart["q_encoder"], _rate(model, time))
+    if "q_d" in both:
+        columns["q_d_max_deg"] = sizes_deg(apart["q_d"])["max"]
+    if {"q_calculated", "q_encoder"} <= {*both}:
+        columns["measured_calculated_mae_deg"] = decoupling_errors(ours)["mae"]
+        columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae"]
+    for place, joint in enumerate(joints):
+        yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
+
+
+def start_rows(trace: Trace, begin: float) -> Iterator[dict[str, object]]:
+    """Error of a run where its motion begins, at `begin`, s: a row for each joint.
+
+    It is the last that is known until then. The model has none there.
+    """
+    if "e" not in trace:
+        return
+    until = trace.time <= begin + 0.5 * float(np.median(np.diff(trace.time)))
+    for joint, errors in zip(trace.joint, trace["e"][until].T, strict=True):
+        known = errors[np.isfinite(errors)]
+        error = float(np.rad2deg(known[-1])) if known.size else None
+        yield {"run": trace.name, "joint": joint, "begin_s": begin, "error_deg": error}
+
+
+def reading_error(trace: Trace) -> float:
+    """Error of a run's tracking error that was read off a figure, rad; 0 if it was recorded."""
+    direct = float(trace.attributes.get(f"{READ_OFF}e", 0.0))
+    parts = [float(trace.attributes.get(f"{READ_OFF}{name}", 0.0)) for name in ("q_d", "q_encoder")]
+    return direct or math.hypot(*parts)
+
+
+def _band(rms: Array, error: float) -> Sizes:
+    """RMS of a residual less and plus the reading error, deg: that of the true one lies between."""
+    if not error:
+        return {}
+    degrees = np.full_like(rms, np.rad2deg(error))
+    band = {"e_rms_low_deg": np.maximum(rms - degrees, 0.0), "e_rms_high_deg": rms + degrees}
+    return {"reading_error_deg": degrees, **band}
+
+
+def at(trace: Trace, name: str, time: Array) -> Array:
+    """A variable at times (T,), s: (T, n), interpolated, held beyond both ends."""
+    return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
+
+
+def _row(columns: Mapping[str, Array], place: int) -> dict[str, object]:
+    """Numbers of a joint, None where one cannot be told."""
+    values = {name: column[place] for name, column in columns.items()}
+    return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
+
+
+def _differences(prefix: str, apart: Array) -> Sizes:
+    sizes = sizes_deg(apart)
+    return {f"{prefix}{name}_deg": sizes[key] for name, key in _METRICS.items()}
+
+
+def _correlation(first: Array, second: Array) -> Array:
+    first, second = first - mean(first), second - mean(second)
+    return np.asarray(mean(first * second) / np.sqrt(mean(first**2) * mean(second**2)))
+
+
+def _rate(trace: Trace, time: Array) -> Array:
+    """Velocity of the simulated joints, rad/s.
+
+    In a gradient the encoder's steps would count as motion, and the lag as shorter.
+    """
+    before, after = np.clip([time - _SMOOTH, time + _SMOOTH], trace.time[0], trace.time[-1])
+    travel = at(trace, "q_encoder", after) - at(trace, "q_encoder", before)
+    return np.asarray(travel / (after - before)[:, np.newaxis])
+
+
+def _lag(behind: Array, rate: Array) -> Array:
+    """Shift that, with an offset, explains most of the difference to first order, s."""
+    rate = np.where(np.isfinite(behind), rate, np.nan)
+    behind, rate = behind - mean(behind), rate - mean(rate)
+    return np.asarray(mean(behind * rate) / mean(rate**2))
+
+
+def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, object]]:
+    """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
+
+    Differences are in degrees, as they are and less that at the start.
+    """
+    if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
+        return
+    motor, encoder = trace["q_motor_encoder"], trace["q_encoder"]
+    S, S_inv = (plant.matrix(name, trace.joint) for name in ("S", "S_inv"))
+    differences = {
+        "joint angle, S q_motor less encoder": motor @ S.T - encoder,
+        "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
+    }
+    for what, apart in differences.items():
+        known = np.isfinite(apart).all(axis=1)
+        if known.any():
+            shifted = apart - start_level(trace.time[known], apart[known])
+            columns = _differences("", apart[known]) | _differences("shifted_", shifted[known])
+            for place, number in enumerate(trace.joint):
+                yield {"what": what, "number": number} | _row(columns, place)
+
+
+_Prepared: TypeAlias = tuple[Path, dict[str, float]]
+"""A configuration, and by run when its rerun begins on the measured time axis, s."""
+
+_OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
+_OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
+"""Angles of a rerun, and the measured variable whose start they get."""
+
+
+def reruns(
+    measurement: Measurement, base: LoadedConfig, name: str, folder: Path, talk: Talk
+) -> tuple[dict[str, Trace], list[str]]:
+    """Run the model `base` on the motions of a measured file of that `name`.
+
+    Configurations, motions and traces go into `folder`. Returns runs on the measured axes, and what could not
+    be rerun, and why.
+    """
+    runs: dict[str, Trace] = {}
+    missing: list[str] = []
+    reference, compared = measurement.reference, measurement.compare.runs
+    apart = {run: departure(trace, reference) for run, trace in compared.items() if reference}
+    for experiment, prepare in (("compare", write_compare), ("decouple", write_decouple)):
+        if measurement.file.part(experiment).runs:
+            try:
+                path, zeros = prepare(measurement, base, name, folder)
+                followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
+                runs |= simulated(path, followed, measurement.file, talk)
+            except TendonreproError as error:
+                hint = f"; {error.hint}" if error.hint else ""
+                missing.append(f"a rerun of {experiment}: {error.message}{hint}")
+    for run, size in apart.items():
+        if reference and size:
+            other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
+            missing.append(f"residuals of {run}: its desired motion is {other}")
+    return runs, missing
+
+
+def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk: Talk) -> dict[str, Trace]:
+    """Simulate those runs of a configuration that begin at measured times, s."""
+    # The folder it lies in has another name once the result is whole.
+    loaded = replace(load_config(path, None), origin=path.name)
+    whole = prepared(loaded)
+    chosen = {name: loop for name, loop in whole.loops.items() if name in zeros}
+    with workers(len(chosen)) as start:
+        (traces,) = begin_all([whole._replace(loops=chosen)], talk, start=start)
+    if traces:
+        file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
+        write_traces(path.with_name(f"simulated_{path.stem}.h5"), file)
+    return {trace.name: aligned(trace, measured.runs[trace.name], zeros[trace.name]) for trace in traces}
+
+
+def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Write the recovered motion and a configuration on it; return its path, and when reruns begin, s.
+
+    Of `base` only the reference changes, and payloads measured with other masses.
+
+    Raises
+    ------
+    DataMissingError
+        If no motion was recovered.
+    """
+    reference, runs = measurement.reference, measurement.compare.runs
+    if reference is None:
+        raise DataMissingError(measurement.unrecovered)
+    tree = dict(base.tree)
+    tree["title"] = f"{tree['title']}, on the reference measured in {name}"
+    tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
+    entries = dict(section(tree, "runs"))
+    tree["runs"] = entries
+    for run in runs.keys() & entries.keys():
+        mass, payload = float(runs[run].attributes["payload_mass"]), section(entries, run, "payload")
+        if payload["unit"] == "kg" and mass != payload["value"]:
+            source = f"identified: the mass stated for {name}"
+            stated: Tree = {"value": mass, "unit": "kg", "source": source}
+            entries[run] = section(entries, run) | {"payload": stated}
+    zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
+    return _write_config(tree, folder / "compare.yaml"), zeros
+
+
+def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+    """Do the same for the decoupling run; its motors drive the rerun, else the joints' encoders.
+
+    If `base` is of the comparison on the paper's arm, the shipped model takes over its manipulator and seed.
+
+    Raises
+    ------
+    DataMissingError
+        If the joints of the model were not recorded, or it is another arm's comparison.
+    """
+    if base.config.experiment != "decouple":
+        if not is_arm_of_paper(base.config.manipulator):
+            hint = "validate its file of these runs alone, with --config decouple.yaml of this arm"
+            raise DataMissingError("the configuration is of a comparison", hint=hint)
+        both = [change for change in base.changes if change.path[0] in {"manipulator", "seed"}]
+        base = load_config(None, "decouple", overrides=both)
+    trace, joints = measurement.file.part("decouple").runs.get("decouple"), base.config.joints
+    if trace is None or trace.joint != joints:
+        raise DataMissingError(f"joints {', '.join(map(str, joints))} of the run decouple")
+    motors = "q_motor_encoder" in trace
+    drives, variable = ("motors", "q_motor_encoder") if motors else ("joints", "q_encoder")
+    tree = dict(base.tree)
+    tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
+    knots = thinned(recorded(trace, variable))
+    motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
+    payload = section(tree, "runs", "decouple")["payload"]
+    tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
+    return _write_config(tree, folder / "decouple.yaml"), {trace.name: float(trace.time[0])}
+
+
+def _write_config(tree: Tree, path: Path) -> Path:
+    path.write_text(dump(tree), encoding="utf-8")
+    return path
+
+
+def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> Tree:
+    """Write a trajectory file, s and degrees; return the reference to it."""
+    heads = ",".join(["time_s", *(f"q{number}_deg" for number in joint)])
+    # A zero without its sign.
+    rows = np.column_stack([knots.time, np.rad2deg(knots.angle)]) + 0.0
+    np.savetxt(path, rows, "%.9g", ",", header=heads, comments="")
+    return {"kind": "sampled", "file": path.name}
+
+
+def departure(trace: Trace, reference: Reference) -> float:
+    """Largest difference of a run's desired motion from a recovered one, rad.
+
+    It is 0 if rounding, noise and one sample of time explain it, or nothing was recorded.
+    """
+    record, ours = reference.record, trace.of_joints(reference.record.joint)
+    if "q_d" not in ours or ours.joint != record.joint:
+        return 0.0
+    time = ours.time - zero_of(trace, reference)
+    inside = (time >= 0.0) & (time <= record.time[-1])
+    q_d = ours["q_d"] - start_of(ours, "q_d", ours.joint)
+    apart = float(np.nanmax(np.abs(q_d - record.at(time))[inside], initial=0.0))
+    late = max(record.step, float(np.median(np.diff(time))))
+    fastest = np.abs(np.diff(record.q, axis=0)).max() / record.step
+    # Each of the two records has its own rounding and noise.
+    return apart if apart > 2.0 * reference.knots.tolerance + late * fastest else 0.0
+
+
+def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
+    """Put a rerun on the axes of its measured run: from `zero`, s, and the measured angles.
+
+    In a comparison all angles move by the start of `q_d`; errors stay.
+    """
+    sources = _OF_DECOUPLE if simulated.name == "decouple" else _OF_COMPARE
+    moved = {
+        name: simulated[name] + start_of(measured, source, simulated.joint)
+        for name, source in sources.items()
+        if name in simulated and source in measured
+    }
+    return replace(simulated, time=simulated.time + zero, variables={**simulated.variables, **moved})
+
+
+def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
+    """First known sample, (n,); 0 for a joint without any."""
+    starts = {}
+    for joint, values in zip(trace.joint, trace[name].T, strict=True):
+        known = values[np.isfinite(values)]
+        starts[joint] = float(known[0]) if len(known) else 0.0
+    return np.array([starts.get(joint, 0.0) for joint in joints])
+
 
 EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
 """Runs that a complete measurement holds."""

@@ -45,7 +45,7 @@ def claims(
     force
         Overwrite edited verdicts, or those of others.
     """
-    from tendonrepro.verdicts.study import claims_study
+    from tendonrepro.verdicts.judge import claims_study
 
     return claims_study(
         Path(out),

@@ -15,7 +15,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
-from tendonrepro.verdicts.formulas import NUMBERS, PERCENTAGES, formula_of
+from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, formula_of
 from tendonrepro.verdicts.plants import UNRESOLVED, Plants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
 from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together

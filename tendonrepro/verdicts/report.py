@@ -15,10 +15,8 @@ from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
 from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
-from tendonrepro.verdicts.judge import SHARE
-from tendonrepro.verdicts.ledger import summary
+from tendonrepro.verdicts.ledger import SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
-from tendonrepro.verdicts.verdict import Verdict
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 

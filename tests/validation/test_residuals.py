@@ -13,15 +13,17 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.motion import recorded, thinned
 from tendonrepro.results.records import Trace
-from tendonrepro.validation import rerun
-from tendonrepro.validation.rerun import (
+from tendonrepro.validation import validated
+from tendonrepro.validation.validated import (
     aligned,
+    comparison_rows,
+    coupling_rows,
     departure,
     reruns,
+    start_rows,
     write_compare,
     write_decouple,
 )
-from tendonrepro.validation.residuals import comparison_rows, coupling_rows, start_rows
 from tendonrepro.verdicts.measurement import measurement_of
 
 STEP = 0.005
@@ -199,7 +201,7 @@ def test_a_mass_that_is_the_configurations_keeps_its_source(measured, tmp_path):
 
 def test_a_run_that_moved_otherwise_has_no_residuals(tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(rerun, "simulated", lambda _path, zeros, *_: asked.extend(zeros) or {})
+    monkeypatch.setattr(validated, "simulated", lambda _path, zeros, *_: asked.extend(zeros) or {})
     second = MOVES.runs[SECOND]
     file = with_runs(MOVES, controller_2=moved(second, 0.7 * second["q_d"]))
     missing = missing_of(file, tmp_path)

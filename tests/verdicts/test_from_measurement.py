@@ -12,9 +12,8 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.verdicts.from_measurement import decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.measurement import Measurement
+from tendonrepro.verdicts.measurement import Measurement, decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.plants import Plants, RunUnder
 from tendonrepro.verdicts.statements import HALVED, claim_on
 

@@ -9,7 +9,7 @@ from support.oracles import TABLE_1, coupling_by_columns
 
 from tendonrepro.configuration.published import PrintedNumber, exact, published, quotient, rounding, table_1
 from tendonrepro.verdicts import from_print
-from tendonrepro.verdicts.formulas import cut
+from tendonrepro.verdicts.from_print import cut
 from tendonrepro.verdicts.rules import meets
 
 

@@ -15,11 +15,10 @@ from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import Sources, claims_study, judge_all
 from tendonrepro.verdicts.ledger import as_data, read_ledger, shipped_ledger, with_shipped
 from tendonrepro.verdicts.report import details_text, headline
 from tendonrepro.verdicts.rules import EDITION, FAILURES, HEADINGS
-from tendonrepro.verdicts.study import claims_study
 
 
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
@@ -155,8 +154,8 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     (tmp_path / "ensemble").mkdir()
     (tmp_path / "ensemble" / PLAN).touch()
     (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
-    monkeypatch.setattr("tendonrepro.verdicts.study.read_ensemble", lambda _: own)
-    monkeypatch.setattr("tendonrepro.verdicts.study.rankings", lambda _: {})
+    monkeypatch.setattr("tendonrepro.verdicts.judge.read_ensemble", lambda _: own)
+    monkeypatch.setattr("tendonrepro.verdicts.judge.rankings", lambda _: {})
     ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}

@@ -9,7 +9,7 @@ from tendonrepro.dataset.windows import SPREAD
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, LEAST_SCRAMBLINGS, QUANTILES, Share, Spread
 from tendonrepro.simulation.streaming import SLOW
 from tendonrepro.verdicts import from_print, rules
-from tendonrepro.verdicts.from_measurement import AGREES, LEAST_RANGE, TINY
+from tendonrepro.verdicts.measurement import AGREES, LEAST_RANGE, TINY
 from tendonrepro.verdicts.rules import Ruling
 from tendonrepro.verdicts.statements import CLAIMS
 from tendonrepro.verdicts.tension import MARGINS

@@ -9,8 +9,7 @@ from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
 from tendonrepro.verdicts.figures import draw_influences
-from tendonrepro.verdicts.first_order import HARMONICS, first_order_index, half_width
-from tendonrepro.verdicts.sensitivity import ranked
+from tendonrepro.verdicts.sensitivity import HARMONICS, first_order_index, half_width, ranked
 
 
 def index(ranking, name):
