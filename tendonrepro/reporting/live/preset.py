@@ -53,7 +53,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
         "name": name,
         "title": title,
         "about": about,
-        "notes": _notes(loops),
+        "notes": ["Noise is left out here."] if any(map(is_noisy, loops.values())) else [],
         "model": model,
         "motion": config.reference.kind,
         "turns": turns,
@@ -69,18 +69,9 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
         "choices": _choices(config),
         "runs": _runs(config, loops, papers=papers),
         "printed": papers,
-        "tables": _tables(config),
-        "figures": _figures(config),
-        "tries": _tries(config),
+        "loads": LOADS if set(LOADS.values()) <= set(config.runs) else None,
         "tree": loaded.tree,
     }
-
-
-def _notes(loops: Mapping[str, Loop]) -> list[str]:
-    notes = []
-    if any(map(is_noisy, loops.values())):
-        notes.append("Noise is left out here.")
-    return notes
 
 
 PageControl: TypeAlias = tuple[dict[str, object], tuple[float, float]]
@@ -175,39 +166,24 @@ def _limits(rule: Physical, unit: str) -> dict[str, object]:
 
 
 def _choices(config: CompareConfig) -> list[dict[str, object]]:
-    numbers = len(inputs_of(config).numbers)
+    """Readings that can be chosen, and the kind of stroke."""
+    readings, numbers = config.control.readings, len(inputs_of(config).numbers)
     choices = []
     for k, menu in enumerate(menus_of(config)):
-        value, axis = getattr(config.control.readings, menu.name), AXES[menu.name]
-        choices.append(
-            {
-                "id": f"control.readings.{menu.name}",
-                "label": menu.label,
-                "group": READING,
-                "values": list(menu.words),
-                "words": list(menu.words.values()),
-                "value": value,
-                "origin": "as published" if value == axis.printed else "not as published",
-                "help": menu.help,
-                "place": numbers + k,
-            }
-        )
-    if config.reference.kind in MOTIONS:
-        kind = config.reference.kind
-        choices.append(
-            {
-                "id": "reference.kind",
-                "label": "Motion",
-                "group": MOTION,
-                "values": list(MOTIONS),
-                "words": list(MOTIONS.values()),
-                "value": kind,
-                "origin": "assumed",
-                "help": "",
-                "place": None,
-            }
-        )
+        value = getattr(readings, menu.name)
+        origin = "as published" if value == AXES[menu.name].printed else "not as published"
+        said = _choice(f"control.readings.{menu.name}", menu.label, READING, menu.words, value)
+        choices.append({**said, "origin": origin, "help": menu.help, "place": numbers + k})
+    kind = config.reference.kind
+    if kind in MOTIONS:
+        said = _choice("reference.kind", "Motion", MOTION, MOTIONS, kind)
+        choices.append({**said, "origin": "assumed", "help": "", "place": None})
     return choices
+
+
+def _choice(key: str, label: str, group: str, words: Mapping[str, str], value: str) -> dict[str, object]:
+    shown = {"values": [*words], "words": [*words.values()], "value": value}
+    return {"id": key, "label": label, "group": group, **shown}
 
 
 def _label(run: str) -> str:
@@ -252,63 +228,3 @@ def _of_run(run: CompareRun, n: int) -> list[float]:
 
 def _steps(loops: Mapping[int, Loop]) -> list[NDArray[np.int64]]:
     return [ready.steps for ready in prepared_loops([*loops.values()], TOLERANCE)]
-
-
-def _tables(config: CompareConfig) -> list[dict[str, object]]:
-    compared = [name for name in config.runs if not name.endswith(PAYLOAD)]
-    tables: list[dict[str, object]] = [
-        {
-            "caption": "Table 2, mean errors of the runs",
-            "rows": [{"run": name, "label": _label(name)} for name in compared],
-        }
-    ]
-    if set(LOADS.values()) <= set(config.runs):
-        words = {"no_load": "no load", "with_load": "with payload"}
-        rows = [{"run": run, "label": words[row]} for row, run in LOADS.items()]
-        tables.append({"caption": "Table 3, Controller 1", "rows": rows})
-    return tables
-
-
-def _figures(config: CompareConfig) -> list[dict[str, object]]:
-    compared = [name for name in config.runs if not name.endswith(PAYLOAD)]
-    figures: list[dict[str, object]] = [
-        {"title": "Fig. 14: tracking", "runs": compared, "quantities": ["e", "q"]},
-        {
-            "title": "Fig. 15: sliding variable, estimate and torque",
-            "runs": compared,
-            "quantities": ["s", "H_hat", "tau"],
-        },
-    ]
-    if set(LOADS.values()) <= set(config.runs):
-        figures.append(
-            {
-                "title": "Fig. 16: Controller 1 with and without payload",
-                "runs": [*LOADS.values()],
-                "quantities": ["e", "q"],
-            }
-        )
-    return figures
-
-
-def _tries(config: CompareConfig) -> list[dict[str, object]]:
-    """Changes of one thing that show what it does."""
-
-    def alpha(value: float) -> dict[str, float]:
-        return {f"control.gains.alpha.{joint}": value for joint in config.joints}
-
-    tries: list[dict[str, object]] = [
-        {"label": "α = 0", "set": alpha(0.0)},
-        {"label": "α = 0.5", "set": alpha(0.5)},
-    ]
-    if any(menu.name == "reference_acceleration" for menu in menus_of(config)):
-        tries.append(
-            {
-                "label": "Acceleration not fed forward",
-                "set": {"control.readings.reference_acceleration": "absent"},
-            }
-        )
-    last = ([name for name in config.runs if not name.endswith(PAYLOAD)] or [*config.runs])[-1]
-    start = {f"runs.{last}.start_offset.{joint}": -1.0 for joint in config.joints}
-    tries.append({"label": f"{_label(last)} starts 1° below", "set": start})
-    tries.append({"label": "Leave out the first 2 s", "set": {"errors_from": 2}})
-    return tries

@@ -149,7 +149,7 @@ function showPreset() {
       return box;
     }),
   );
-  byId("tries").replaceChildren(make("span", {}, "Try: "), ...preset.tries.filter(changesSomething).map(tryButton), allBack());
+  byId("tries").replaceChildren(make("span", {}, "Try: "), ...trials().filter(changesSomething).map(tryButton), allBack());
   buildFigures();
   compute(true);
 }
@@ -231,6 +231,20 @@ function choiceField(choice) {
   const box = make("fieldset", {}, legend, row);
   if (choice.help) box.append(make("p", { class: "help" }, choice.help));
   return box;
+}
+
+// Changes of one thing that show what it does.
+function trials() {
+  const alpha = (value) => Object.fromEntries(preset.joints.map((joint) => [`control.gains.alpha.${joint}`, value]));
+  const last = compared().at(-1) ?? preset.runs.at(-1);
+  const below = Object.fromEntries(preset.joints.map((joint) => [`runs.${last.name}.start_offset.${joint}`, -1]));
+  return [
+    { label: "α = 0", set: alpha(0) },
+    { label: "α = 0.5", set: alpha(0.5) },
+    { label: "Acceleration not fed forward", set: { "control.readings.reference_acceleration": "absent" } },
+    { label: `${last.label} starts 1° below`, set: below },
+    { label: "Leave out the first 2 s", set: { errors_from: 2 } },
+  ];
 }
 
 function changesSomething({ set }) {
@@ -524,7 +538,7 @@ function reached(i) {
 
 function showTables() {
   byId("tables").replaceChildren(
-    ...preset.tables.map(({ caption, rows }, k) => {
+    ...tables().map(({ caption, rows }, k) => {
       const head = make("tr", {}, make("th", { scope: "col" }, ""));
       for (const metric of ["MAE", "RMSE"]) for (const joint of preset.joints) head.append(make("th", { scope: "col" }, `${metric}, joint\u00a0${joint}`));
       const body = make("tbody");
@@ -535,6 +549,13 @@ function showTables() {
       return make("table", {}, make("caption", {}, caption, paper), make("thead", {}, head), body);
     }),
   );
+}
+
+function tables() {
+  const all = [{ caption: "Table 2, mean errors of the runs", rows: compared().map(({ name, label }) => ({ run: name, label })) }];
+  const { no_load, with_load } = preset.loads ?? {};
+  const rows = [{ run: no_load, label: "no load" }, { run: with_load, label: "with payload" }];
+  return preset.loads ? [...all, { caption: "Table 3, Controller 1", rows }] : all;
 }
 
 function tableRow(run, label) {
@@ -566,12 +587,20 @@ const QUANTITIES = {
 };
 let plots = [];
 
+function figures() {
+  const runs = compared().map(({ name }) => name), all = [
+    ["Fig. 14: tracking", runs, ["e", "q"]],
+    ["Fig. 15: sliding variable, estimate and torque", runs, ["s", "H_hat", "tau"]],
+  ];
+  return preset.loads ? [...all, ["Fig. 16: Controller 1 with and without payload", Object.values(preset.loads), ["e", "q"]]] : all;
+}
+
 function buildFigures() {
   for (const { chart } of plots) chart?.destroy();
   plots = [];
   byId("figures").replaceChildren(
     make("p", { class: "soft zoom" }, "Drag across a picture to enlarge a stretch of time. Double-click to go back."),
-    ...preset.figures.flatMap(({ title, runs, quantities }) => {
+    ...figures().flatMap(([title, runs, quantities]) => {
       const note = make("li", { class: "soft" });
       const rows = quantities.map((name) => make("div", { class: "plots" }, ...preset.joints.map((joint, i) => buildPlot(name, i, joint, runs, note))));
       const legend = legendOf(runs, quantities.includes("q"));
