@@ -304,6 +304,18 @@ def test_a_mapping_that_does_not_fit_names_its_line(run, tmp_path):
         ingest(path, mapping)
 
 
+def test_a_curve_that_was_read_off_needs_five_points(tmp_path):
+    def read_off(points):
+        run = f"{{sources: x.csv, reading_error_deg: 0.1, to_s: {TIME[points - 1] + 1e-6}}}"
+        text = f"{BOTH}runs: {{controller_1: {run}}}\n"
+        path, mapping = made(tmp_path, text, t=TIME, qd=DESIRED[:, 0], q=DESIRED[:, 0])
+        return ingest(path, mapping, dry_run=True)["runs"]["controller_1"]
+
+    assert read_off(5)["duration_s"] == pytest.approx(TIME[4])
+    with pytest.raises(ConfigError, match=r"mapping\.yaml:2"):
+        read_off(4)
+
+
 def test_times_that_do_not_increase_are_refused(tmp_path):
     path, mapping = made(
         tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=np.tile(TIME, 2), q=np.tile(DESIRED[:, 0], 2)
