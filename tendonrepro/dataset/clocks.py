@@ -14,6 +14,12 @@ from tendonrepro.errors import ConfigError
 
 _GAP = 1.5
 """Steps beyond this many median ones are gaps."""
+_EVEN = 0.1
+"""Share of the median step by which a step of a recorder may differ."""
+_MOST_POINTS = 5000
+"""Points of a curve that somebody may have read off a figure."""
+_FINEST = 0.02
+"""Step of the grid on which curves are put, at most, s."""
 
 
 def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[str]]:
@@ -120,10 +126,7 @@ def times_of(
     notes: list[str] = []
     time = np.arange(float(rows.sum()))
     if clock is not None:
-        use, recorded = uses[clock], table[clock][rows]
-        if recorded.dtype.kind != "f":
-            raise ConfigError(f"the column {clock!r} of times holds words")
-        time = (use.factor * recorded + use.offset) * use.to_si
+        time = uses[clock].in_si(table[clock][rows])
         if absent := int((~np.isfinite(time)).sum()):
             time = np.where(np.isfinite(time), time, np.nan)
             notes.append(f"{absent} of {len(time)} rows have no time and are left out")
@@ -185,14 +188,6 @@ def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
         return []
     longest = gaps[np.argmax(steps[gaps])]
     return [f"{gaps.size} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"]
-
-
-_EVEN = 0.1
-"""Share of the median step by which a step of a recorder may differ."""
-_MOST_POINTS = 5000
-"""Points of a curve that somebody may have read off a figure."""
-_FINEST = 0.02
-"""Step of the grid on which curves are put, at most, s."""
 
 
 def is_digitised(time: Array) -> bool:

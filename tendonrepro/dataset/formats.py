@@ -25,6 +25,9 @@ from tendonrepro.dataset.text import read_text_table
 
 _MOST_HEAD = 2000
 """Rows above the numbers that are looked through."""
+_BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
+_HEADERS = 2
+"""Headers of a file: its own, and that of the one segment."""
 
 
 def read_workbook(path: Path) -> Tables:
@@ -63,11 +66,6 @@ def _written(cell: Any) -> str:
     if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat"):
         return "0"
     return with_point(str(cell).strip())
-
-
-_BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
-_HEADERS = 2
-"""Headers of a file: its own, and that of the one segment."""
 
 
 def is_labview(path: Path) -> bool:

@@ -23,13 +23,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import Parsed, entry, load, paths, place
+from tendonrepro.dataset.tables import Column
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.errors import ConfigError
 from tendonrepro.results.records import VARIABLES
@@ -70,6 +73,12 @@ class Use:
     def to_si(self) -> float:
         """SI value of one of its unit."""
         return FACTORS.get(kind_of(self.variable) or "", {}).get(self.unit, 1.0)
+
+    def in_si(self, recorded: Column) -> Array:
+        """Values of what was recorded; ConfigError of words."""
+        if recorded.dtype.kind != "f":
+            raise ConfigError(f"the column of {self} holds words: see what inspect says of it")
+        return np.array((self.factor * recorded + self.offset) * self.to_si, np.float64)
 
     def __str__(self) -> str:
         """As the mapping writes it."""

@@ -27,6 +27,9 @@ with warnings.catch_warnings():
 
 _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
+_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
+_NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
+_UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
 
 
 def read_matlab(path: Path) -> Tables:
@@ -146,11 +149,6 @@ def _seconds(times: Column) -> NDArray[np.float64]:
     """Durations, or dates since the first, s."""
     since = times - times[0] if times.dtype.kind == "M" else times
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
-
-
-_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
-_NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
-_UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
 
 
 def as_object(kind: str, members: Nested) -> object:

@@ -159,7 +159,7 @@ def _series_of(
             has_time = np.isfinite(time)
             for column in columns:
                 use = uses[column]
-                values = _taken(_in_si(_taken(table[column], taken), use), has_time)
+                values = _taken(use.in_si(_taken(table[column], taken)), has_time)
                 curve = time[has_time], values
                 series[use] = in_order(*curve) if run.reading_error_deg else curve
                 if absent := int((~np.isfinite(values)).sum()):
@@ -229,12 +229,6 @@ def _named(table: Columns, run: RunMapping) -> dict[str, str]:
 def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:
     """Values of rows, without a copy of a long log where these are all."""
     return values if rows.all() else values[rows]
-
-
-def _in_si(values: Column, use: Use) -> Array:
-    if values.dtype.kind != "f":
-        raise ConfigError(f"the column of {use} holds words: see what inspect says of it")
-    return np.array((use.factor * values + use.offset) * use.to_si, np.float64)
 
 
 def doubts_about(trace: Trace) -> Iterator[str]:
