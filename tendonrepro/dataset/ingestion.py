@@ -24,6 +24,7 @@ from tendonrepro.dataset.tables import Columns
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_existing, write_atomically
+from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
 from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
@@ -208,7 +209,7 @@ def _trace_file(
         "environment": environment(),
         **ingest_notes,
     }
-    return TraceFile(
+    file = TraceFile(
         experiment=_experiment(runs),
         source="measured",
         title=title,
@@ -218,6 +219,7 @@ def _trace_file(
         config_sha256=digest,
         manifest=manifest,
     )
+    return with_what_they_are(file)
 
 
 def _plant_record(runs: Mapping[str, Trace]) -> PlantRecord:

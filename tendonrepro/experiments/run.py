@@ -20,9 +20,10 @@ from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import Json
 from tendonrepro.parallel import Start, counted
+from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import USER_LAW, fitted_under, tension_sizes
+from tendonrepro.results.summary import USER_LAW, tension_sizes
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
@@ -170,7 +171,7 @@ def _vectors(section: Model) -> dict[str, list[float]]:
 
 def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: Json) -> TraceFile:
     """Runs with what they were made with; the manifest is without outputs, and may be incomplete."""
-    return TraceFile(
+    file = TraceFile(
         experiment=loaded.config.experiment,
         source="simulated",
         title=loaded.config.title,
@@ -180,6 +181,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: Json) ->
         config_sha256=loaded.sha256,
         manifest=manifest,
     )
+    return with_what_they_are(file, loaded.tree)
 
 
 def experiment_result(file: TraceFile) -> Result:

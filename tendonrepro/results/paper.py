@@ -1,9 +1,13 @@
-"""Whether a run is the paper's own experiment: only then do print and plausible plants stand beside it."""
+"""What a run is: the paper's own experiment or not, with or without payload, of a fitted plant or not.
+
+That is decided once, when a trace file is made, and each run carries it. Only beside the paper's own stand
+the print and the range of plausible plants.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,7 +18,7 @@ from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.models.control import PAYLOAD, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.models.readings import AXES
+from tendonrepro.configuration.models.readings import AXES, PRINTED
 from tendonrepro.configuration.published import (
     COMPARED,
     METRICS,
@@ -24,12 +28,12 @@ from tendonrepro.configuration.published import (
     row_of,
     table_1,
 )
-from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.configuration.strict_yaml import Tree, load
 from tendonrepro.files import read_json, shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
-FITTED = "identified: (?:Tables 2 and 3|Controller 2 of Table 2), misfit"
+_IDENTIFIED = ("identified: Tables 2 and 3, misfit", "identified: Controller 2 of Table 2, misfit")
 """How the source of a value begins that was fitted to the print."""
 
 OTHER_BASE = (
@@ -39,24 +43,80 @@ OTHER_BASE = (
 """Conclusion of an ensemble or a search where `base_of_paper` does not hold."""
 
 
+def with_what_they_are(file: TraceFile, tree: Tree | None = None) -> TraceFile:
+    """Let each run of a file say what it is, once, when the file is made; `tree` is its configuration.
+
+    Each gets three texts, empty where there is none. ``printed_row`` is how the ids of the printed errors
+    begin that stand beside it, which needs the paper's arm, joints, gains, payload and motion; masses and
+    readings may differ. ``unloaded_run`` is the run that it repeats with payload. ``fitted_under`` has the
+    choices under which its plant was fitted to the print.
+    """
+    simulated, traces = file.source == "simulated", [*file.runs.values()]
+    tree = (load(file.config_yaml, "configuration") if tree is None else tree) if simulated else {}
+    motion = tree.get("reference")
+    fitted = _fitted_under(traces, motion) if _is_fitted(tree) else ""
+    # Of a measurement the arm alone is known.
+    papers = of_paper(file) and (not simulated or motion in _shipped_motions() or _is_fitted(motion))
+    runs = {}
+    for trace in traces:
+        has_row = papers and trace.name in RUNS and (not simulated or _is_the_papers(trace))
+        said = {
+            "printed_row": row_of(trace.name) if has_row else "",
+            "unloaded_run": trace.name.removesuffix(PAYLOAD) if trace.name.endswith(PAYLOAD) else "",
+            "fitted_under": fitted,
+        }
+        runs[trace.name] = replace(trace, attributes={**trace.attributes, **said})
+    return replace(file, runs=runs)
+
+
+def _is_the_papers(trace: Trace) -> bool:
+    """Whether a run has the paper's joints, law, gains and payload."""
+    has = trace.attributes
+    driven = _driven_as_paper(trace.name, has["law"], has["gains"], has["payload_mass"])
+    return trace.joint == COMPARED and driven
+
+
+def _is_fitted(part: object) -> bool:
+    """Whether the source of a value in a configuration says that it was fitted to the print."""
+    if isinstance(part, dict | list):
+        return any(map(_is_fitted, part.values() if isinstance(part, dict) else part))
+    return isinstance(part, str) and part.startswith(_IDENTIFIED)
+
+
+def _fitted_under(traces: Sequence[Trace], motion: object) -> str:
+    """Name of the reading under which the runs of a fitted plant are."""
+    attributes = [trace.attributes for trace in traces]
+    changed = changed_readings(attributes[0]["readings"])
+    if isinstance(motion, dict) and motion.get("kind") == "ramp":
+        changed.append("motion=ramp")
+    if any(np.any(run.get("start_offset", 0.0)) for run in attributes):
+        changed.append("starts=apart")
+    if any(run.get("friction_scale", 1.0) != 1.0 for run in attributes):
+        changed.append("run_friction=drawn")
+    return "+".join(changed) or PRINTED
+
+
+@cache
+def _shipped_motions() -> list[object]:
+    texts = (path.read_text(encoding="utf-8") for path in shipped_folder().glob("*.yaml"))
+    return [load(text, "configuration").get("reference") for text in texts]
+
+
 def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
     """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
 
-    A run needs the paper's arm, joints, gains, payload, and a motion that stands for the paper's. Masses and
-    readings may differ. Of a measurement the arm alone is known.
+    Of a measurement the arm alone is known.
     """
     plant = file.plant
     S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
     if not _arm_of_paper(plant.attributes.get("arm"), S_inv):
         return False
-    if trace is None or file.source == "measured":
-        return True
-    attributes = trace.attributes
-    return (
-        trace.joint == COMPARED
-        and _driven_as_paper(trace.name, attributes["law"], attributes["gains"], attributes["payload_mass"])
-        and _motion_of_paper(file.config_yaml)
-    )
+    return trace is None or file.source == "measured" or bool(trace.attributes["printed_row"])
+
+
+def fitted_under(file: TraceFile) -> str | None:
+    """Reading under which the plant was fitted to the print; None where it was not."""
+    return next(iter(file.runs.values())).attributes.get("fitted_under") or None
 
 
 def base_of_paper(config: CompareConfig) -> bool:
@@ -114,16 +174,6 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
     return law == run.removesuffix(PAYLOAD) and bool(np.isclose(payload, loaded)) and all(same)
 
 
-@cache
-def _motion_of_paper(config_yaml: str) -> bool:
-    """Whether the desired motion is that of a shipped comparison, or was fitted to the print."""
-    motion = load(config_yaml, "configuration").get("reference", {})
-    shipped_texts = (path.read_text(encoding="utf-8") for path in shipped_folder().glob("*.yaml"))
-    return re.search(f"'source': '{FITTED}", str(motion)) is not None or motion in [
-        load(text, "configuration").get("reference") for text in shipped_texts
-    ]
-
-
 def changed_readings(readings: Mapping[str, str]) -> list[str]:
     """``axis=value`` of every reading that is not as printed."""
     return [
@@ -145,7 +195,7 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
         that are stable under all controllers, with the equations as printed (docs/verdicts.md). They are of
         whole runs that start on their reference.
     """
-    row = row_of(trace.name)
+    row = trace.attributes.get("printed_row") or row_of(trace.name)
     papers = of_paper(file, trace)
     as_printed = papers and not changed_readings(trace.attributes["readings"]) and not _differs(trace)
     printed: dict[str, Array] = {}

@@ -11,7 +11,7 @@ import numpy as np
 from tendonrepro.configuration.published import METRICS, PrintedNumber, PrintedRatio, published
 from tendonrepro.physics.metrics import START
 from tendonrepro.results import summary
-from tendonrepro.results.paper import beside, of_paper
+from tendonrepro.results.paper import beside, fitted_under, of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
@@ -71,7 +71,7 @@ for the start that is left out."""
 def made_tables(file: TraceFile) -> list[Table]:
     """Tables that the runs allow; those without rows and columns without values are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
-    if under := summary.fitted_under(file):
+    if under := fitted_under(file):
         origin += f", fitted to the print under {under}"
     made = []
     for experiment, tables in _TABLES.items():
@@ -135,7 +135,7 @@ def table_data(file: TraceFile) -> dict[str, object]:
         "printed": of_rows(lambda trace: beside(file, trace)[0]),
         "plausible": of_rows(lambda trace: beside(file, trace)[1]),
         "ranking": summary.ranking(file),
-        "fitted_under": summary.fitted_under(file),
+        "fitted_under": fitted_under(file),
     }
 
 

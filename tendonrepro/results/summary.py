@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import TypeAlias, TypedDict
@@ -11,13 +10,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import FIRST, LOADED, PAYLOAD, SECOND, THIRD
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
 from tendonrepro.configuration.published import METRICS
-from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.physics.metrics import START, mae, max_abs, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
-from tendonrepro.results.paper import FITTED, changed_readings, of_paper
+from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.statistics import saturated, step_rms
 
@@ -32,26 +29,7 @@ USER_LAW = "user law "
 MEASURED = "measured"
 """Law of a run that was measured."""
 
-_IDENTIFIED = re.compile(f"""source: ['"]{FITTED}""")
-
 Sizes: TypeAlias = dict[str, Array]
-
-
-def fitted_under(file: TraceFile) -> str | None:
-    """Reading under which the plant was fitted to the print; None where it was not."""
-    if not _IDENTIFIED.search(file.config_yaml):
-        return None
-    # Of the whole experiment, whichever of its runs a figure has.
-    tree = load(file.config_yaml, "configuration")
-    runs = tree.get("runs", {}).values()
-    changed = changed_readings(tree.get("control", {}).get("readings", {}))
-    if tree.get("reference", {}).get("kind") == "ramp":
-        changed.append("motion=ramp")
-    if any(np.any(run.get("start_offset", {}).get("value", 0.0)) for run in runs):
-        changed.append("starts=apart")
-    if any(run.get("friction_scale", {}).get("value", 1.0) != 1.0 for run in runs):
-        changed.append("run_friction=drawn")
-    return "+".join(changed) or PRINTED
 
 
 def sizes_deg(e: Array) -> Sizes:
@@ -162,16 +140,16 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
 def loaded_runs(file: TraceFile) -> dict[str, Trace]:
     """Runs of Table 3 by the names of its rows; rows of a user's law begin with the law's name."""
     rows = {load: file.runs[run] for load, run in LOADS.items() if run in file.runs}
-    for name, trace in file.runs.items():
-        loaded = file.runs.get(f"{name}{PAYLOAD}")
-        if loaded is not None and name not in LOADS.values():
-            rows |= {f"{name}_no_load": trace, f"{name}_with_load": loaded}
+    for trace in file.runs.values():
+        unloaded = trace.attributes.get("unloaded_run", "")
+        if unloaded in file.runs and trace.name != LOADED:
+            rows |= {f"{unloaded}_no_load": file.runs[unloaded], f"{unloaded}_with_load": trace}
     return rows
 
 
 def compared_runs(file: TraceFile) -> dict[str, Trace]:
     """Runs of Table 2: all but those with payload."""
-    return {name: trace for name, trace in file.runs.items() if not name.endswith(PAYLOAD)}
+    return {name: trace for name, trace in file.runs.items() if not trace.attributes.get("unloaded_run")}
 
 
 def is_user_law(trace: Trace) -> bool:

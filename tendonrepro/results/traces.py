@@ -196,7 +196,13 @@ def _file_of(root: h5netcdf.File) -> TraceFile:
         raise ValueError(message)
     attributes, manifest = {name: root.attrs[name] for name in _ROOT}, json.loads(root.attrs["manifest_json"])
     runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != RESERVED}
-    return TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]), manifest=manifest)
+    file = TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]), manifest=manifest)
+    if not all("printed_row" in run.attributes for run in runs.values()):
+        # Before 28 November 2026 runs did not carry what they are.
+        from tendonrepro.results.paper import with_what_they_are
+
+        file = with_what_they_are(file)
+    return file
 
 
 def _trace_of(name: str, group: h5netcdf.Group) -> Trace:

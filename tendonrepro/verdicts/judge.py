@@ -23,10 +23,10 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.files import read_json, refuse_file, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
-from tendonrepro.results.paper import of_paper
+from tendonrepro.results.paper import fitted_under, of_paper
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import read_manifest
-from tendonrepro.results.summary import CONTROLLERS, fitted_under, tracking_errors
+from tendonrepro.results.summary import CONTROLLERS, tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.parameters import MEASURED, Folder

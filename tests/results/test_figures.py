@@ -33,6 +33,7 @@ from tendonrepro.results.figures.style import (
     save_drawing,
 )
 from tendonrepro.results.formats import FORMATS
+from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
 
 compare_file = cache(make_compare_file)
@@ -148,10 +149,15 @@ def apart(first: Bbox, second: Bbox) -> bool:
 
 def fitted(file: TraceFile) -> TraceFile:
     """The same with a plant that was fitted to the print, under two readings."""
-    under = "{weights: extrapolating, phi_branch: power, start: filled}"
+    under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
+    runs = {
+        name: replace(trace, attributes=trace.attributes | {"readings": under})
+        for name, trace in file.runs.items()
+    }
+    if second := runs.get("controller_2"):
+        runs["controller_2"] = replace(second, attributes=second.attributes | {"start_offset": [0.0, 0.01]})
     source = "mass: {value: 1, source: 'identified: Tables 2 and 3, misfit 0.04'}"
-    apart = "runs: {controller_2: {start_offset: {value: [0.0, 0.01]}}}"
-    return replace(file, config_yaml=f"{source}\ncontrol: {{readings: {under}}}\n{apart}")
+    return with_what_they_are(replace(file, config_yaml=source, runs=runs))
 
 
 def with_a_long_origin(file: TraceFile) -> TraceFile:

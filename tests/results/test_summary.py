@@ -12,10 +12,10 @@ from support.synthetic import make_compare_file
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
+from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.summary import (
-    fitted_under,
     loaded_runs,
     ranking,
     sizes_deg,
@@ -222,9 +222,10 @@ def test_what_a_plant_was_fitted_under_has_its_motion_and_starts() -> None:
     file = make_compare_file()
     assert fitted_under(file) is None
     fitted = dataclasses.replace(file, config_yaml=text)
-    assert fitted_under(fitted) == "motion=ramp"
-    text += "runs: {controller_1: {}, controller_2: {start_offset: {value: [0.0, 0.01]}}}\n"
-    apart = dataclasses.replace(file, config_yaml=text)
+    assert fitted_under(with_what_they_are(fitted)) == "motion=ramp"
+    beside = {**file.runs[C2].attributes, "start_offset": [0.0, 0.01]}
+    runs = {**file.runs, C2: dataclasses.replace(file.runs[C2], attributes=beside)}
+    apart = with_what_they_are(dataclasses.replace(fitted, runs=runs))
     assert fitted_under(apart) == "motion=ramp+starts=apart"
-    first = dataclasses.replace(apart, runs={C1: file.runs[C1]})
+    first = dataclasses.replace(apart, runs={C1: apart.runs[C1]})
     assert fitted_under(first) == fitted_under(apart), "it depends on the runs that a figure shows"

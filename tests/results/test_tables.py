@@ -15,7 +15,7 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.experiments.run import experiment_result
 from tendonrepro.files import shipped
-from tendonrepro.results.paper import base_of_paper
+from tendonrepro.results.paper import base_of_paper, with_what_they_are
 from tendonrepro.results.paper_tables import (
     COLUMNS,
     TableRow,
@@ -73,11 +73,13 @@ def test_table_1_of_a_record_of_the_moving_joints_alone() -> None:
 def another(file: TraceFile, what: str) -> TraceFile:
     """The file of another arm, of other joints, with other gains, or of another motion."""
     if what == "motion":
-        return dataclasses.replace(file, config_yaml=file.config_yaml.replace("[8, 8]", "[7, 8]", 1))
+        other = file.config_yaml.replace("[8, 8]", "[7, 8]", 1)
+        return with_what_they_are(dataclasses.replace(file, config_yaml=other))
     if what == "arm":
-        return dataclasses.replace(file, plant=PlantRecord(file.plant.values, {"arm": "SYNTHETIC"}))
+        plant = PlantRecord(file.plant.values, {"arm": "SYNTHETIC"})
+        return with_what_they_are(dataclasses.replace(file, plant=plant))
     if what == "coupling":
-        return with_plant(file, S=2.0 * S, S_inv=0.5 * S_INV)
+        return with_what_they_are(with_plant(file, S=2.0 * S, S_inv=0.5 * S_INV))
 
     def change(trace: Trace) -> dict[str, Any]:
         if what == "joints":
@@ -85,7 +87,7 @@ def another(file: TraceFile, what: str) -> TraceFile:
         return {"attributes": {**trace.attributes, "gains": {"lam": [8.0, 9.0]}}}
 
     runs = {name: dataclasses.replace(trace, **change(trace)) for name, trace in file.runs.items()}
-    return dataclasses.replace(file, runs=runs)
+    return with_what_they_are(dataclasses.replace(file, runs=runs))
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,20 @@ def test_a_file_is_read_where_no_lock_can_be_had(tmp_path: Path) -> None:
     assert done.stdout.split() == list(COMPARE.runs)
 
 
+def test_runs_of_a_version_that_did_not_say_what_they_are_say_it_when_read(tmp_path: Path) -> None:
+    said = ("printed_row", "unloaded_run", "fitted_under")
+    file = make_compare_file(step=0.05)
+    assert file.runs["controller_2"].attributes["printed_row"] == "table2.controller_2"
+    loaded = file.runs["controller_1_payload"].attributes
+    assert (loaded["printed_row"], loaded["unloaded_run"]) == ("table3.with_load", "controller_1")
+    silent = {
+        name: dataclasses.replace(run, attributes={k: v for k, v in run.attributes.items() if k not in said})
+        for name, run in file.runs.items()
+    }
+    write_traces(tmp_path / "traces.h5", dataclasses.replace(file, runs=silent))
+    assert_same(read_traces(tmp_path), file)
+
+
 def test_another_layout_is_named(tmp_path: Path) -> None:
     path = write_traces_to(tmp_path, dataclasses.replace(COMPARE, runs={}))
     with h5py.File(path, "r+") as root:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.configuration.load import shipped_folder
+from tendonrepro.configuration.strict_yaml import load
+from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
 
 Array = NDArray[np.float64]
@@ -55,7 +57,7 @@ def make_decouple_file(*, step: float = 0.01, source: str = "simulated") -> Trac
 
 
 def _file(experiment: str, source: str, runs: dict[str, Trace]) -> TraceFile:
-    return TraceFile(
+    file = TraceFile(
         experiment=experiment,  # type: ignore[arg-type]
         source=source,  # type: ignore[arg-type]
         title=f"synthetic {experiment}",
@@ -65,6 +67,7 @@ def _file(experiment: str, source: str, runs: dict[str, Trace]) -> TraceFile:
         config_sha256="0" * 64,
         manifest={"seed": 1, "created": "2026-01-01T00:00:00Z", "tendonrepro_version": "0.1.0"},
     )
+    return with_what_they_are(file, load(SHIPPED, "compare.yaml"))
 
 
 def _plant() -> PlantRecord:

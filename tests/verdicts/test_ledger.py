@@ -13,6 +13,7 @@ from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
+from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, claims_study, judge_all
@@ -45,10 +46,10 @@ def test_a_baseline_tells_what_changed(tmp_path):
 def test_no_claim_is_judged_by_another_experiment(tmp_path, capsys):
     file = make_compare_file(**FEW)
     gains = {"attributes": {**file.runs["controller_2"].attributes, "gains": {"lam": [8.0, 9.0]}}}
-    runs = {**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)}
+    other = replace(file, runs={**file.runs, "controller_2": replace(file.runs["controller_2"], **gains)})
     fitted = replace(file, config_yaml="source: 'identified: Tables 2 and 3, misfit 0.04'")
-    for stored, told in ((file, ""), (replace(file, runs=runs), str(tmp_path)), (fitted, str(tmp_path))):
-        write_traces(tmp_path / "compare" / TRACES, stored)
+    for stored, told in ((file, ""), (other, str(tmp_path)), (fitted, str(tmp_path))):
+        write_traces(tmp_path / "compare" / TRACES, with_what_they_are(stored))
         (number,) = claimed(tmp_path, ["table2.controller_1.mae.joint_2"], talk=Talk()).data["claims"]
         assert told in capsys.readouterr().err
         assert ("shipped_run" in number["evidence"]) != bool(told)

@@ -16,9 +16,9 @@ from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
 from tendonrepro.results.formats import DRAWN
-from tendonrepro.results.paper import of_paper
+from tendonrepro.results.paper import fitted_under, of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import compared_runs, fitted_under
+from tendonrepro.results.summary import compared_runs
 
 _LONGEST_CHANGES = 60
 _ERRORS = (
