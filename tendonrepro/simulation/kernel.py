@@ -192,7 +192,7 @@ def write_sample(
         write("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
         write("tau_before", sampled.tau_m)
         write("H_before", sampled.signals[0])
-        write("block", _in_blocks(read("block", n), stepped.e, live, k, x.block))
+        write("block", _in_blocks(read("block", n), stepped["e"], live, k, x.block))
     if record:
         write(
             "trace", np.concatenate([state, *sampled.measured, sampled.tau, sampled.tau_m, *sampled.signals])
@@ -214,29 +214,26 @@ def _in_blocks(sums: Array, e: Array, live: Numeric, k: Symbol, block: Numeric) 
     ]
 
 
-def _statistics(
-    sampled: SampledState, motion: Three, before: Three, x: LawNumbers
-) -> streaming.Sample[Array]:
+def _statistics(sampled: SampledState, motion: Three, before: Three, x: LawNumbers) -> streaming.Signals:
     """What a sample contributes, from last torque and estimate, and acceleration since."""
     n, law, actuator = len(sampled.tau), x.law, x.hardware.actuator
     assert isinstance(law, Law)
     assert sampled.rate is not None
     winch = times(x.hardware.S.T, sampled.tau_m)
     tau, H_hat, ddq = before
-    return streaming.Sample(
-        e=motion[0] - sampled.measured[0],
-        de=sampled.rate,
-        dq_d=motion[1],
-        ddq_d=motion[2],
-        s=sampled.signals[1],
-        tau=sampled.tau_m,
-        tau_before=tau,
-        H_hat=sampled.signals[0],
-        epsilon=times(law.from_joint, tau - H_hat) / law.M_bar - ddq,
-        saturated=np.array(
-            [abs(winch[i]) >= streaming.AT_LIMIT * actuator.limit[i] for i in range(n)], dtype=object
-        ),
-    )
+    most = streaming.AT_LIMIT * actuator.limit
+    return {
+        "e": motion[0] - sampled.measured[0],
+        "de": sampled.rate,
+        "dq_d": motion[1],
+        "ddq_d": motion[2],
+        "s": sampled.signals[1],
+        "tau": sampled.tau_m,
+        "tau_before": tau,
+        "H": sampled.signals[0],
+        "epsilon": times(law.from_joint, tau - H_hat) / law.M_bar - ddq,
+        "saturated": np.array([abs(winch[i]) >= most[i] for i in range(n)], dtype=object),
+    }
 
 
 def unpacked(values: Array, example: Remembered) -> Remembered:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Generic, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,27 +42,13 @@ class Thresholds(NamedTuple):
     start: float
 
 
-Values = TypeVar("Values", Array, Numeric)
+Signals: TypeAlias = Mapping[str, Array]
+"""What one sample contributes, each (n,): ``e``, ``de``, ``s``, ``tau``, ``H``, ``epsilon``, ``saturated``.
 
-
-class Sample(NamedTuple, Generic[Values]):
-    """What one sample contributes, each (n,) or of one joint.
-
-    ``epsilon`` is of the sample before, for it needs the acceleration that follows. At the first sample it is
-    zero: before a run there is no estimate that could err.
-    """
-
-    e: Values
-    de: Values
-    dq_d: Values
-    ddq_d: Values
-    s: Values
-    tau: Values
-    tau_before: Values
-    H_hat: Values
-    epsilon: Values
-    saturated: Values
-
+Beside them ``dq_d`` and ``ddq_d``, and ``tau_before`` of the sample before. Of that is ``epsilon``, too, for
+it needs the acceleration that follows. At the first sample it is zero: before a run there is no estimate that
+could err.
+"""
 
 How: TypeAlias = Literal["mean", "rms", "peak"]
 """Mean magnitude of a signal, its RMS, or its largest magnitude."""
@@ -155,43 +141,40 @@ def peak(signal: Array) -> Array:
 
 
 def add_sample(
-    sums: Mapping[str, Array], sample: Sample[Array], live: Numeric, k: Numeric, phases: Thresholds
+    sums: Mapping[str, Array], signals: Signals, live: Numeric, k: Numeric, phases: Thresholds
 ) -> Sums:
     """Sums after sample ``k``, from 0; unless ``live`` is 1 they stay."""
     joints = []
-    for i in range(sample.e.shape[0]):
-        before = {name: total[i] for name, total in sums.items()}
-        of_joint: Sample[Numeric] = Sample(*(part[i] for part in sample))
+    for i in range(len(phases.speed)):
+        before, of_joint = ({name: each[i] for name, each in part.items()} for part in (sums, signals))
         joints.append(_add_joint(before, of_joint, live, k, phases, i))
     kind = float if isinstance(joints[0]["mae"], float) else object
     return {name: np.array([joint[name] for joint in joints], dtype=kind) for name in sums}
 
 
 def _add_joint(
-    sums: Mapping[str, Numeric], x: Sample[Numeric], live: Numeric, k: Numeric, phases: Thresholds, i: int
+    sums: Mapping[str, Numeric],
+    given: Mapping[str, Numeric],
+    live: Numeric,
+    k: Numeric,
+    phases: Thresholds,
+    i: int,
 ) -> dict[str, Numeric]:
+    dq_d, tau = given["dq_d"], given["tau"]
     inside = {
-        "_up": x.dq_d > phases.speed[i],
-        "_down": x.dq_d < -phases.speed[i],
+        "_up": dq_d > phases.speed[i],
+        "_down": dq_d < -phases.speed[i],
         "_late": k >= phases.period,
         "_settled": k >= phases.start,
-        "_rapid": abs(x.ddq_d) > phases.acceleration[i],
-        "still": abs(x.dq_d) <= RESTING / MOVING * phases.speed[i],
+        "_rapid": abs(given["ddq_d"]) > phases.acceleration[i],
+        "still": abs(dq_d) <= RESTING / MOVING * phases.speed[i],
     }
     during = {"": live} | {name: choose(live > 0.0, phase, 0.0) for name, phase in inside.items()}
     up, down, still = (during[name] > 0.0 for name in ("_up", "_down", "still"))
     direction = choose(up, 1.0, choose(down, -1.0, sums["direction"]))
-    signals = {
-        "e": x.e,
-        "de": x.de,
-        "s": x.s,
-        "epsilon": x.epsilon,
-        "tau": x.tau,
-        "H": x.H_hat,
-        "change": choose(k > 0.0, x.tau - x.tau_before, 0.0),
-        "past": choose(still, np.maximum(-direction * x.e, 0.0), 0.0),
-        "saturated": x.saturated,
-    }
+    signals = dict(given)
+    signals["change"] = choose(k > 0.0, tau - given["tau_before"], 0.0)
+    signals["past"] = choose(still, np.maximum(-direction * given["e"], 0.0), 0.0)
     for name in SLOWED:
         slow = f"slow_{name}"
         signals[slow] = choose(live > 0.0, _slowed(sums[slow], signals[name], k, phases), sums[slow])

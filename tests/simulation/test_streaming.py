@@ -9,7 +9,6 @@ from tendonrepro.arrays import Array
 from tendonrepro.simulation.streaming import (
     STATISTICS,
     SUMS,
-    Sample,
     add_sample,
     finished,
     thresholds,
@@ -32,13 +31,10 @@ def gathered(x: dict[str, Array], live: Array) -> dict[str, Array]:
     phases = thresholds(x["dq_d"], x["ddq_d"], L, PERIOD)
     sums = {name: np.zeros(N) for name in SUMS}
     for k in range(T):
-        sample = Sample(
-            *(x[name][k] for name in ("e", "de", "dq_d", "ddq_d", "s", "tau")),
-            tau_before=x["tau"][k - 1] if k else np.zeros(N),
-            H_hat=x["H_hat"][k],
-            epsilon=x["epsilon"][k - 1] if k else np.zeros(N),
-            saturated=1.0 * (x["tau"][k] > 1.0),
-        )
+        sample = {name: x[name][k] for name in ("e", "de", "dq_d", "ddq_d", "s", "tau")}
+        sample |= {"H": x["H_hat"][k], "saturated": 1.0 * (x["tau"][k] > 1.0)}
+        sample["tau_before"] = x["tau"][k - 1] if k else np.zeros(N)
+        sample["epsilon"] = x["epsilon"][k - 1] if k else np.zeros(N)
         sums = add_sample(sums, sample, live[k], float(k), phases)
     return finished(sums, live.sum(), np.zeros(N))
 
