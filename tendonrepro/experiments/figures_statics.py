@@ -25,16 +25,14 @@ _SHADES = [*(style.paler(_BLUE, white) for white in np.linspace(0.92, 0.12, len(
 @style.journal_style()
 def draw_margin(survey: Survey) -> style.Drawing:
     """Smallest tension of any tendon: a column per course, a row per case."""
-    courses, ticks = survey.courses, np.arange(0.0, 181.0, 45.0)
+    courses, ticks = survey.maps, np.arange(0.0, 181.0, 45.0)
     cases = {"motor": "motor", "payload": f"{survey.payload[0]:g} kg", "spring": "spring"}
     figure = style.open_figure(style.PAGE_MM, 172.0)
     grid = figure.subplots(len(cases), len(courses), sharex=True, sharey=True)
     titles = [f"{COURSE_NAMES[course]}, {case}" for case in cases.values() for course in courses]
     panels = style.letter_panels(grid.flat, titles)
     drawn: QuadContourSet | None = None
-    for panel, (case, course) in zip(panels.values(), product(cases, courses.values()), strict=True):
-        maps = course.maps
-        assert maps is not None
+    for panel, (case, maps) in zip(panels.values(), product(cases, courses.values()), strict=True):
         # Rounding below zero is no push.
         least = np.where(np.abs(maps.least[case]) < SLACK, 0.0, maps.least[case])
         degrees, colours = np.linspace(0.0, 180.0, len(least)), [_PUSH, *_SHADES]

@@ -18,6 +18,7 @@ from tendonrepro.configuration.quantity import Scalar
 from tendonrepro.experiments.rig import build_arm, coupling, start_angles
 from tendonrepro.physics import statics
 from tendonrepro.physics.arm import Arm, gravity_torque, joint_angles
+from tendonrepro.results.tables import TableRows
 
 COURSES = tuple(statics.TENSIONER_SIDES)
 """Ways in which tendon 4 may pass the joints: values of the reading `tensioner`."""
@@ -94,43 +95,14 @@ class Maps(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Extremes:
-    """One case of a course over all postures of the half-plane.
-
-    `least` is the smallest tension of any tendon, N, at `tendon` and at the link angles `phi` (n,), rad.
-    `share` of the postures is tense. `pull` (2,), N, is the range of the force of tendon 4. `window` (2,), N,
-    is that of the forces under which every tendon pulls everywhere.
-    """
-
-    least: float
-    tendon: int
-    phi: Array
-    share: float
-    pull: Array
-    window: Array
-
-
-@dataclass(frozen=True)
-class Course:
-    """A course of tendon 4: what a newton of it adds to each tendon, (n,), and the range of its length, m.
-
-    There are maps where two joints or more move.
-    """
-
-    per_newton: Array
-    travel: float
-    maps: Maps | None
-    half_plane: Mapping[str, Extremes]
-
-
-@dataclass(frozen=True)
 class Survey:
     """Tensions at rest over the working half-plane.
 
     `force`, N, pulls the tensioning tendon, a share `loss` is lost at each pulley, and these have the
     `diameter` (joints,), m; each of these, and `payload`, kg, has its source beside it. `half_plane` (n, P),
     rad, are link angles of the postures. `weight_alone` (n,), N, is the least tension that the weight leaves
-    to each tendon.
+    to each tendon. `courses` has a row for each course of the tensioning tendon, `tensions` one for each
+    course and case, over all postures; there are `maps` by course where two joints or more move.
     """
 
     loaded: LoadedConfig
@@ -140,7 +112,9 @@ class Survey:
     diameter: tuple[Array, str]
     half_plane: Array
     weight_alone: Array
-    courses: Mapping[str, Course]
+    courses: TableRows
+    tensions: TableRows
+    maps: Mapping[str, Maps]
 
     @property
     def joints(self) -> list[int]:
@@ -151,11 +125,6 @@ class Survey:
     def tensioning_tendon(self) -> int:
         """Number of the tendon that is led past all joints."""
         return self.loaded.config.manipulator.joints + 1
-
-    @property
-    def has_maps(self) -> bool:
-        """Whether there are two links over whose angles maps can be."""
-        return len(self.joints) > 1
 
     @property
     def origin(self) -> str:
@@ -177,21 +146,45 @@ def survey(loaded: LoadedConfig) -> Survey:
         "spring": (arm, statics.Spring(force[0], force[0] / STRETCH)),
     }
     everywhere = half_plane(len(config.joints))
-    grid = map_postures(config) if len(config.joints) > 1 else None
     routes = {course: mechanism(config, course) for course in COURSES}
-    # Without its pull the course of tendon 4 does not matter.
-    weight_alone = routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE).min(axis=1)
-    courses = {
-        name: Course(
-            per_newton=route.per_newton(),
-            travel=route.travel(),
-            maps=None if grid is None else _maps(grid, cases, route, loss[0]),
-            half_plane={case: _over_all(everywhere, *cases[case], route, config.joints) for case in cases},
-        )
-        for name, route in routes.items()
+    maps: dict[str, Maps] = {}
+    if len(config.joints) > 1:
+        grid = map_postures(config)
+        maps = {name: _maps(grid, cases, route, loss[0]) for name, route in routes.items()}
+    return Survey(
+        loaded,
+        force,
+        loss,
+        payload,
+        (tensioner.diameter.si, tensioner.diameter.source),
+        everywhere,
+        # Without its pull the course of tendon 4 does not matter.
+        weight_alone=routes[COURSES[0]].tension(everywhere, arm, WEIGHT_ALONE).min(axis=1),
+        courses=[_course_row(name, route, maps.get(name)) for name, route in routes.items()],
+        tensions=[
+            {"course": name, "case": case} | _over_all(everywhere, *cases[case], route, config.joints)
+            for name, route in routes.items()
+            for case in cases
+        ],
+        maps=maps,
+    )
+
+
+def _course_row(name: str, route: Mechanism, maps: Maps | None) -> dict[str, object]:
+    """What a newton on a course adds to each tendon, how its length changes, and what its maps show."""
+    row: dict[str, object] = {
+        "course": name,
+        "tension_per_newton": route.per_newton().tolist(),
+        "change_of_length_mm": 1e3 * route.travel(),
     }
-    diameter = tensioner.diameter.si, tensioner.diameter.source
-    return Survey(loaded, force, loss, payload, diameter, everywhere, weight_alone, courses)
+    if maps is None:
+        return row
+    return row | {
+        "map_least_tension_N": {case: float(least.min()) for case, least in maps.least.items()},
+        "map_least_tension_with_friction_N": float(maps.band[0].min()),
+        "map_force_for_reserve_N": float(maps.needed.max()),
+        "map_share_where_a_force_leaves_reserve": float((maps.room >= 0.0).mean()),
+    }
 
 
 def _value_or_box(configured: Scalar, row: str) -> tuple[float, str]:
@@ -274,17 +267,17 @@ def _friction_band(phi: Array, motor: Case, route: Mechanism, loss: float) -> Ar
 
 def _over_all(
     phi: Array, arm: Arm, spring: statics.Spring, route: Mechanism, joints: Sequence[int]
-) -> Extremes:
-    """Smallest tension over postures (n, P)."""
+) -> dict[str, object]:
+    """Smallest tension of any tendon over postures (n, P), where it is, and forces that keep all tense."""
     tension, pull = route.tension(phi, arm, spring), statics.spring_force(route.stretch(phi), spring)
     lowest, highest = statics.force_window(route.tension(phi, arm, WEIGHT_ALONE), route.per_newton())
     least = tension.min(axis=0)
     place = int(least.argmin())
-    return Extremes(
-        least=float(least[place]),
-        tendon=joints[int(tension[:, place].argmin())],
-        phi=phi[:, place],
-        share=float((least > 0.0).mean()),
-        pull=np.array([pull.min(), pull.max()]),
-        window=np.array([lowest.max(), highest.min()]),
-    )
+    return {
+        "least_tension_N": float(least[place]),
+        "tendon": joints[int(tension[:, place].argmin())],
+        "link_angles_deg": np.rad2deg(phi[:, place]).round(6).tolist(),
+        "share_tense": float((least > 0.0).mean()),
+        "pull_N": [float(pull.min()), float(pull.max())],
+        "force_window_N": [float(lowest.max()), float(highest.min())],
+    }

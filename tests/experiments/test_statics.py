@@ -23,6 +23,12 @@ def found():
     return survey(on_plain_arm("decouple"))
 
 
+def row_of(rows, **keys):
+    """The row with these values."""
+    (row,) = (row for row in rows if all(row[key] == value for key, value in keys.items()))
+    return row
+
+
 def tension_by_hand(course, deg, payload=0.0, force=17.0):
     """Centres of mass in the plane, their potential's slope by differences, and a lever for each rope."""
     phi = np.deg2rad(deg)
@@ -47,22 +53,23 @@ def test_the_spring_pulls_as_its_rope_is_drawn(found, course):
         deg = [45.0, 2.0 * before, 2.0 * last]
         drawn = -radius @ np.diff(np.deg2rad(np.subtract(deg, start)), prepend=0.0)
         smallest = tension_by_hand(course, deg, force=max(17.0 + 170.0 * drawn, 0.0)).min()
-        assert found.courses[course].maps.least["spring"][last, before] == pytest.approx(smallest, abs=1e-6)
+        assert found.maps[course].least["spring"][last, before] == pytest.approx(smallest, abs=1e-6)
     # By the links' own angles; each turns from 0 to pi.
     travel = 1e3 * np.pi * np.abs(np.diff(radius, append=0.0)).sum()
-    assert 1e3 * found.courses[course].travel == pytest.approx(travel)
+    assert row_of(found.courses, course=course)["change_of_length_mm"] == pytest.approx(travel)
 
 
 def test_one_moving_joint_has_tensions_but_no_map():
     loaded = load_config("plain", "compare")
     config = loaded.config.model_copy(update={"joints": (3,)})
     found = survey(replace(loaded, config=config))
-    assert not found.has_maps
+    assert not found.maps
     # At level, its weight has the lever of its centre of mass, and its tendon that of the pulley.
     # The smallest tension is nearest to hanging or upright, half a cell of 5 deg away.
     smallest = [9.81 * 0.22 * 0.096 * np.sin(np.radians(2.5)) / 0.0185]
     assert found.weight_alone == pytest.approx(smallest)
-    assert set(found.courses["negative"].half_plane) == {"motor", "payload", "spring"}
+    cases = [row["case"] for row in found.tensions if row["course"] == "negative"]
+    assert cases == ["motor", "payload", "spring"]
     shown = statics_result(found)
     assert shown.data["map"] is None
     assert not shown.figures
@@ -74,12 +81,12 @@ def test_maps_are_tensions_of_single_postures(found, course, case, payload):
     for last, before in ((0, 0), (45, 45), (90, 10), (31, 77)):
         deg = [45.0, 2.0 * before, 2.0 * last]
         smallest = tension_by_hand(course, deg, payload).min()
-        assert found.courses[course].maps.least[case][last, before] == pytest.approx(smallest, abs=1e-6)
+        assert found.maps[course].least[case][last, before] == pytest.approx(smallest, abs=1e-6)
 
 
 def test_force_for_the_reserve_leaves_it(found):
     for course in TENDON_4:
-        needed, room = found.courses[course].maps.needed, found.courses[course].maps.room
+        needed, room = found.maps[course].needed, found.maps[course].room
         for last, before in ((2, 1), (0, 45), (90, 90)):
             deg = [45.0, 2.0 * before, 2.0 * last]
             left = tension_by_hand(course, deg, force=needed[last, before]).min()
@@ -87,37 +94,37 @@ def test_force_for_the_reserve_leaves_it(found):
                 assert left == pytest.approx(RESERVE, abs=1e-6) or needed[last, before] == 0.0
             else:
                 assert left < RESERVE
-    assert (found.courses["alternating"].maps.room < 0.0).any()
+    assert (found.maps["alternating"].room < 0.0).any()
 
 
 def test_whole_half_plane(found):
     grid = half_plane(3)
     assert grid.min() > 0.0
     assert grid.max() < np.pi
-    for name, course in found.courses.items():
-        over = course.half_plane["motor"]
-        by_hand = tension_by_hand(name, np.rad2deg(over.phi))
-        assert by_hand.min() == pytest.approx(over.least, abs=1e-6)
-        assert by_hand.argmin() + 1 == over.tendon
-        low, high = over.window
+    for name in TENDON_4:
+        over = row_of(found.tensions, course=name, case="motor")
+        by_hand = tension_by_hand(name, over["link_angles_deg"])
+        assert by_hand.min() == pytest.approx(over["least_tension_N"], abs=1e-6)
+        assert by_hand.argmin() + 1 == over["tendon"]
+        low, high = over["force_window_N"]
         assert low <= found.force[0] <= high
-        assert over.share == 1.0
+        assert over["share_tense"] == 1.0
 
 
 def test_friction_band_holds_the_frictionless_tension(found):
-    for maps in (course.maps for course in found.courses.values()):
+    for maps in found.maps.values():
         assert (maps.band[0] <= maps.least["motor"] + 1e-9).all()
         assert (maps.least["motor"] <= maps.band[1] + 1e-9).all()
     without = survey(on_plain_arm("decouple", "manipulator.friction.per_pulley=1e-9"))
-    maps = without.courses["negative"].maps
+    maps = without.maps["negative"]
     assert maps.band[0] == pytest.approx(maps.least["motor"])
 
 
 def test_courses_that_differ(found):
-    per_newton = {name: course.per_newton for name, course in found.courses.items()}
+    per_newton = {row["course"]: row["tension_per_newton"] for row in found.courses}
     assert min(per_newton["negative"]) > 0.0
     assert np.sign(per_newton["distal_only"]).tolist() == [-1.0, 1.0, 1.0]
-    assert per_newton["alternating"].tolist() == pytest.approx([0.0, 0.0, 1.0])
+    assert per_newton["alternating"] == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_files(tmp_path):
