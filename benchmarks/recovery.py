@@ -16,11 +16,10 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import QUIET
-from tendonrepro.evidence.controller import NONE, RECOVERED, UNTOLD
 from tendonrepro.evidence.fit import equally_good
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM
 from tendonrepro.evidence.log import Log
-from tendonrepro.evidence.recover import recover_controllers
+from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, recover_controllers
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.arm import gravity_torque

@@ -11,11 +11,12 @@ from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.configuration.plants import draws_rows, readings_on
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.bench_runs import BenchExperiment, experiments_on
 from tendonrepro.evidence.predict import (
     LEAST,
+    BenchExperiment,
     Gaps,
     Prediction,
+    experiments_on,
     gaps_between,
     never_told_apart,
     predictions,

@@ -8,9 +8,8 @@ from tendonrepro.configuration.load import LoadedConfig, load_config
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.evidence.controller import RecoveredController
 from tendonrepro.evidence.fit import Fit
-from tendonrepro.evidence.recover import recover_controllers
+from tendonrepro.evidence.recover import RecoveredController, recover_controllers
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.tables import Table

@@ -17,10 +17,15 @@ from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
-from tendonrepro.identification.answer import KnownRow, ParameterRow, SearchAnswer, nearest_search
 from tendonrepro.identification.goal import Goal
 from tendonrepro.identification.misfit import Simulated
-from tendonrepro.identification.search import switched_by
+from tendonrepro.identification.search import (
+    KnownRow,
+    ParameterRow,
+    SearchAnswer,
+    nearest_search,
+    switched_by,
+)
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table

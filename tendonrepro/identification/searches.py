@@ -28,18 +28,19 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json, digest_of
 from tendonrepro.identification import report
-from tendonrepro.identification.answer import SearchAnswer, nearest_search
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, rounding_misfit
 from tendonrepro.identification.search import (
+    SearchAnswer,
     SearchEffort,
     SearchPoints,
     SearchResult,
     held_unit,
+    nearest_search,
+    rows_that_explain,
     search,
 )
 from tendonrepro.identification.space import space_of
-from tendonrepro.identification.unknowns import rows_that_explain
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.report import work_text

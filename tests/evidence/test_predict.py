@@ -23,10 +23,19 @@ from tendonrepro.configuration.plants import load_around
 from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence import bench_runs, predict, predict_report
-from tendonrepro.evidence.bench_runs import DOUBLED_PERIOD, EXPERIMENTS, experiments_on, law_of, with_alpha
+from tendonrepro.evidence import predict, predict_report
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.evidence.predict import Prediction, gaps_between, never_told_apart, told_apart
+from tendonrepro.evidence.predict import (
+    DOUBLED_PERIOD,
+    EXPERIMENTS,
+    Prediction,
+    experiments_on,
+    gaps_between,
+    law_of,
+    never_told_apart,
+    told_apart,
+    with_alpha,
+)
 from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_result
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
@@ -50,7 +59,7 @@ def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.Mo
     """e = w L dH / (M_bar lam k): no plant enters."""
     expected = {f"alpha_{alpha:g}": (1.0 + alpha, 0.03) for alpha in (0.1, 0.2, 0.3)}
     expected |= {"inertia_up": (1.0 / 1.1, 0.02), "same_slope": (1.0, 0.01)}
-    monkeypatch.setattr(bench_runs, "EXPERIMENTS", [BY_NAME[name] for name in expected])
+    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME[name] for name in expected])
     monkeypatch.setattr(predict, "LEAST", 5)
     found = list(predict.predictions(LOADED, named_readings("encoder=ideal"), 16, QUIET))
     assert len(found) == 2 * len(expected)
@@ -140,9 +149,9 @@ def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.Mon
     """The ratio with the first two seconds left out is that of the statistics without them."""
     errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
     errors["mae_settled"][:, 4] = 3.0
-    monkeypatch.setattr(bench_runs, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
+    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
     found = predict.error_ratios(
-        bench_runs.EXPERIMENTS, RUNS, errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3)
+        predict.EXPERIMENTS, RUNS, errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3)
     )
     assert [row.median for row in found] == [1.5, 1.5]
 
@@ -243,7 +252,7 @@ def test_interpretations_of_the_default_look_different() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_runs, "EXPERIMENTS", EXPERIMENTS[:2])
+    monkeypatch.setattr(predict, "EXPERIMENTS", EXPERIMENTS[:2])
     found = tr.predict(20, readings="printed", out=tmp_path / "out").data
     assert [one["name"] for one in found["experiments"]] == [one.name for one in EXPERIMENTS[:2]]
     stored = json.loads((tmp_path / "out" / "predict.json").read_text(encoding="utf-8"))
@@ -265,7 +274,7 @@ def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: 
     assert "repeat" not in four
     assert "starts=apart" not in default_readings_on(loaded[0])
     kept = [held for held in EXPERIMENTS if held.name in ("alpha_0.2", "inertia_up")]
-    monkeypatch.setattr(bench_runs, "EXPERIMENTS", kept)
+    monkeypatch.setattr(predict, "EXPERIMENTS", kept)
     config = tmp_path / "one" / "compare.yaml"
     changed = ["reference.periods=1", "manipulator.encoders.joint.resolution=0"]
     found = tr.predict(

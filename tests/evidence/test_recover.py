@@ -18,11 +18,10 @@ from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
-from tendonrepro.evidence.controller import NONE, RECOVERED, UNTOLD, RecoveredController
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis
 from tendonrepro.evidence.log import read_logs, without_rounding
-from tendonrepro.evidence.recover import recover_controllers
+from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, RecoveredController, recover_controllers
 from tendonrepro.evidence.recover_report import controller_data, controller_tables
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces

@@ -5,8 +5,7 @@ import pytest
 from support.made_plants import PRINTED, loaded, measured
 
 from tendonrepro.identification.misfit import log_misfit, log_residuals
-from tendonrepro.identification.search import Evaluated, held_unit
-from tendonrepro.identification.unknowns import rows_that_explain
+from tendonrepro.identification.search import Evaluated, held_unit, rows_that_explain
 from tendonrepro.monte_carlo.population import holding_base, population_of
 
 BOX = holding_base(population_of(loaded()))
