@@ -95,7 +95,7 @@ def _apply(tree: Map, change: Override) -> None:
     for part in change.path[:-1]:
         nodes.append(_below(nodes[-1], part, change))
     node, last = nodes[-1], change.path[-1]
-    if isinstance(node, dict):
+    if isinstance(node, dict) and isinstance(last, str):
         node.setdefault(last, None)
     current, here = _below(node, last, change), Location(change.option)
     if _is_quantity(current) and not isinstance(change.value, dict):
@@ -133,7 +133,9 @@ def _below(node: Parsed, part: str | int, change: Override) -> Parsed:
     if holds(node, part):
         return node[part]
     if isinstance(node, dict):
-        message = f"unknown key {str(part)!r}{did_you_mean(part, node)}"
+        is_entry = isinstance(part, int) and _is_quantity(node)
+        meant = f", did you mean 'value.{part}'?" if is_entry else did_you_mean(part, node)
+        message = f"unknown key {str(part)!r}{meant}"
     elif isinstance(node, list):
         message = f"no entry {part} in a list of {len(node)}; they are numbered from 0"
     else:

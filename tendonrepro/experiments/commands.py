@@ -52,8 +52,7 @@ def compare(
         SciPy, or the one of ensembles.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.experiments.paper import experiment_study
-    from tendonrepro.experiments.run import prepared
+    from tendonrepro.experiments.run import experiment_study, prepared
     from tendonrepro.experiments.user_law import laws_of
 
     loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)
@@ -66,8 +65,7 @@ def decouple(
 ) -> Study:
     """Joint angles from motor angles: Figures 6 and 9 to 12, Table 1."""
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.experiments.paper import experiment_study
-    from tendonrepro.experiments.run import prepared
+    from tendonrepro.experiments.run import experiment_study, prepared
 
     return experiment_study(prepared(load_config(config, "decouple", overrides=set, seed=seed)), folder)
 

@@ -44,8 +44,7 @@ def reproduce(
     dry_run
         Check everything, run nothing.
     """
-    from tendonrepro.experiments.paper import experiment_study, paper_experiments, summary_of
-    from tendonrepro.experiments.run import results_of
+    from tendonrepro.experiments.run import experiment_study, paper_experiments, results_of, summary_of
     from tendonrepro.files import refuse_foreign
     from tendonrepro.reporting.live.page import MARK, PAGE, live_text, page_beside
     from tendonrepro.studies.lifecycle import carry_out_together, planned

@@ -308,6 +308,7 @@ def test_another_manipulator_comes_before_changes_inside_it(tmp_path: Path) -> N
     ("payload=0.5", "--set payload", "did you mean 'runs.controller_1_payload.payload' or"),
     ("pulley_diameter.0.0=9", "--set pulley", "'manipulator.routing.pulley_diameter.value.0.0'?"),
     ("lam.1=9", "--set lam.1", "did you mean 'control.gains.lam.value.1'?"),
+    ("control.gains.lam.1=9", "--set control.gains.lam.1", "unknown key '1', did you mean 'value.1'?"),
     ("gains.lam=9", "--set gains.lam", "unknown key 'gains.lam', did you mean 'control.gains.lam'?"),
     ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
     ("control.gains.lam.value.x=9", "--set control.gains.lam.value.x", "no entry x in a list of 2"),
