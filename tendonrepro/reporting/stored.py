@@ -22,7 +22,7 @@ PARTS = {
     "decouple": ("Decoupling: Figures 6 and 9 to 12, Table 1", ("table1", "decoupling_errors")),
     "compare": (
         "Controllers: Figures 13 to 16, Tables 2 and 3",
-        ("table2_paper", "table3_paper", "without_start"),
+        ("table2", "table3", "without_start"),
     ),
     "validate": ("The authors' data beside the model", ()),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -81,21 +81,30 @@ def made_tables(file: TraceFile) -> list[Table]:
         joints = "/".join(map(str, next(iter(part.runs.values())).joint))
         seconds = left_out(part)
         over = f"from {seconds:g} s on" if seconds else "over the whole run"
+        heads = {"joints": joints, "seconds": seconds or START}
         for name, table in tables.items():
             rows = list(table.rows(part))
-            columns = {
-                column: (heading.format(joints=joints, seconds=seconds or START), form)
-                for column, (heading, form) in COLUMNS.items()
-                if any(row.get(column) is not None for row in rows)
-            }
             if rows:
                 about = (table.caption if of_paper(part) else table.own_caption or table.caption).format(
                     over=over
                 )
                 about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
+                caption, printed = f"{about} ({origin}).", None
+                if table.printed is not None:
+                    cells = list(table.printed(part))
+                    printed = Table(name, caption, cells, _columns_of(cells, heads))
                 shown = None if table.in_terminal else ()
-                made.append(Table(name, f"{about} ({origin}).", rows, columns, shown))
+                made.append(Table(name, caption, rows, _columns_of(rows, heads), shown, printed=printed))
     return made
+
+
+def _columns_of(rows: Sequence[TableRow], heads: Mapping[str, object]) -> TableColumns:
+    """Those of `COLUMNS` in which some row has a value, with their headings filled in."""
+    return {
+        column: (heading.format(**heads), form)
+        for column, (heading, form) in COLUMNS.items()
+        if any(row.get(column) is not None for row in rows)
+    }
 
 
 def table_data(file: TraceFile) -> dict[str, object]:
@@ -301,13 +310,15 @@ _MOTORS = "Torque of the motors along the runs, in joint coordinates, and tensio
 class PaperTable:
     """What makes the rows of a table of an experiment, and what stands above them.
 
-    `own_caption` is that where the arm is not the paper's, if another; the names of files stay.
+    `own_caption` is that where the arm is not the paper's, if another; the names of files stay. `printed`
+    makes rows as the paper lays them out, for Markdown, LaTeX and the terminal.
     """
 
     rows: Callable[[TraceFile], Iterator[TableRow]]
     caption: str
     own_caption: str = ""
     in_terminal: bool = True
+    printed: Callable[[TraceFile], Iterator[TableRow]] | None = None
 
 
 _TABLES: Mapping[str, Mapping[str, PaperTable]] = {
@@ -326,20 +337,16 @@ _TABLES: Mapping[str, Mapping[str, PaperTable]] = {
     },
     "compare": {
         "table2": PaperTable(
-            controller_rows, "Table 2, tracking errors {over}", "Tracking errors {over}", in_terminal=False
-        ),
-        "table2_paper": PaperTable(
-            paper_controller_rows,
-            "Table 2 as the paper lays it out, {over}",
-            "Tracking errors, a row for each controller, {over}",
+            controller_rows,
+            "Table 2, tracking errors {over}",
+            "Tracking errors {over}",
+            printed=paper_controller_rows,
         ),
         "table3": PaperTable(
-            load_rows, f"Table 3, {_LOADS}, {{over}}", f"{_LOADS.capitalize()}, {{over}}", in_terminal=False
-        ),
-        "table3_paper": PaperTable(
-            paper_load_rows,
-            "Table 3 as the paper lays it out, {over}",
-            f"{_LOADS.capitalize()}, a row for each load, {{over}}",
+            load_rows,
+            f"Table 3, {_LOADS}, {{over}}",
+            f"{_LOADS.capitalize()}, {{over}}",
+            printed=paper_load_rows,
         ),
         "without_start": PaperTable(start_rows, "Tracking errors of the whole run, and without its start"),
         "ranking": PaperTable(ranking_rows, f"{_RANKING}; errors {{over}}"),

@@ -45,6 +45,8 @@ class Table:
         Columns shown there, else all; no table if empty.
     folder : str
         Where in a result its files lie.
+    printed : Table, optional
+        The same laid out for readers: Markdown, LaTeX and the terminal show that.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Table:
     terminal: Sequence[str] | None = None
     suffixes: Sequence[str] = ("csv", "md", "tex")
     folder: str = "tables"
+    printed: Table | None = None
 
     def write(self, folder: Path) -> list[Path]:
         """Write its files into a folder; a TendonreproError where one cannot be written."""
@@ -114,6 +117,8 @@ class Table:
 
     def _shown(self, names: Sequence[str] | None = None) -> tuple[list[str], list[list[str]], list[bool]]:
         """Headings, cells as a reader sees them, and which columns hold numbers alone."""
+        if self.printed is not None:
+            return self.printed._shown(names)
         columns = self._columns()
         kept = list(columns) if names is None else names
         cells = [[rounded(row.get(name), columns[name][1]) for name in kept] for row in self.rows]

@@ -229,9 +229,11 @@ class Result:
     def _repr_html_(self) -> str:
         if self.folder is not None:
             return f"<pre>{html.escape(str(self))}</pre>"
-        tables = self.tables
-        shown = [table.name for table in self._tables if table.terminal != ()]
-        return "".join(f"<h4>{name}</h4>{tables[name].to_html(index=False)}" for name in shown)
+        import pandas as pd
+
+        shown = [table.printed or table for table in self._tables if table.terminal != ()]
+        frames = [(table.name, pd.DataFrame(list(table.rows))) for table in shown]
+        return "".join(f"<h4>{name}</h4>{frame.to_html(index=False)}" for name, frame in frames)
 
 
 def begin_drawing(

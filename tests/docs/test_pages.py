@@ -400,7 +400,7 @@ def test_law_in_a_file(results: Path) -> None:
     assert runs["steep"].attributes["law"] == "user law steep"
     # A steeper surface and a shorter effective delay: the page's law must beat Controller 1.
     assert (mae(runs["steep"]["e"]) < mae(runs["controller_1"]["e"])).all()
-    assert (results / "tables" / "table2.md").read_text(encoding="utf-8").count("| steep |") == 2
+    assert (results / "tables" / "table2.csv").read_text(encoding="utf-8").count("\nsteep,") == 2
 
 
 def run_of(law: str, line: str, folder: Path, *settings: str) -> tuple[Any, Any]:

@@ -21,7 +21,7 @@ def write_experiment(folder, name, figures):
         path = folder / name / "figures" / f"{figure}.svg"
         path.write_text(svg, encoding="utf-8")
         path.with_suffix(".txt").write_text(f"About {figure}\n\nMade up.\n", encoding="utf-8")
-    for table in ("table1", "table2_paper", "table3_paper"):
+    for table in ("table1", "table2", "table3"):
         text = f"Caption of {table}\n\n| a | b |\n| --- | ---: |\n| {LIKE_HTML} | 2 |\n"
         (folder / name / "tables" / f"{table}.md").write_text(text, encoding="utf-8")
     mass = {"value": 1, "unit": "kg", "source": f"assumed: {LIKE_HTML}"}
