@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 import subprocess
 import sys
+from itertools import chain
 from pathlib import Path
 
 from bench_common import IDEAL_ENCODER, bar, case, largest, say, seconds_of, stated_case, tightened
@@ -221,15 +222,12 @@ def entries(found, errors, what, stated, default, held_out):
 
 def mix_case(draws=MIX_DRAWS, turns=TURNS):
     """Experiments per second of what an ensemble runs: draws of the shipped box under all its readings."""
-    from tendonrepro.monte_carlo.block import loops_of
     from tendonrepro.monte_carlo.ensemble import load_study
     from tendonrepro.simulation.batch import simulate_batch
 
     study = load_study(None, (), None, "default")
-    block = study.blocks(study.draws_of("box", 1024))[0]
-    box = study.populations[block.population]
-    rows = box.sample(study.seed, 0, 0, draws)
-    loops = [loop for drawn in loops_of(study, block, rows) for loop in drawn]
+    box = study.populations["box"]
+    loops = [*chain.from_iterable(box.loops(box.sample(study.seed, 0, 0, draws), study.cases))]
     simulate_batch(loops, study.loaded.compare.status)  # compiles what is not there yet
     seconds = statistics.median(
         seconds_of(lambda: simulate_batch(loops, study.loaded.compare.status)) for _ in range(turns)

@@ -22,8 +22,8 @@ from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.strict_yaml import Node, Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.block import compute_blocks
 from tendonrepro.monte_carlo.ensemble import load_study
+from tendonrepro.monte_carlo.evaluate import evaluated
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -72,19 +72,14 @@ def published_study() -> EnsembleStudy:
 def preliminary(study: EnsembleStudy) -> Preliminary:
     """Run the first population of a study under its first reading."""
     first = next(iter(study.populations))
-    blocks = [block for block in study.blocks(DRAWS) if block.population == first]
-    shards = compute_blocks(study, blocks)
+    pieces = [piece for piece in study.pieces(DRAWS) if piece.population == first]
+    records = np.concatenate([evaluated(study, piece)[1] for piece in pieces])
     places = [study.lookup[run, study.readings[0].name] for run in RUNS]
-
-    def joined(name: str) -> Array:
-        """A statistic of the four runs, one sample after the other."""
-        return np.concatenate([np.moveaxis(shard[name][places], 0, 1) for shard in shards])
-
-    sizes = np.stack([joined(metric) for metric in METRICS], axis=2).astype(np.float64)
+    sizes = np.stack([records[metric][:, places] for metric in METRICS], axis=2).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(sizes.reshape(len(sizes), -1))
-    stable = (joined("status") == STATUSES.index("ok")).all(axis=1)
-    return Preliminary(np.concatenate([shard["draws"] for shard in shards]), logs, stable)
+    stable = (records["status"][:, places] == STATUSES.index("ok")).all(axis=1)
+    return Preliminary(records["draws"], logs, stable)
 
 
 def rounded(study: EnsembleStudy, values: Array) -> Array:

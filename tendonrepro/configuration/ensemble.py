@@ -46,7 +46,9 @@ class EnsembleConfig(Model):
     base: Annotated[str, Field(min_length=1, description="file of the comparison that draws start from")]
     seed: Annotated[Scalar, whole("seed of the draws", at_least=0.0, at_most=2.0**32 - 1.0)]
     scramblings: Annotated[Scalar, whole("independent scramblings", at_least=2.0, at_most=1024.0)]
-    block: Annotated[Scalar, whole("draws of one shard, a power of two", at_least=1.0, at_most=65536.0)]
+    block: Annotated[
+        Scalar, whole("draws run and stored together, a power of two", at_least=1.0, at_most=65536.0)
+    ]
     shortest_run: Annotated[Scalar, positive("s", "periods are repeated until a run lasts this long")]
     longest_run: Annotated[Scalar, positive("s", "no run of the box may last longer")]
     populations: Annotated[dict[Identifier, PopulationConfig], Field(min_length=1)]

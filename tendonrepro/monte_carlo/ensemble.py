@@ -1,4 +1,4 @@
-"""The ensemble: blocks computed here or on a cluster, stored as they come, and resumed."""
+"""The ensemble: plants run here or on a cluster, stored as they come, and resumed."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from fnmatch import fnmatch
 from functools import partial
-from itertools import chain
 from pathlib import Path
+
+import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.around import Ranges
@@ -22,10 +24,10 @@ from tendonrepro.configuration.plants import load_plants, readings_on, with_all_
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
-from tendonrepro.files import to_json, write_atomically
+from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.arm_report import arm_tables
-from tendonrepro.monte_carlo.block import make_blocks
-from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
+from tendonrepro.monte_carlo.evaluate import evaluated
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
@@ -36,6 +38,7 @@ from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
 from tendonrepro.monte_carlo.user_laws import Simulate, refuse_alone
 from tendonrepro.parallel import Done, Item, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
+from tendonrepro.results.record_store import RecordStore
 from tendonrepro.results.store import take_over
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -111,7 +114,7 @@ def ensemble_study(
     simulate: Simulate = simulate_batch,
     folder: Folder,
 ) -> Study:
-    """Prepare an ensemble: missing blocks are computed, then come tables and figures of all.
+    """Prepare an ensemble: missing plants are run, then come tables and figures of all.
 
     Parameters
     ----------
@@ -130,35 +133,38 @@ def ensemble_study(
         For impossible draws or jobs.
     """
     check_jobs(jobs)
-    blocks = study.blocks(draws)
-    make = partial(make_blocks, study, simulate=simulate)
+    plants = {name: study.draws_of(name, draws) for name in study.populations}
+    make = partial(evaluated, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(site: Site) -> Result:
-        talk, files = site.talk, site.files
+        talk, shards = site.talk, site.files / SHARDS
         if seconds_out := errors_from(study.loaded.compare):
             talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
-        shards = files / SHARDS
         _take_over(earlier, shards, study, force=force)
-        paths = {block: shards / block.file_name(study.identity) for block in blocks}
-        missing = [block for block, path in paths.items() if not path.exists()]
-        resumed, ahead = len(blocks) - len(missing), study.cost(missing)
+        stores = {
+            name: RecordStore(shards / study.file_name(name, draws), study.record_of(name), count)
+            for name, count in plants.items()
+        }
+        missing = {name: store.missing() for name, store in stores.items()}
+        planned = study.pieces(draws)
+        pieces = [piece for piece in planned if np.isin(piece.plants, missing[piece.population]).any()]
+        ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
         if resumed:
-            talk.note(f"{resumed} of {len(blocks)} blocks are on disk already")
-        parts = [[block] for block in missing]
-        stream = on_cluster(make, parts, dask) if dask else as_ready(make, parts, jobs)
-        if missing:
+            talk.note(f"{resumed} of {len(planned)} blocks are on disk already")
+        stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
+        if pieces:
             talk.note(cost_text(ahead))
         started = time.perf_counter()
-        with talk.bar("simulating", len(missing)) as progress, closing(stream):
+        with talk.bar("simulating", len(pieces)) as progress, closing(stream):
             # This process is the only writer.
-            for block, image in chain.from_iterable(stream):
-                write_atomically(paths[block], image)
+            for piece, records in stream:
+                stores[piece.population].put(piece.plants, records)
                 progress(1)
         seconds = time.perf_counter() - started
-        (files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
-        speed = ahead["experiments"] / seconds if missing else None
-        return _result(study, draws, files, speed, resumed)
+        (site.files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
+        speed = ahead["experiments"] / seconds if pieces else None
+        return _result(study, draws, site.files, speed, resumed)
 
     base = replace(study.loaded.base, sha256=study.identity)
     plan = _plan(study, draws)
@@ -167,8 +173,7 @@ def ensemble_study(
 
 def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
     """What ``--json`` of a dry run says."""
-    blocks = study.blocks(draws)
-    cost = study.cost(blocks)
+    cost = study.cost(sum(study.draws_of(name, draws) for name in study.populations))
     readings = count_of(len(study.readings), "reading")
     arms = f" {study.loaded.around.told}" if study.loaded.around else ""
     return {
@@ -177,7 +182,7 @@ def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
         "config_sha256": study.loaded.sha256,
         "draws": draws,
         "cost": cost,
-        "blocks": len(blocks),
+        "blocks": len(study.pieces(draws)),
         "text": f"ensemble: {draws} draws{arms}, {readings}: {cost_text(cost)}",
     }
 
@@ -206,29 +211,28 @@ def on_cluster(
                 yield future.result()
                 future.release()
         except KilledWorker as error:
-            message = "workers died again and again on the same block; finished blocks are kept"
+            message = "workers died again and again on the same plants; finished ones are kept"
             raise TendonreproError(message, where="--dask") from error
 
 
 def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool) -> None:
-    """Begin with the blocks of an interrupted run and of the earlier result."""
+    """Begin with the records of an interrupted run, or of the earlier result."""
     shards.mkdir(exist_ok=True)
-    ours = shard_files(shards, study.identity)
-    others = [path for path in shards.iterdir() if path not in ours]
+    ours = f"[!.]*-{study.identity[:12]}.npy"
+    others = [path for path in shards.iterdir() if not fnmatch(path.name, ours)]
     strangers = [path for path in others if not path.name.startswith(".")]
     if strangers and not force:
-        left = count_of(len(strangers), "block")
+        left = count_of(len(strangers), "file")
         message = f"an interrupted run of another configuration or version left {left} here"
         hint = "choose another --out, or say --force to give them up"
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:
         path.unlink()
-    take_over(earlier, shards, [path.name for path in shard_files(earlier, study.identity)])
+    take_over(earlier, shards, [path.name for path in earlier.glob(ours)])
 
 
 def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Result:
-    """Numbers, tables and figures of all blocks; `speed` is of those just made, experiments per second."""
-    blocks = study.blocks(draws)
+    """Numbers, tables and figures of all plants; `speed` is of those just run, experiments per second."""
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
     summary: Summary = {
         "schema_version": SUMMARY_VERSION,
@@ -245,10 +249,10 @@ def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None,
             name: population_summary(population, read_ensemble(folder, name))
             for name, population in study.populations.items()
         },
-        "cost": study.cost(blocks),
+        "cost": study.cost(sum(study.draws_of(name, draws) for name in study.populations)),
         "experiments_per_second": speed,
         "resumed_from": resumed,
-        "blocks": len(blocks),
+        "blocks": len(study.pieces(draws)),
     }
     if around:
         summary["around"] = {**around.as_data(), "told": around.told}

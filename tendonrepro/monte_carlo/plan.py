@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro import __version__
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, case_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw, runs_of
 from tendonrepro.files import digest_of
-from tendonrepro.monte_carlo.data import Block, CaseName
+from tendonrepro.monte_carlo.data import CaseName
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.paper import base_of_paper
+from tendonrepro.results.record_store import RecordType
 from tendonrepro.simulation.streaming import STATISTICS
 
 SCHEMA_VERSION = 1
@@ -38,11 +43,19 @@ SECONDS_PER_EXPERIMENT = 6e-3
 Measured: 17 ms on slow processors that had other work too.
 """
 
-_COMPRESSION = 0.9
-
-
 ROOMS = ("configuration", "experiments", "monte_carlo", "physics", "simulation")
 """Packages whose code decides what a draw is and what its runs give."""
+
+
+PLANTS_AT_ONCE = 32
+"""Plants simulated together at most; more fill lanes better, and each has motions of some 3 MB."""
+
+
+class Piece(NamedTuple):
+    """Some plants of a population, by their numbers (M,): what is simulated together, and stored at once."""
+
+    population: str
+    plants: NDArray[np.int64]
 
 
 @cache
@@ -68,8 +81,8 @@ class EnsembleStudy:
 
     Claims are judged by the first of the `populations`, whose `shares` are their parts of the number asked
     for. Around an arm of a user's own a user's `laws` run too.
-    `replicates` are independent scramblings. A block of `block_draws`, a power of two, is the most work
-    that a kill can cost a process.
+    `replicates` are independent scramblings. `block_draws` plants, a power of two, are stored together: the
+    most work that a kill can cost a process.
     """
 
     loaded: LoadedEnsemble
@@ -126,15 +139,48 @@ class EnsembleStudy:
         }
         return digest_of(content)
 
-    def blocks(self, draws: int) -> list[Block]:
-        """Cut the draws of every population, `draws` at a share of 1, into blocks; see `draws_of`."""
-        return [
-            Block(population, replicate, first, min(each, self.block_draws))
-            for population in self.populations
-            for each in [self.draws_of(population, draws) // self.replicates]
-            for replicate in range(self.replicates)
-            for first in range(0, each, self.block_draws)
-        ]
+    def record_of(self, population: str) -> RecordType:
+        """A record of one plant: its numbers (P,); by case statuses (C,) and statistics (C, n), SI."""
+        cases, joints = len(self.cases), len(self.loaded.compare.joints)
+        return np.dtype(
+            [
+                ("draws", np.float64, (len(self.populations[population].rows),)),
+                *((name, np.float32, (cases, joints)) for name in STATISTICS),
+                ("status", np.int8, (cases,)),
+            ]
+        )
+
+    def values(self, population: str, plants: NDArray[np.int64]) -> Array:
+        """Numbers (M, P) of plants, in turn of each scrambling: more draws go on where fewer ended."""
+        numbers, replicates = np.divmod(plants, self.replicates)
+        first, count = int(numbers.min()), int(np.ptp(numbers)) + 1
+        drawn = {
+            replicate: self.populations[population].sample(self.seed, replicate, first, count)
+            for replicate in np.unique(replicates).tolist()
+        }
+        pairs = zip(replicates.tolist(), (numbers - first).tolist(), strict=True)
+        return np.stack([drawn[replicate][number] for replicate, number in pairs])
+
+    def pieces(self, draws: int) -> list[Piece]:
+        """Cut the plants of every population, `draws` at a share of 1, into pieces of one scrambling each.
+
+        A piece is run whole: what runs beside a plant can change its last bits, and encoder steps show them.
+        """
+        pieces = []
+        for population in self.populations:
+            each, size = self.draws_of(population, draws) // self.replicates, self._size(population, draws)
+            for replicate, first in product(range(self.replicates), range(0, each, size)):
+                numbers = np.arange(first, min(first + size, each))
+                pieces.append(Piece(population, numbers * self.replicates + replicate))
+        return pieces
+
+    def _size(self, population: str, draws: int) -> int:
+        """Plants of a piece."""
+        return min(self.draws_of(population, draws) // self.replicates, self.block_draws, PLANTS_AT_ONCE)
+
+    def file_name(self, population: str, draws: int) -> str:
+        """Name of the file of a population's records; pieces of another size give other numbers."""
+        return f"{population}-n{self._size(population, draws)}-{self.identity[:12]}.npy"
 
     def draws_of(self, population: str, draws: int) -> int:
         """Draws of one population; a UsageError for too few or many, or for no power of two."""
@@ -157,25 +203,22 @@ class EnsembleStudy:
             "replicates": self.replicates,
             "seed": self.seed,
             "populations": {name: self.draws_of(name, draws) for name in self.populations},
+            "records": {name: self.file_name(name, draws) for name in self.populations},
             "of_paper": not around and base_of_paper(self.loaded.compare),
             "joints": list(self.loaded.compare.joints),
-            "alpha": self.loaded.compare.control.gains.alpha.si.tolist(),
             "runs": list(self.runs),
             "names": list(next(iter(self.populations.values())).names),
             "readings": [reading.name for reading in self.readings],
             "variations": [reading.name for reading in self.variations],
             "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
-            "blocks": [astuple(block) for block in self.blocks(draws)],
         }
 
-    def cost(self, blocks: Sequence[Block]) -> dict[str, float]:
-        """Estimate what some blocks cost."""
-        draws = sum(block.count for block in blocks)
-        experiments = draws * len(self.cases)
-        seconds = experiments * SECONDS_PER_EXPERIMENT
+    def cost(self, plants: int) -> dict[str, float]:
+        """Estimate what some plants cost."""
+        experiments = plants * len(self.cases)
         numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
         return {
             "experiments": experiments,
-            "processor_hours": seconds / 3600.0,
-            "gigabytes": experiments * numbers * _COMPRESSION / 1e9,
+            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
+            "gigabytes": experiments * numbers / 1e9,
         }

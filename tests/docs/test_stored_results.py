@@ -16,8 +16,6 @@ from support.pages import DOCS, NEEDS_DOCS, stored
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.shown import SHOWN
-from tendonrepro.monte_carlo.block import loops_of
-from tendonrepro.monte_carlo.data import Block
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
@@ -49,8 +47,7 @@ def made_again(sample: dict[str, Any]) -> dict[str, Batch]:
     nominal = dict(zip(box.names, box.nominal, strict=True))
     columns = [sample["draws"].get(name, [nominal[name]] * count) for name in box.names]
     values = np.array(columns).T
-    block = Block("box", 0, 0, count)
-    by_case = zip(*loops_of(study, block, values), strict=True)
+    by_case = zip(*box.loops(values, study.cases), strict=True)
     wanted = {study.lookup[run, sample["reading"]]: run for run in sample["runs"]}
     return {
         wanted[place]: simulate_batch(loops, study.loaded.compare.status)

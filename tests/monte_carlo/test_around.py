@@ -18,10 +18,11 @@ from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
-from tendonrepro.monte_carlo.block import compute_blocks, loops_of
-from tendonrepro.monte_carlo.data import Block, read_ensemble
+from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
+from tendonrepro.monte_carlo.evaluate import evaluated
 from tendonrepro.monte_carlo.figures_arm import draw_pairs
+from tendonrepro.monte_carlo.plan import Piece
 from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
 from tendonrepro.physics.control import estimator_weights
@@ -144,9 +145,8 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     older = ["control.readings.stored_torque=applied", "manipulator.actuator.output_delay=1"]
     study = load_study(compare, older, 5, "weights=extrapolating", 0.2)
     (arm,) = study.populations.values()
-    block = study.blocks(64)[3]
-    row = arm.sample(study.seed, block.replicate, block.first, 1)
-    (loops,) = loops_of(study, block, row)
+    row = study.values("arms", np.array([11]))
+    (loops,) = arm.loops(row, study.cases)
     own = dict(build_loops(arm.configured(row[0]), study.loaded.base.folder))
     for loop, (run, reading) in zip(loops, study.cases, strict=True):
         assert loop.plant.arm.a == pytest.approx(own[run].plant.arm.a)
@@ -222,10 +222,10 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
     )
     study = load_study(config, short, None, "default", 0.2, laws=laws_of({"plain": plain}))
     assert study.runs[-2:] == ("plain", "plain_payload")
-    (found,) = compute_blocks(study, [Block("arms", 0, 0, 2)])
+    _, found = evaluated(study, Piece("arms", np.arange(2)))
     for own, other in (("controller_1", "plain"), ("controller_1_payload", "plain_payload")):
         places = [study.lookup[run, "printed"] for run in (own, other)]
-        errors = found["mae"][places]
+        errors = found["mae"][:, places].swapaxes(0, 1)
         assert (errors[0] == errors[1]).all()
         assert (errors > 0.0).all()
 

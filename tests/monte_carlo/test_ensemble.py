@@ -5,15 +5,24 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from support.command import answer
-from support.fake_batch import DRAWS, contents, fake_batch, results, run_ensemble_of, shards_in, small_study
+from support.fake_batch import (
+    DRAWS,
+    fake_batch,
+    finished_in,
+    record_files,
+    results,
+    run_ensemble_of,
+    small_study,
+)
 
-from tendonrepro import files
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.monte_carlo.data import SHARDS, read_ensemble, shard_files
+from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import load_study
+from tendonrepro.results import record_store
 from tendonrepro.results.figures.style import Drawing
 
 
@@ -66,7 +75,8 @@ def test_more_draws_reuse_what_is_there(tmp_path):
     # And fewer again leave the rest on disk.
     assert run_ensemble_of(tmp_path, study)["resumed_from"] == 8
     assert len(read_ensemble(tmp_path)) == DRAWS
-    assert len(shard_files(tmp_path / SHARDS)) == 16
+    (path,) = record_files(tmp_path)
+    assert len(np.load(path, mmap_mode="r")) == 2 * DRAWS
 
 
 def test_the_summary_holds_what_the_contract_names(unbroken):
@@ -98,7 +108,7 @@ def test_a_dry_run_writes_nothing_and_states_the_cost(tmp_path):
 def test_an_interrupted_run_resumes_to_the_same_results(unbroken, tmp_path):
     with pytest.raises(Stop):
         run_ensemble_of(tmp_path / "new", simulate=stop_after(5))
-    assert len(shards_in(tmp_path / "new")) == 5
+    assert len(finished_in(tmp_path / "new")) == 5 * 2
     assert not (tmp_path / "new" / "manifest.json").exists()
     with pytest.raises(DataMissingError, match="new"):
         read_ensemble(tmp_path / "new")
@@ -110,40 +120,37 @@ def test_blocks_of_an_interrupted_run_of_others_are_refused_and_kept(tmp_path):
     other = replace(small_study(), seed=77)
     with pytest.raises(Stop):
         run_ensemble_of(tmp_path / "new", simulate=stop_after(2))
-    before = contents(tmp_path / "new")
+    before = finished_in(tmp_path / "new")
     with pytest.raises(UsageError):
         run_ensemble_of(tmp_path / "new", other)
-    assert contents(tmp_path / "new") == before
+    assert finished_in(tmp_path / "new") == before
     assert run_ensemble_of(tmp_path / "new", other, force=True)["resumed_from"] == 0
 
 
 def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
-    before = contents(unbroken)
+    before = finished_in(unbroken)
     with pytest.raises(UsageError):
         run_ensemble_of(unbroken, replace(small_study(), seed=77))
-    assert contents(unbroken) == before
+    assert finished_in(unbroken) == before
 
 
 def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):
-    write = Path.write_bytes
     left = 4
 
-    def write_until_full(path, data):
+    def sync(_):
         nonlocal left
-        if path.suffix == ".npz":
-            left -= 1
-            if left < 0:
-                write(path, data[:100])
-                raise OSError(errno.ENOSPC, "No space left on device")
-        return write(path, data)
+        left -= 1
+        if left < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr(files.Path, "write_bytes", write_until_full)
+        patched.setattr(record_store.os, "fsync", sync)
         with pytest.raises(TendonreproError) as caught:
             run_ensemble_of(tmp_path / "new")
     assert caught.value.exit_code == 1
-    assert len(contents(tmp_path / "new")) == 4
-    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == 4
+    kept = finished_in(tmp_path / "new")
+    assert 4 * 2 <= len(kept) <= 5 * 2
+    assert run_ensemble_of(tmp_path / "new")["resumed_from"] == len(kept) // 2
     assert results(tmp_path / "new") == results(unbroken)
 
 

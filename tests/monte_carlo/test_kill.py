@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from support.fake_batch import contents, results, run_ensemble_of, run_small, shards_in, slow_batch
+from support.fake_batch import finished_in, results, run_ensemble_of, run_small, slow_batch
 
 pytestmark = [
     pytest.mark.slow,
@@ -25,9 +25,9 @@ def context():
 
 
 def finished(process, seconds, folder=None, kept=0):
-    """Wait so long, from the next shard on where a folder is given, then kill; whether it ended before."""
+    """Wait so long, from the next record on where a folder is given, then kill; whether it ended before."""
     process.start()
-    while folder and process.is_alive() and len(shards_in(folder)) <= kept:
+    while folder and process.is_alive() and len(finished_in(folder)) <= kept:
         time.sleep(0.002)
     process.join(seconds)
     if process.exitcode is None:
@@ -41,7 +41,7 @@ def finished(process, seconds, folder=None, kept=0):
 @pytest.mark.parametrize(("jobs", "kills"), [(1, 50), (2, 4)])
 def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills):
     run_small(tmp_path / "unbroken", 1)
-    expected = results(tmp_path / "unbroken")
+    expected, records = results(tmp_path / "unbroken"), finished_in(tmp_path / "unbroken")
     # The first run starts the fork server as well; the second shows how long one takes.
     for name in ("first", "second"):
         started = time.monotonic()
@@ -62,11 +62,11 @@ def test_kills_at_random_instants_change_nothing(context, tmp_path, jobs, kills)
         ):
             done += 1
             # Whatever is there is whole, and nothing that was there is lost.
-            whole_shards = contents(folder)
-            assert len(whole_shards) >= kept
-            assert whole_shards.items() <= expected.items()
-            resumed += len(whole_shards) > kept
-            kept = len(whole_shards)
+            whole_records = finished_in(folder)
+            assert len(whole_records) >= kept
+            assert whole_records.items() <= records.items()
+            resumed += len(whole_records) > kept
+            kept = len(whole_records)
         assert results(folder) == expected
     assert resumed > kills // 5, "the kills came too early to try anything"
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.fake_batch import small_study
 
@@ -11,24 +12,25 @@ from tendonrepro.monte_carlo import plan
 from tendonrepro.monte_carlo.ensemble import load_study
 
 
-def test_blocks_hold_every_draw_once():
+def test_pieces_hold_every_draw_once():
+    """Consecutive draws of one scrambling, each of which depends on its number alone."""
     study = load_study(None, (), None, "default")
-    blocks = study.blocks(4096)
-    for population, share in study.shares.items():
-        held = [
-            (block.replicate, block.first + k)
-            for block in blocks
-            if block.population == population
-            for k in range(block.count)
-        ]
-        each = int(4096 * share) // study.replicates
-        assert sorted(held) == [(r, k) for r in range(study.replicates) for k in range(each)]
-    assert len({block.file_name for block in blocks}) == len(blocks)
+    pieces = study.pieces(4096)
+    for name, share in study.shares.items():
+        plants = np.concatenate([piece.plants for piece in pieces if piece.population == name])
+        np.testing.assert_array_equal(np.sort(plants), np.arange(4096 * share))
+    assert all(np.ptp(piece.plants % study.replicates) == 0 for piece in pieces)
+    assert max(len(piece.plants) for piece in pieces) == 32
+    box, last = study.populations["box"], next(piece for piece in pieces if piece.plants[0] == 32 * 8 + 3)
+    expected = box.sample(study.seed, 3, 0, 64)[32:]
+    np.testing.assert_array_equal(study.values(*last), expected)
 
 
-def test_more_draws_keep_the_blocks_of_fewer():
-    study = replace(small_study(), block_draws=8)
-    assert set(study.blocks(64)) < set(study.blocks(256))
+def test_more_draws_keep_the_pieces_of_fewer():
+    study = replace(small_study(), block_draws=16)
+    few, many = ({(p.population, *p.plants.tolist()) for p in study.pieces(draws)} for draws in (64, 256))
+    assert few < many
+    assert study.file_name("box", 64) == study.file_name("box", 256) != study.file_name("box", 32)
 
 
 @pytest.mark.parametrize("draws", [0, -8, 8, 16, 33, 96, 1000, 2**62, 10**30])

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from tendonrepro.console import QUIET
-from tendonrepro.monte_carlo.data import SHARDS, shard_files
+from tendonrepro.monte_carlo.data import SHARDS
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.store import PARTIAL
@@ -95,21 +95,22 @@ def run_ensemble_of(folder, study=None, draws=DRAWS, force=False, **options):
     return carry_out(replace(prepared, command="ensemble"), QUIET).data
 
 
-def shards_in(folder):
-    """Shards of a result, and of one that is not finished."""
-    return [path for above in (folder, folder / PARTIAL) for path in shard_files(above / SHARDS)]
+def record_files(folder):
+    """Files of records of a result, and of one that is not finished."""
+    return [
+        path for above in (folder, folder / PARTIAL) for path in sorted((above / SHARDS).glob("[!.]*.npy"))
+    ]
 
 
-def contents(folder):
-    """What every shard holds as bytes, by its name."""
-    found = {}
-    for path in shards_in(folder):
-        with np.load(path) as stored:
-            found[path.name] = {name: values.tobytes() for name, values in stored.items()}
-    return found
+def finished_in(folder):
+    """Records that are done, as bytes, by file and plant."""
+    stored = {path.name: np.load(path, mmap_mode="r") for path in record_files(folder)}
+    return {
+        (name, k): file[k].tobytes() for name, file in stored.items() for k in np.flatnonzero(file["done"])
+    }
 
 
 def results(folder):
-    """What the shards hold, and the tables byte for byte."""
-    tables = {path.name: path.read_bytes() for path in sorted((folder / "tables").iterdir())}
-    return contents(folder) | tables
+    """Files of records and tables, byte for byte."""
+    paths = [*record_files(folder), *sorted((folder / "tables").iterdir())]
+    return {path.name: path.read_bytes() for path in paths}

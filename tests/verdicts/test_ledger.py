@@ -5,14 +5,14 @@ import re
 from dataclasses import replace
 
 import pytest
-from support.fake_batch import run_ensemble_of
+from support.fake_batch import record_files, run_ensemble_of
 from support.made_claims import MadeEnsemble
 from support.synthetic import FEW, make_compare_file
 
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
-from tendonrepro.monte_carlo.data import PLAN, SHARDS, shard_files
+from tendonrepro.monte_carlo.data import PLAN
 from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
@@ -77,7 +77,7 @@ def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
 def test_a_damaged_ensemble_is_no_missing_one(tmp_path):
     assert claimed(tmp_path).data["summary"]["not_testable"] > 0
     run_ensemble_of(tmp_path / "ensemble")
-    path = shard_files(tmp_path / "ensemble" / SHARDS)[0]
+    (path,) = record_files(tmp_path / "ensemble")
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(DataMissingError) as caught:
         claimed(tmp_path, ("C2",))
