@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from scipy.integrate import ode
@@ -41,6 +42,9 @@ On the shipped arms the tolerances allow one step a period. Joint angles are the
 1e-12, and with two steps within 3e-11.
 """
 
+SetTorque: TypeAlias = Callable[[int], bool]
+"""Sets the plant's torque at a sample and records it; gives whether the run goes on."""
+
 
 def simulate(loop: Loop) -> dict[str, Array]:
     """Run a closed loop from rest to the end of its reference, or until it diverges.
@@ -57,7 +61,8 @@ def simulate(loop: Loop) -> dict[str, Array]:
     """
     time, plant = loop.reference.time, MachinePlant(loop)
     trace = np.empty((time.size, recorded_columns(loop)))
-    set_torque = (MachineLaw if loop.controller.command is None else PlainLaw)(loop, plant, trace)
+    law = _law_of_machine if loop.controller.command is None else _law_of_python
+    set_torque = law(loop, plant, trace)
     advance = _integrator(loop.solver, plant)
     # SciPy warns on standard error where advance() raises, and NumPy where a run diverges.
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -109,53 +114,44 @@ class MachinePlant:
         return self.rows[self._named[name] :, 0][:size]
 
 
-class MachineLaw:
-    """Package's own law as machine code."""
+def _law_of_machine(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
+    """The package's own law as machine code."""
+    reference, n = loop.fed, loop.plant.preload.size
+    signals = np.hstack([reference.q_d, reference.dq_d, reference.ddq_d, _noise(loop)])
+    # Desired motion and noise are neighbours.
+    given, live, kept = (
+        plant.lane("desired", 6 * n),
+        plant.lane("live", 1),
+        plant.lane("trace", trace.shape[1]),
+    )
+    run, address = callable_code(plant.code["sample"]), plant.rows.ctypes.data
 
-    def __init__(self, loop: Loop, plant: MachinePlant, trace: Array) -> None:
-        reference, n = loop.fed, loop.plant.preload.size
-        self._signals = np.hstack([reference.q_d, reference.dq_d, reference.ddq_d, _noise(loop)])
-        # Desired motion and noise are neighbours.
-        self._given, self._live = plant.lane("desired", 6 * n), plant.lane("live", 1)
-        self._trace, self._kept = trace, plant.lane("trace", trace.shape[1])
-        self._run, self._address = callable_code(plant.code["sample"]), plant.rows.ctypes.data
+    def set_torque(k: int) -> bool:
+        given[:] = signals[k]
+        run(address, k, 0.0)
+        trace[k] = kept
+        return bool(live[0] > 0.0)
 
-    def __call__(self, k: int) -> bool:
-        """Set the plant's torque at sample k; whether the run goes on."""
-        self._given[:] = self._signals[k]
-        self._run(self._address, k, 0.0)
-        self._trace[k] = self._kept
-        return bool(self._live[0] > 0.0)
+    return set_torque
 
 
-class PlainLaw:
-    """A user's own law, in Python."""
+def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
+    """A user's own law."""
+    law, command, motion = loop.controller.law, loop.controller.command, loop.fed
+    assert command is not None
+    hardware, noise, tau = hardware_of(loop, plant.rest), _noise(loop), torque_before(loop, plant.rest)
+    measured = measure(plant.rest.state, noise[0], law, hardware)
+    memory, pending = start(measured, loop.reference.q_d[0], tau, law), [tau] * loop.actuator.delay
 
-    def __init__(self, loop: Loop, plant: MachinePlant, trace: Array) -> None:
-        self._loop, self._plant, self._trace = loop, plant, trace
-        self._hardware, self._noise = hardware_of(loop, plant.rest), _noise(loop)
-        tau, law = torque_before(loop, plant.rest), loop.controller.law
-        measured = measure(plant.rest.state, self._noise[0], law, self._hardware)
-        self._fed, first = loop.fed, loop.reference.q_d[0]
-        self._memory, self._pending = start(measured, first, tau, law), [tau] * loop.actuator.delay
+    def set_torque(k: int) -> bool:
+        nonlocal memory, pending
+        state, desired = plant.state.copy(), (motion.q_d[k], motion.dq_d[k], motion.ddq_d[k])
+        now = sample(state, memory, pending, desired, noise[k], law, hardware, command)
+        memory, pending, plant.torque[:] = now.memory, now.pending, now.torque
+        trace[k] = np.concatenate([state, *now.measured, now.tau, now.tau_m, *now.signals])
+        return bool(now.bounded) and k + 1 < motion.time.size
 
-    def __call__(self, k: int) -> bool:
-        """Set the plant's torque at sample k; whether the run goes on."""
-        reference, controller, state = self._fed, self._loop.controller, self._plant.state.copy()
-        assert controller.command is not None
-        now = sample(
-            state,
-            self._memory,
-            self._pending,
-            (reference.q_d[k], reference.dq_d[k], reference.ddq_d[k]),
-            self._noise[k],
-            controller.law,
-            self._hardware,
-            controller.command,
-        )
-        self._memory, self._pending, self._plant.torque[:] = now.memory, now.pending, now.torque
-        self._trace[k] = np.concatenate([state, *now.measured, now.tau, now.tau_m, *now.signals])
-        return bool(now.bounded) and k + 1 < reference.time.size
+    return set_torque
 
 
 def _noise(loop: Loop) -> Array:
