@@ -295,12 +295,26 @@ def test_angles_in_radians_beside_rates_and_a_status(tmp_path, status):
     assert all("CHECK" in line for line in mapping.splitlines() if "qd_2" in line)
 
 
-@pytest.mark.parametrize(("factor", "doubts"), [(1.0, 0), (57.3, 1), (-1.0, 1), (0.0, 1)])
-def test_a_rate_that_is_no_slope_is_told(tmp_path, factor, doubts):
-    rate = factor * np.gradient(ACTUAL[2], 0.01)
+SHAKE = 60.0 * np.sin(6.0 * np.pi * T)
+"""Of the size of the motion, and nothing like it, deg."""
+
+
+@pytest.mark.parametrize(
+    ("factor", "shake", "doubts"),
+    [(1.0, 0.0, 0), (57.3, 0.0, 1), (-1.0, 0.0, 1), (0.0, 0.0, 1), (1.0, 1.0, 1)],
+)
+def test_a_rate_that_is_no_slope_is_told(tmp_path, factor, shake, doubts):
+    rate = factor * np.gradient(ACTUAL[2], 0.01) + shake * np.gradient(SHAKE, 0.01)
     rows = np.column_stack([NUMBERS[:, :3], rate])
     found, _, _ = ingested(tmp_path, ".csv", ",".join(NAMES[:3]) + ",dq2 (deg/s)\n" + lines(rows))
     assert len(found["doubts"]) == doubts
+
+
+def test_a_rate_of_what_was_measured_needs_nothing_beside_it(tmp_path):
+    rows = np.column_stack([NUMBERS[:, [0, 2]], np.gradient(ACTUAL[2], 0.01)])
+    _, runs, mapping = ingested(tmp_path, ".csv", "t,actual_q_2,actual_qd_2\n" + lines(rows))
+    assert set(runs["controller_1"].variables) == {"q_encoder", "dq"}
+    assert "CHECK" in next(line for line in mapping.splitlines() if "actual_qd_2" in line)
 
 
 def test_a_joint_at_rest_has_no_rate_to_doubt(tmp_path):
