@@ -75,14 +75,22 @@ def described(text: str, drawn: Mapping[str, Drawing]) -> str:
     return re.sub(r"!\[[^\]]*\]\((docs/)?(\w+)\.png\)", with_text, text)
 
 
-def made(name: str, folder: Path = DOCS / "made", **known: Any) -> str:
-    """A part, from its template over the stored results."""
-    return contents.rendered(name, read_shown(DOCS / "results"), folder, FILTERS, **known)
+def made(name: str, **known: Any) -> str:
+    """A part, from its template in docs/made or the report's, over the stored results, or what else is `known`."""
+    shown = read_shown(DOCS / "results")
+    return contents.rendered(name, shown, DOCS / "made", filters=FILTERS, **known or context())
 
 
-def of_report(*names: str) -> str:
-    """Parts that the report has, too."""
-    return "\n\n".join(made(name, contents.TEMPLATES) for name in names)
+def context() -> dict[str, Any]:
+    """What templates speak of beside the ensemble: `stored` reads any other result."""
+    verdicts = read_ledger(stored("claims")).verdicts.values()
+    return {
+        **of_searches(stored("identify")),
+        **of_tables(stored("given")),
+        "laws": LAWS,
+        "stored": stored,
+        "verdicts": verdicts,
+    }
 
 
 def deciding(ranking: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -111,31 +119,23 @@ FILTERS: Mapping[str, Callable[[Any], Any]] = {
 }
 
 
-def of_verdicts(name: str) -> str:
-    """Verdicts on the claims, or on published numbers; what is published twice stands once."""
-    return made(name, verdicts=read_ledger(stored("claims")).verdicts.values())
-
-
-def of_searches(name: str, found: Mapping[str, Any] | None = None) -> str:
+def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
     """Closest plants: whether a changed equation is closer than all that keep them, and at what budget."""
-    found = found or stored("identify")
     kept, changed = (nearest(found["readings"], names) for names in (KEPT, CHANGED))
     scatter = float(np.std(kept["misfit_by_seed"], ddof=1)) if kept and len(kept["misfit_by_seed"]) > 1 else 0.0
     misfits = {
         (held["name"], held["begun_at"]): off(held["misfit_log"])
         for held in (*found["readings"], *found.get("farther", ()))
     }
-    return made(
-        name,
-        identify=found,
-        nearest={held["name"]: held for held in found["readings"]},
-        kept=kept,
-        changed=changed,
-        closer=bool(kept and changed and changed["misfit_log"] < kept["misfit_log"] - scatter),
-        scatter=scatter,
-        begun=lambda name, place: misfits.get((name, place), ""),
-        draws=stored("draws"),
-    )
+    return {
+        "identify": found,
+        "nearest": {held["name"]: held for held in found["readings"]},
+        "kept": kept,
+        "changed": changed,
+        "closer": bool(kept and changed and changed["misfit_log"] < kept["misfit_log"] - scatter),
+        "scatter": scatter,
+        "begun": lambda name, place: misfits.get((name, place), ""),
+    }
 
 
 def of_groups(given: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -150,40 +150,27 @@ def of_groups(given: Mapping[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def given_the_tables(name: str = "given_the_tables", given: Mapping[str, Any] | None = None) -> str:
-    """The probability of each interpretation, and how well such a naming does where the truth is known."""
-    given = given or stored("given")
+def of_tables(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The probability of each interpretation and group, given the tables, and how well such a naming does."""
     columns = zip(given["names"], given["plants"], given["probability"], np.diag(given["confused"]), strict=True)
     keys = ("name", "plants", "probability", "right")
     named = sorted((dict(zip(keys, row, strict=True)) for row in columns), key=lambda row: -row["probability"])
     groups = of_groups(given)
-    return made(
-        name,
-        given=given,
-        named=named,
-        probable=max(named, key=lambda row: (row["probability"], row["name"])),
-        groups=groups,
-        group=max(groups, key=lambda group: group["probability"]),
-    )
+    return {
+        "given": given,
+        "named": named,
+        "probable": max(named, key=lambda row: (row["probability"], row["name"])),
+        "groups": groups,
+        "group": max(groups, key=lambda group: group["probability"]),
+    }
 
 
-MAKERS: Mapping[str, Callable[[], str]] = {
-    "the headline": partial(of_report, "headline"),
-    "the answer": partial(of_report, "headline", "answer"),
-    "why": partial(of_report, "why"),
-    "robustness": partial(of_report, "robustness"),
-    "what it depends on": partial(of_searches, "what_it_depends_on"),
-    "the closest": partial(of_searches, "the_closest"),
-    "closest plants": partial(of_searches, "closest_plants"),
-    "readings": partial(made, "readings"),
-    "claims": partial(of_verdicts, "claims"),
-    "numbers": partial(of_verdicts, "numbers"),
-    "deciding unknowns": lambda: made("deciding_unknowns", decides=stored("decides")),
-    "questions": lambda: made("questions", tune=stored("tune")),
-    "at their best": lambda: made("at_their_best", tune=stored("tune"), laws=LAWS),
-    "experiments on starts": lambda: made("experiments_on_starts", predict_starts=stored("predict_starts")),
-    "given the tables": given_the_tables,
-}
+PARTS = (
+    "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
+    "claims", "numbers", "deciding unknowns", "questions", "at their best", "experiments on starts", "given the tables",
+)  # fmt: skip
+"""Parts of pages that are made of stored results; their templates have the same names."""
+MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}
 
 
 if __name__ == "__main__":

@@ -48,10 +48,10 @@ _WORDS = {
 """What stands in a claim or statement, and what a reader sees."""
 
 
-def environment(folder: Path, *, html: bool = False) -> jinja2.Environment:
-    """Read templates of a folder, with filters for shares, ratios and counts."""
+def environment(*folders: Path, html: bool = False) -> jinja2.Environment:
+    """Read templates of folders, and those of the report, with filters for shares, ratios and counts."""
     made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder),
+        loader=jinja2.FileSystemLoader([*folders, TEMPLATES]),
         undefined=jinja2.StrictUndefined,
         autoescape=html,
         trim_blocks=True,
@@ -63,12 +63,12 @@ def environment(folder: Path, *, html: bool = False) -> jinja2.Environment:
 def rendered(
     name: str,
     shown: Shown,
-    folder: Path = TEMPLATES,
+    *folders: Path,
     filters: Mapping[str, Callable[..., object]] | None = None,
     **known: object,
 ) -> str:
-    """Text of a template over the rows of an ensemble, one of `WORDS` or of another folder."""
-    templates = environment(folder)
+    """Text of a template over the rows of an ensemble, one of `WORDS` or of other folders."""
+    templates = environment(*folders)
     templates.filters |= filters or {}
     known |= {"r": shown.box, "firm": shown.readings.get("firm"), "drawn": shown.plants["box"]}
     known |= {"labels": SHOWN, "conditions": conditions_in_words()}

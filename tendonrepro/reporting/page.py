@@ -130,7 +130,7 @@ def report_text(report: ReportFile) -> str:
 
 def page(sources: ReportSources, again: str | None = "tendonrepro report") -> str:
     """Make the page; equal contents give equal text. `again` is what made it."""
-    environment = contents.environment(contents.TEMPLATES, html=True)
+    environment = contents.environment(html=True)
     environment.filters |= {"md": line, "text": text}
     verdicts = sources.ledger.verdicts
     days = [manifest["created"] for manifest in (*sources.manifests.values(), sources.ledger.ensemble)]

@@ -102,7 +102,9 @@ def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatte
     harvest.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
     drawn = {"misfit_log": dict.fromkeys(("printed", "weights=extrapolating"), 0.2)}
     (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
-    text = generate.of_searches("the_closest", harvest.stored("identify"))
+    text = generate.made(
+        "the_closest", **generate.of_searches(harvest.stored("identify")), stored=harvest.stored
+    )
     cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
     assert len(cells) == rows
     assert "16,080" in text
@@ -134,7 +136,7 @@ def test_groups_of_interpretations_add_up(generate):
 def test_the_tables_name_one_or_a_group_or_none(generate):
     asked = (([0.0, 0.05, 0.95],), ([0.5, 0.45, 0.05],), ([0.5, 0.1, 0.4],), ([0.0, 0.05, 0.95], 0.01))
     one, group, neither, unlike = (
-        generate.given_the_tables("named_by_the_tables", given(*numbers)) for numbers in asked
+        generate.made("named_by_the_tables", **generate.of_tables(given(*numbers))) for numbers in asked
     )
     assert "`weights=extrapolating`" in one
     assert "Equations as published" in group
