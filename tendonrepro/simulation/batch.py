@@ -297,9 +297,9 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, recor
             )
         rows = columns(bundles)[:, : members.size]
         for name, of in kept.items():
-            recorded = np.moveaxis(records[name], 3, 1).reshape(-1, *records[name].shape[1:3])
+            entries = np.moveaxis(records[name], 3, 1).reshape(-1, *records[name].shape[1:3])
             begin = at // of.each
-            ended[name][members, begin : begin + recorded.shape[1]] = recorded[: members.size]
+            ended[name][members, begin : begin + entries.shape[1]] = entries[: members.size]
         left[:, members] = rows
         going = rows[named["live"]] > 0.0
         if not going.any():

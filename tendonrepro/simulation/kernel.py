@@ -25,6 +25,7 @@ from tendonrepro.simulation.loop import (
     SampledState,
     Three,
     longest,
+    recorded,
     sample,
     start,
 )
@@ -194,9 +195,7 @@ def write_sample(
         write("H_before", sampled.signals[0])
         write("block", _in_blocks(read("block", n), stepped["e"], live, k, x.block))
     if record:
-        write(
-            "trace", np.concatenate([state, *sampled.measured, sampled.tau, sampled.tau_m, *sampled.signals])
-        )
+        write("trace", recorded(state, sampled))
     write("torque", sampled.torque)
     write("count", [number("count") + live])
     write("diverged", [number("diverged") + live * (1.0 - sampled.bounded)])

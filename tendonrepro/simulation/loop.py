@@ -305,6 +305,12 @@ RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")
 """What is recorded at a sample, between the state (4 n,) and the law's signals."""
 
 
+def recorded(state: Array, sampled: SampledState) -> Array:
+    """What is recorded at a sample, (columns,)."""
+    parts = *sampled.measured, sampled.tau, sampled.tau_m, *sampled.signals
+    return np.concatenate([state, *parts])
+
+
 def recorded_columns(loop: Loop) -> int:
     """Numbers that are recorded at a sample."""
     return (4 + len(RECORDED) + len(loop.controller.signals)) * loop.plant.preload.size

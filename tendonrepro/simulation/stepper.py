@@ -22,6 +22,7 @@ from tendonrepro.simulation.loop import (
     hardware_of,
     is_noisy,
     measure,
+    recorded,
     recorded_columns,
     rest_at,
     sample,
@@ -148,7 +149,7 @@ def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
         state, desired = plant.state.copy(), (motion.q_d[k], motion.dq_d[k], motion.ddq_d[k])
         now = sample(state, memory, pending, desired, noise[k], law, hardware, command)
         memory, pending, plant.torque[:] = now.memory, now.pending, now.torque
-        trace[k] = np.concatenate([state, *now.measured, now.tau, now.tau_m, *now.signals])
+        trace[k] = recorded(state, now)
         return bool(now.bounded) and k + 1 < motion.time.size
 
     return set_torque
