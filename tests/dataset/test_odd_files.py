@@ -141,17 +141,17 @@ def stamps():
     return "header.stamp.sec,header.stamp.nanosec," + ",".join(NAMES[1:]) + "\n" + "".join(told)
 
 
-def a_row_a_joint(late=0.0):
+def a_row_a_joint(late=0.0, word="axis_"):
     rows = ((k, joint) for k in range(400) for joint in (2, 3))
     told = (
-        f"{0.01 * k + late * (j == 3):.3f},axis_{j},{DESIRED[j][k]:.6f},{ACTUAL[j][k]:.6f}\n" for k, j in rows
+        f"{0.01 * k + late * (j == 3):.3f},{word}{j},{DESIRED[j][k]:.6f},{ACTUAL[j][k]:.6f}\n"
+        for k, j in rows
     )
     return "stamp_sec,joint,desired_position,actual_position\n" + "".join(told)
 
 
-def from_zero(number="{}"):
-    joints = (number.format(k) for k in (0, 1))
-    return "t," + ",".join(f"q_d_{k},q_{k}" for k in joints) + "\n" + lines(IN_RADIANS, form="{:.6f}")
+def from_zero():
+    return "t,q_d_0,q_0,q_d_1,q_1\n" + lines(IN_RADIANS, form="{:.6f}")
 
 
 PLAIN = {
@@ -181,6 +181,7 @@ PLAIN = {
     "topics of ROS": (".csv", topics(), MAE),
     "seconds and nanoseconds": (".csv", stamps(), MAE),
     "a row a joint": (".csv", a_row_a_joint(), MAE),
+    "a row a joint, by number": (".csv", a_row_a_joint(word=""), MAE),
     "joints from 0": (".csv", from_zero(), MAE),
     "quoted header": (".csv", NOTED + lines(np.insert(NUMBERS, 1, 7.0, axis=1)), MAE),
     "no blank before the bracket": (".csv", BARE + lines(), MAE),

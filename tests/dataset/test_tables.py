@@ -83,6 +83,7 @@ NUMBERS = "0,1,2\n" * FEWEST
         ("C1,,C2\nt,q2,q2\n", ["C1 t", "C1 q2", "C2 q2"]),
         ("Run 1\nOperator,Yan\nt,q2,q3\n", ["t", "q2", "q3"]),
         ("t,q2,q2\n", ["t", "q2", "q2 #2"]),
+        ("t,s,s\n", ["t", "s", "s #2"]),
     ],
 )
 def test_rows_above_the_numbers(head, names, tmp_path):
