@@ -321,14 +321,14 @@ def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
     plant, reference, done = loop.plant, loop.reference, len(record)
     names = RECORDED + tuple(loop.controller.signals)
     state, rest = np.split(record.T, [4 * plant.preload.size])
-    recorded = dict(zip(names, map(np.transpose, np.split(rest, len(names))), strict=True))
+    seen = dict(zip(names, map(np.transpose, np.split(rest, len(names))), strict=True))
     q, dq, theta, dtheta = np.split(state, 4)
     tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, plant.drive), plant.drive)
     ddq = link_acceleration(reference.time[:done], q, dq, tau_s, plant)
     variables = {"q": q.T, "dq": dq.T, "ddq": ddq.T, "theta": theta.T, "dtheta": dtheta.T, "tau_s": tau_s.T}
     desired = {"q_d": reference.q_d[:done], "dq_d": reference.dq_d[:done], "ddq_d": reference.ddq_d[:done]}
-    error = {"e": desired["q_d"] - recorded["q_encoder"]}
-    derived = loop.controller.derived(variables | recorded, plant)
+    error = {"e": desired["q_d"] - seen["q_encoder"]}
+    derived = loop.controller.derived(variables | seen, plant)
     time = {"time": reference.time[:done]}
-    trace = time | variables | desired | error | recorded | derived
+    trace = time | variables | desired | error | seen | derived
     return {name: np.ascontiguousarray(values) for name, values in trace.items()}
