@@ -62,7 +62,8 @@ def _arm_of(manifest: Json) -> Json | None:
 def again_of(name: str, manifest: Json) -> str:
     """What a shell says to make a result again."""
     if "again" in manifest:
-        return manifest["again"] or f"# {name}: made from Python, with a function of one's own"
+        of_no_words = f"# {name}: called with standard input or a function; {MANIFEST} has its configuration"
+        return manifest["again"] or of_no_words
     # Manifests of older versions do not say it.
     command = manifest.get("command", name)
     words = ["tendonrepro", command]

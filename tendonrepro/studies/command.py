@@ -75,16 +75,18 @@ class Command:
         return self.name.rpartition(" ")[2]
 
     def words(self, *args: object, **kwargs: object) -> str | None:
-        """What a shell says to call it with these arguments; None where a function of Python's is among them.
+        """What a shell says to call it with these arguments.
 
-        Whom to tell, what may be overwritten, and what holds by default are left out.
+        None where no words can: a function of Python's or standard input is among them. Whom to tell, what
+        may be overwritten, and what holds by default are left out.
         """
         said = ["tendonrepro", *self.name.split()]
         for name, value in self.signature.bind(*args, **kwargs).arguments.items():
             parameter = self.signature.parameters[name]
             if isinstance(value, Talk) or name == "force" or value is None or value == parameter.default:
                 continue
-            if isinstance(value, Mapping) and any(map(callable, value.values())):
+            is_function = isinstance(value, Mapping) and any(map(callable, value.values()))
+            if is_function or (name == "config" and value == "-"):
                 return None
             said += _said(parameter, value)
         return shlex.join(said)

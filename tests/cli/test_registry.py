@@ -179,6 +179,7 @@ def test_the_manifest_says_what_makes_a_result_again(
     ]
     assert "--force" not in study.again
     assert COMMANDS["compare"].words(laws={"mine": abs}) is None, "a shell has no name for a function"
+    assert COMMANDS["compare"].words("-") is None, "what came from standard input is gone"
 
 
 SIMULATED = [name for name in STUDIES if "controllers" in COMMANDS[name].signature.parameters]
