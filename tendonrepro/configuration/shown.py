@@ -62,7 +62,7 @@ IN_MAP = {
     "Delta_unit=deg": "Δ in degrees",
     "gain_unit=phi_in_degrees": "φ in degrees",
     "weights=extrapolating": "(1 + α, −α)",
-    BOTH: "both",
+    BOTH: "Δ in degrees and (1 + α, −α)",
     "stored_torque=applied+output_delay=1": "applied torque, late",
     STEPS: "torque in steps",
 }

@@ -7,23 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import GROUPS, IN_MAP, SHOWN, STARTS_APART
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.readings import Row, Shown
-from tendonrepro.results.figures.labels import name_points
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
     Look,
-    imprint,
     journal_style,
     letter_panels,
     mark_cut,
     open_figure,
-    settle,
 )
 from tendonrepro.results.summary import CONTROLLERS
 
@@ -155,6 +151,9 @@ _REGIONS = {
 }
 """Orders of the controllers by their errors, the smallest first, and where their region has room."""
 
+_MARKS = ("o", "s", "^", "v", "P", "X", "h")
+"""Of the readings that have a name in the map."""
+
 
 @journal_style()
 def draw_map(shown: Shown, closest: Sequence[Json]) -> Drawing:
@@ -163,34 +162,28 @@ def draw_map(shown: Shown, closest: Sequence[Json]) -> Drawing:
     ``closest`` are rows of Table 2 for the arm closest to it. Under a slow load no plant enters: the ratios
     are of the ages of the estimates, and of the softness of the surfaces.
     """
-    figure = open_figure(PAGE_MM, 98.0)
+    figure = open_figure(PAGE_MM, 108.0)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    names: dict[int, list[tuple[str, tuple[float, float], str]]] = {}
     for panel, joint in zip(panels, COMPARED, strict=True):
         _draw_regions(panel)
         alpha = published().number(f"gain.alpha.joint_{joint}")
         for age, label in ((1.0 - alpha, "1 ± α, by theory"), (1.0 + alpha, None)):
             panel.axvline(age, color=_BLUE, linewidth=0.7, linestyle="--", zorder=1.5, label=label)
-        named = _draw_readings(panel, shown, joint)
-        for metric, ours, paper in (("mae", "closest arm", "Table 2"), ("rmse", None, None)):
+        _draw_readings(panel, shown, joint)
+        for metric, inside in (("mae", {}), ("rmse", {"markerfacecolor": "white"})):
             errors = {row["run"]: row[f"{metric}_deg"] for row in closest if row["joint"] == joint}
             sizes = [errors[name] for name in CONTROLLERS]
             simulated = [sizes[above] / sizes[below] for above, below in RATIOS.values()]
-            panel.plot(*simulated, "D", color="black", markersize=3.6, label=ours)
+            look: Look = {"color": "black", "markersize": 3.6, "label": f"closest arm, {metric.upper()}"}
+            panel.plot(*simulated, "D", **look | inside)
             printed = [printed_ratios(pair, metric, [joint])[0] for pair in RATIOS.values()]
-            panel.plot(*printed, "*", color=_RED, markersize=7.0, label=paper)
-            named = [
-                (metric.upper(), (x, y), colour) for (x, y), colour in ((printed, _RED), (simulated, "black"))
-            ] + named
-        names[joint] = named
+            look = {"color": _RED, "markersize": 7.0, "label": f"Table 2, {metric.upper()}"}
+            panel.plot(*printed, "*", **look | inside)
         panel.set_xlabel("error of Controller 1 over 2")
     letter_panels(panels, [f"Joint {joint}" for joint in COMPARED])
     panels[0].set_ylabel("error of Controller 2 over 3")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    imprint(figure, origin := _of_plants(shown))
-    settle(figure)
-    for panel, joint in zip(panels, COMPARED, strict=True):
-        name_points(panel, names[joint], *_drawn_in(panel))
+    named = dict(zip(*panels[0].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=4)
     caption = (
         "The six orders of the controllers, the smallest error first, over the two ratios that decide them. "
         "A dot is an interpretation of the paper: median of the plants on which the controllers are stable. "
@@ -198,23 +191,11 @@ def draw_map(shown: Shown, closest: Sequence[Json]) -> Drawing:
         "those of the simulated arm that comes closest. The tinted region has the published order. Where a "
         "load changes slowly, theory puts Controller 1 on the dashed lines."
     )
-    return Drawing("map", figure, panels, caption, origin=origin)
+    return Drawing("map", figure, panels, caption, origin=_of_plants(shown))
 
 
 def _of_plants(shown: Shown) -> str:
     return f"Simulated, {shown.plants['box']:,} plants of the parameter ranges"
-
-
-def _drawn_in(panel: Axes) -> tuple[Array, Array]:
-    """Places of all marks in a panel, and places along its lines."""
-    marks = [line.get_xydata() for line in panel.lines if line.get_linestyle() == "None"]
-    lines = []
-    for line in panel.lines:
-        if line.get_linestyle() != "None":
-            ends = line.get_transform().transform(line.get_xydata())
-            along = ends[0] + np.linspace(0.0, 1.0, 200)[:, np.newaxis] * (ends[-1] - ends[0])
-            lines.append(panel.transData.inverted().transform(along))
-    return np.vstack(marks), np.vstack(lines)
 
 
 def _draw_regions(panel: Axes) -> None:
@@ -231,19 +212,18 @@ def _draw_regions(panel: Axes) -> None:
         panel.text(x, y, order, ha="center", va="center", color="#555555", fontsize=7, bbox=ground)
 
 
-def _draw_readings(panel: Axes, shown: Shown, joint: int) -> list[tuple[str, tuple[float, float], str]]:
-    """Draw a dot at the medians of each reading, a larger one where it has a name, and return the names."""
+def _draw_readings(panel: Axes, shown: Shown, joint: int) -> None:
+    """Draw a dot at the medians of each reading, and a mark of its own where one has a name."""
     medians = {
         name: (reading[f"c1_c2_joint_{joint}_median"], reading[f"c2_c3_joint_{joint}_median"])
         for name, reading in shown.box.items()
         if reading["plants"]
     }
-    named = {name: medians[name] for name in IN_MAP if name in medians}
     look: Look = {"linestyle": "", "marker": "o", "markeredgewidth": 0.0, "label": "interpretation, median"}
     panel.plot(*zip(*medians.values(), strict=True), color=_PALE, markersize=2.2, **look)
-    look |= {"label": "the same, named", "zorder": 4.0}
-    panel.plot(*zip(*named.values(), strict=True), color=_BLUE, markersize=3.8, **look)
-    return [(IN_MAP[name], place, "black") for name, place in named.items()]
+    for mark, (name, label) in zip(_MARKS, IN_MAP.items(), strict=True):
+        if name in medians:
+            panel.plot(*medians[name], mark, color=_BLUE, markersize=4.5, label=label, zorder=4.0)
 
 
 def _logarithmic(panel: Axes, axis: str, limits: tuple[float, float], ticks: tuple[float, ...]) -> None:
