@@ -65,7 +65,7 @@ def open(folder: str | Path) -> Result:
     DataMissingError
         When there is none, or it is damaged.
     """
-    from tendonrepro.results.on_disk import numbers_in, result_manifest, table_files
+    from tendonrepro.results.store import numbers_in, result_manifest, table_files
     from tendonrepro.results.traces import TRACES, read_traces
     from tendonrepro.studies.result import Result
 

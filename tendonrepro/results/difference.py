@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import Json
-from tendonrepro.results.on_disk import numbers_in, result_manifest
 from tendonrepro.results.records import Trace
+from tendonrepro.results.store import numbers_in, result_manifest
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces

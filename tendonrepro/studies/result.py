@@ -14,9 +14,8 @@ from tendonrepro.errors import UsageError
 from tendonrepro.files import Json, to_json
 from tendonrepro.parallel import Start
 from tendonrepro.results.formats import FORMATS, formats_of
-from tendonrepro.results.on_disk import table_files
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.store import NewResult, read_manifest, replaced, take_over
+from tendonrepro.results.store import NewResult, read_manifest, replaced, table_files, take_over
 from tendonrepro.results.tables import Table
 
 if TYPE_CHECKING:

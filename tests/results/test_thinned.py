@@ -13,8 +13,7 @@ from fontTools.ttLib import TTFont
 from matplotlib import font_manager
 from matplotlib.ft2font import FT2Font
 
-from tendonrepro.results.figures.style import journal_style, open_figure
-from tendonrepro.results.figures.thinned import FONTS, LETTERS, thinned_fonts
+from tendonrepro.results.figures.style import FONTS, LETTERS, journal_style, open_figure, thinned_fonts
 
 WORDS = (
     "Simulated, configuration compare.yaml",
