@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,7 +19,7 @@ from PIL import Image
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import atomic_path, refuse_existing
+from tendonrepro.files import Json, atomic_path, refuse_existing
 from tendonrepro.physics.tendon_path import TendonPath, path_points
 from tendonrepro.results.figures.arm import (
     draw_discs,
@@ -53,7 +53,7 @@ def animate(
     speed: float = 1.0,
     out: Path | None = None,
     force: bool = False,
-) -> Film:
+) -> Json:
     """Draw the arm of a stored run as a film, and return what ``--json`` prints.
 
     Parameters
@@ -74,13 +74,13 @@ def animate(
     DataMissingError
         If the traces cannot be read or do not say where the tendons go.
     """
-    if out is not None:
-        _refuse(out, source, force=force)
     file = read_traces(source)
     scene = scene_of(file, run)
     name = scene.trace.name
     target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
-    _refuse(target, source, force=force)
+    if target.suffix != ".gif":
+        raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
+    refuse_existing(target, force=force, inputs=[source])
     places = _places(scene.trace.time, speed)
     film = []
     with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
@@ -98,12 +98,6 @@ def animate(
     return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
 
 
-def _refuse(target: Path, source: Path, *, force: bool) -> None:
-    if target.suffix != ".gif":
-        raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
-    refuse_existing(target, force=force, inputs=[source])
-
-
 def _places(time: Array, speed: float) -> list[int]:
     """Samples nearest to the times of the pictures."""
     count = (time[-1] - time[0]) / speed * RATE if 0.0 < speed < np.inf else np.inf
@@ -112,15 +106,6 @@ def _places(time: Array, speed: float) -> list[int]:
         raise UsageError(message, where="--speed")
     times = time[0] + np.arange(int(count) + 1) * speed / RATE
     return [int(np.abs(time - moment).argmin()) for moment in times]
-
-
-class Film(TypedDict):
-    """What ``animate --json`` prints."""
-
-    schema_version: int
-    files: list[str]
-    run: str
-    pictures: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,24 +139,16 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
     if "tensioner_side" not in file.plant.attributes:
         message = "this file does not say where the tendons go, so no arm can be drawn"
         raise DataMissingError(message, hint="animate a simulated run")
-    trace = _known(file.runs[name])
+    known = np.isfinite(file.runs[name]["q_encoder"]).all(axis=1)
+    variables = {key: values[known] for key, values in file.runs[name].variables.items()}
+    trace = replace(file.runs[name], time=file.runs[name].time[known], variables=variables)
     joints, angle = postures(file.plant, trace)
     paths = tendon_paths(file.plant, joints, angle)
-    return Scene(trace, joints, paths, _tension(file, trace, angle.shape[1]))
-
-
-def _known(trace: Trace) -> Trace:
-    known = np.isfinite(trace["q_encoder"]).all(axis=1)
-    variables = {key: values[known] for key, values in trace.variables.items()}
-    return replace(trace, time=trace.time[known], variables=variables)
-
-
-def _tension(file: TraceFile, trace: Trace, n: int) -> Array:
-    """Tensions of the tendons; those of held joints are not known."""
-    tension = np.full((len(trace.time), n + 1), np.nan)
+    # Tensions of the tendons of held joints are not known.
+    tension = np.full((len(trace.time), angle.shape[1] + 1), np.nan)
     tension[:, np.array(trace.joint) - 1] = tensions(file, trace)
     tension[:, -1] = file.plant.values["tensioner_force"].value
-    return tension
+    return Scene(trace, joints, paths, tension)
 
 
 def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]]:
@@ -185,7 +162,10 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     colours = ScalarMappable(Normalize(0.0, top), shades.with_extremes(under="#2E6FBB", bad="#BDBDBD"))
     label = "Tension (N); grey: not known, blue: would push"
     figure.colorbar(colours, ax=arm, orientation="horizontal", label=label, shrink=0.8, pad=0.02)
-    _draw_frame(arm, scene)
+    number_winches(arm, scene.paths)
+    x, y = np.mean([path.centre[0, 0] for path in scene.paths], axis=0)
+    arm.text(x, y - 0.065, "motor winches, place assumed", ha="center", va="top", fontsize=6)
+    frame(arm, scene.joints, scene.paths)
     links, discs = draw_links(arm, scene.joints[0]), draw_discs(arm, scene.paths)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
     labels = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
@@ -209,14 +189,6 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     show(0)
     settle(figure)
     return figure, show
-
-
-def _draw_frame(axes: Axes, scene: Scene) -> None:
-    """Fix what is seen, and name the winches."""
-    number_winches(axes, scene.paths)
-    x, y = np.mean([path.centre[0, 0] for path in scene.paths], axis=0)
-    axes.text(x, y - 0.065, "motor winches, place assumed", ha="center", va="top", fontsize=6)
-    frame(axes, scene.joints, scene.paths)
 
 
 def _draw_curves(axes: Axes, scene: Scene, name: str, label: str) -> Line2D:
