@@ -19,8 +19,8 @@ from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.search import Evaluated
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.evaluate import Simulate, stub_of
 from tendonrepro.monte_carlo.population import Population
-from tendonrepro.monte_carlo.user_laws import Simulate, stub_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.loop import Loop
 

@@ -25,17 +25,14 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import to_json
-from tendonrepro.monte_carlo.arm_report import arm_tables
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
-from tendonrepro.monte_carlo.evaluate import evaluated
+from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, refuse_alone
 from tendonrepro.monte_carlo.figures import ensemble_figures
-from tendonrepro.monte_carlo.figures_arm import arm_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
-from tendonrepro.monte_carlo.user_laws import Simulate, refuse_alone
 from tendonrepro.parallel import Done, Item, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.record_store import RecordStore
@@ -256,8 +253,7 @@ def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None,
     }
     if around:
         summary["around"] = {**around.as_data(), "told": around.told}
-        return Result(summary, [*arm_tables(summary)], arm_figures(summary), _manifest(study))
-    notes = () if of_paper else (OTHER_BASE,)
+    notes = () if of_paper or around else (OTHER_BASE,)
     parts = [*ensemble_tables(summary), *notes]
     return Result(summary, parts, ensemble_figures(summary), _manifest(study))
 

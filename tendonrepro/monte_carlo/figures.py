@@ -9,6 +9,7 @@ from itertools import product
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.monte_carlo.shares import RATIOS
 from tendonrepro.monte_carlo.summary import PopulationSummary, RatioName, ReadingSummary, Summary
 from tendonrepro.results.figures.style import (
@@ -18,6 +19,7 @@ from tendonrepro.results.figures.style import (
     journal_style,
     open_figure,
 )
+from tendonrepro.results.summary import CONTROLLERS
 
 _RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 _ROW_MM = 4.2
@@ -25,7 +27,10 @@ _FRAME_MM = 26.0
 
 
 def ensemble_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
-    """Every population's ratios, by name of the figure."""
+    """Every population's ratios, by name of the figure; around an arm those of all pairs of runs."""
+    if "around" in summary:
+        (arms,) = summary["populations"].values()
+        return {"pairs": partial(draw_pairs, arms, str(summary["around"]["told"]))}
     populations = summary["populations"].items()
     return {f"ratios_{name}": partial(draw_ratios, name, population) for name, population in populations}
 
@@ -123,3 +128,39 @@ def rows_figure(
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
         return Drawing(stem, figure, tuple(axes), caption, origin=origin)
+
+
+def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
+    """Ratios of errors, a panel for each pair of runs, a row for each joint and reading."""
+    pairs = list(dict.fromkeys((row["run"], row["over"]) for row in population["pairs"]))
+    rows = list(dict.fromkeys((row["reading"], row["joint"]) for row in population["pairs"]))
+    theory = {reading["name"]: reading["theory"] for reading in population["readings"]}
+
+    def draw(axes: Sequence[Axes]) -> None:
+        for panel, pair in zip(axes, pairs, strict=True):
+            for row in population["pairs"]:
+                if (row["run"], row["over"]) == pair and row["arms"]:
+                    place = rows.index((row["reading"], row["joint"]))
+                    ends = row["ratio_low"], row["ratio_high"]
+                    slow = theory[row["reading"]][f"joint_{row['joint']}"]
+                    marked = slow if pair == CONTROLLERS[:2] else None
+                    ratio_bar(panel, place, row["ratio"], {"central 90 % of the arms": ends}, marked)
+            ratio_axis(panel)
+
+    caption = (
+        f"Ratio of the mean absolute errors of two runs on arms {told}, where both are stable. "
+        "Cross: what errors that change slowly would give."
+    )
+    alone = len({reading for reading, _ in rows}) == 1
+    words = {PRINTED: "as in your comparison"}
+    names = [
+        f"joint {joint}" if alone else f"joint {joint},\n{words.get(reading, reading)}"
+        for reading, joint in rows
+    ]
+    titles = [f"{_short(first)}/{_short(over)}" for first, over in pairs]
+    origin = f"Simulated, {population['plants']} arms {told}"
+    return rows_figure("pairs", titles, names, draw, caption, origin)
+
+
+def _short(run: str) -> str:
+    return f"C{CONTROLLERS.index(run) + 1}" if run in CONTROLLERS else run

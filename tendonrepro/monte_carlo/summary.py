@@ -112,7 +112,7 @@ class ReadingSummary(Rankings, BesidePrint):
 
 
 class PairRow(TypedDict):
-    """Errors of one run over another's on one joint, see `arm_report.pair_rows`."""
+    """Errors of one run over another's on one joint, see `report.pair_rows`."""
 
     reading: str
     run: str

@@ -21,7 +21,7 @@ from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.evaluate import evaluated
-from tendonrepro.monte_carlo.figures_arm import draw_pairs
+from tendonrepro.monte_carlo.figures import draw_pairs
 from tendonrepro.monte_carlo.plan import Piece
 from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
