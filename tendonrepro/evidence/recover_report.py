@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tendonrepro.configuration.load import LoadedConfig, load_config
-from tendonrepro.configuration.published import COMPARED
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.fit import Fit
@@ -25,13 +24,20 @@ SHOWN = 5
 """Hypotheses that the table lists for each joint."""
 
 
-def controllers_of(file: TraceFile, talk: Talk, start: Start = map) -> list[dict[str, object]]:
-    """Plain values for joints 2 and 3 of each run; empty where no run has what it takes."""
-    paper = load_config(None, "compare")
-    runs = {name: trace.of_joints(COMPARED) for name, trace in file.runs.items()}
-    both = replace(file, runs={name: trace for name, trace in runs.items() if {*trace.joint} & {*COMPARED}})
+def controllers_of(
+    file: TraceFile, talk: Talk, start: Start = map, own: LoadedConfig | None = None
+) -> list[dict[str, object]]:
+    """Plain values for each run and joint that the paper moves, or a user's `own` configuration.
+
+    They are none where no run has what it takes.
+    """
+    loaded = own or load_config(None, "compare")
+    joints = loaded.config.joints
+    runs = {name: trace.of_joints(joints) for name, trace in file.runs.items() if {*trace.joint} & {*joints}}
+    of_joints = replace(file, runs=runs)
     try:
-        return [controller_data(controller) for controller in recover_controllers(both, paper, talk, start)]
+        controllers = recover_controllers(of_joints, loaded, talk, start, own=own is not None)
+        return [controller_data(controller) for controller in controllers]
     except (DataMissingError, UsageError):
         return []
 

@@ -384,7 +384,9 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
             for row in start_rows(trace, timing[run].start)
         ],
         coupling=[*coupling_rows(decouple, file.plant)] if decouple else [],
-        controllers=controllers_of(measurement.compare, site.talk, site.start) if is_papers else [],
+        controllers=controllers_of(measurement.compare, site.talk, site.start, None if is_papers else base)
+        if measurement.compare.runs
+        else [],
         missing=[f"the run {run}" for run in (EXPECTED if is_papers else config.runs) if run not in file.runs]
         + not_rerun,
     )

@@ -46,7 +46,10 @@ INPUT = {"name": "SYNTHETIC.mat", "md5": "0" * 32}
 def _no_recovery():
     """Which controller made a run takes ten seconds a run to find, and has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tendonrepro.validation.validated.controllers_of", lambda *_: FOUND)
+        patch.setattr(
+            "tendonrepro.validation.validated.controllers_of",
+            lambda _file, _talk, _start, own: FOUND if own is None else [{"gains": own.config.joints}],
+        )
         yield
 
 
@@ -260,6 +263,9 @@ class TestAnArmOfOnesOwn:
         assert [own[key] for key in ("window", "windows", "best")] == [None, None, None]
         assert "the run decouple" not in own["missing"]
         assert not list(Path(own["out"]).glob("tables/claims.*"))
+
+    def test_its_controllers_are_compared_with_its_own_gains(self, own):
+        assert own["controllers"] == [{"gains": (3, 4)}]
 
     def test_its_motors_are_laid_beside_its_own_coupling(self, config, tmp_path):
         words = ("--config", str(config.with_name("decouple.yaml")), "--no-figures", "--out", "simulated")
