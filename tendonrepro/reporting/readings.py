@@ -39,7 +39,6 @@ COLUMNS = {
     **{column: f"{key}.{_BOTH}.share" for column, key in _RANKINGS.items()},
     "behind": "share_c2_lt_c1.all_ok.mae.joint_2.share",
     "late": f"without_start.share_c1_worst.{_BOTH}.share",
-    "behind_late": "without_start.share_c2_lt_c1.all_ok.mae.joint_2.share",
     "smooth": "share_c1_smoother.share",
     "rises": "share_rmse_over_mae_rises.both.share",
     "plants_diverged_last": "share_c1_best.diverged_last.mae_and_rmse.both.plants",
@@ -64,7 +63,6 @@ class Shown(NamedTuple):
     `plants` is how many were drawn of each population; `readings` are rows by population and name.
     """
 
-    draws: int
     plants: dict[str, int]
     readings: dict[str, dict[str, Row]]
 
@@ -74,14 +72,7 @@ class Shown(NamedTuple):
         return self.readings["box"]
 
 
-HEAD = (
-    "tendonrepro_version",
-    "config_sha256",
-    "physics_sha256",
-    "draws",
-    "scramblings",
-    "cost",
-)
+HEAD = ("tendonrepro_version", "config_sha256", "physics_sha256", "draws", "scramblings", "cost")
 """Keys of ``summary.json`` that ``docs/results/ensemble.json`` holds beside the drawn plants."""
 
 
@@ -123,4 +114,4 @@ def _shown(head: Json, table: Iterable[Mapping[str, Any]]) -> Shown:
             column: math.nan if row[column] in ("", None) else float(row[column]) for column in COLUMNS
         }
         rows[row["population"]][row["reading"]] = numbers
-    return Shown(head["draws"], head["plants"], rows)
+    return Shown(head["plants"], rows)
