@@ -159,7 +159,7 @@ def animate(
     speed
         Seconds of the run in a second of film.
     """
-    from tendonrepro.results.figures.animation import animate as film
+    from tendonrepro.results.figures.arm import animate as film
 
     made = film(Path(file), talk, run=run, speed=speed, out=None if out is None else Path(out), force=force)
     return Answer(made, "\n".join(made["files"]), list(made["files"]))

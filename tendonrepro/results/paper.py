@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,12 +30,15 @@ from tendonrepro.configuration.published import (
     table_1,
 )
 from tendonrepro.configuration.strict_yaml import Tree, load
+from tendonrepro.console import count_of
 from tendonrepro.files import read_json, shipped
 from tendonrepro.physics.kinematics import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
 _IDENTIFIED = ("identified: Tables 2 and 3, misfit", "identified: Controller 2 of Table 2, misfit")
 """How the source of a value begins that was fitted to the print."""
+
+_LONGEST_CHANGES = 60
 
 OTHER_BASE = (
     "The base has not the paper's arm, gains and payload, or its runs start apart or with other friction. So "
@@ -117,6 +121,19 @@ def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
 def fitted_under(file: TraceFile) -> str | None:
     """Reading under which the plant was fitted to the print; None where it was not."""
     return next(iter(file.runs.values())).attributes.get("fitted_under") or None
+
+
+def origin_of(file: TraceFile) -> str:
+    """Simulated or measured, and by which configuration with which changes."""
+    if file.source == "measured":
+        return "Measured"
+    name = Path(file.manifest.get("config", {}).get("origin", file.experiment)).name
+    changes = list(file.manifest.get("overrides", ()))
+    if sum(map(len, changes)) > _LONGEST_CHANGES:
+        changes = [f"{count_of(len(changes), 'setting')} changed"]
+    if under := fitted_under(file):
+        changes.append(f"fitted to the print under {under}")
+    return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
 def base_of_paper(config: CompareConfig) -> bool:

@@ -28,8 +28,7 @@ from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES, mae, start_level
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import statistics
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS, statistics
 from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, ErrorOf, cut, formula_of
 from tendonrepro.verdicts.plants import Plants

@@ -52,7 +52,7 @@ class PlantTable(Protocol):
         """Status codes, (N,); else a DataMissingError."""
 
     def statistic(self, run: str, reading: str, name: str) -> Array:
-        """One of `results.statistics.STATISTICS`, SI, (N, n); else a DataMissingError."""
+        """One of `results.summary.STATISTICS`, SI, (N, n); else a DataMissingError."""
 
 
 class Plants:

@@ -12,9 +12,9 @@ from support.synthetic import make_compare_file, make_decouple_file, whole
 
 from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.results.figures.animation import MOST_PICTURES, animate, draw_scene, scene_of
-from tendonrepro.results.figures.catalogue import origin_of
+from tendonrepro.results.figures.arm import MOST_PICTURES, animate, draw_scene, scene_of
 from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.paper import origin_of
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import write_traces
 

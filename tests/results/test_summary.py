@@ -14,11 +14,12 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.statistics import saturated, statistics
 from tendonrepro.results.summary import (
     loaded_runs,
     ranking,
+    saturated,
     sizes_deg,
+    statistics,
     tension_sizes,
     tensions,
     tracking_errors,

@@ -65,7 +65,7 @@ def test_an_interrupt_ends_a_run(method):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.05, _thread.interrupt_main)
     try:
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt):  # noqa: PT012 (the run is what is interrupted)
             timer.start()  # on a busy machine it may go off before the run begins
             simulate(loop)
     finally:

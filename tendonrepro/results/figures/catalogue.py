@@ -9,18 +9,16 @@ from pathlib import Path
 
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import FIRST, LOADED
-from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
 from tendonrepro.results.formats import DRAWN
-from tendonrepro.results.paper import fitted_under, of_paper
+from tendonrepro.results.paper import of_paper, origin_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs
 
-_LONGEST_CHANGES = 60
 _ERRORS = (
     "Where an error is of the size of encoder steps, all errors are drawn as a centred "
     f"{paper.MEAN_WINDOW * 1e3:g} ms mean, in a band of the RMS of the samples about it."
@@ -102,19 +100,6 @@ def begin_drawing(
 def _drawn(figure: tuple[TraceFile, Path, str, Sequence[str]]) -> list[Path]:
     file, folder, name, formats = figure
     return save_drawing(draw(name, file), folder, formats)
-
-
-def origin_of(file: TraceFile) -> str:
-    """Simulated or measured, and by which configuration with which changes."""
-    if file.source == "measured":
-        return "Measured"
-    name = Path(file.manifest.get("config", {}).get("origin", file.experiment)).name
-    changes = list(file.manifest.get("overrides", ()))
-    if sum(map(len, changes)) > _LONGEST_CHANGES:
-        changes = [f"{count_of(len(changes), 'setting')} changed"]
-    if under := fitted_under(file):
-        changes.append(f"fitted to the print under {under}")
-    return f"Simulated, configuration {', '.join([name, *changes])} ({file.config_sha256[:8]})"
 
 
 def caption_of(name: str, file: TraceFile, sheet: Sheet, made: str) -> str:
