@@ -17,7 +17,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import Tree, dump, section
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
-from tendonrepro.errors import DataMissingError, TendonreproError
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.parallel import workers
@@ -358,6 +358,10 @@ class Validation:
 def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Validation:
     """Compare the measurement of a file with that `name`; motions and traces of reruns go to the site."""
     config = base.config
+    joints = max(joint for trace in file.runs.values() for joint in trace.joint)
+    if joints > config.manipulator.joints:
+        message = f"has joints up to {joints}, and the arm of {base.origin} has {config.manipulator.joints}"
+        raise UsageError(message, where=name, hint="name a configuration of its arm with --config")
     is_papers = is_arm_of_paper(config.manipulator) and of_paper(file)
     if is_papers:
         measurement = measurement_of(file, published())

@@ -318,8 +318,13 @@ def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
         ensemble = drawn if drawn.of_paper else None
         if ensemble is None:
             talk.note(f"{out / ENSEMBLE}: not of the paper's arm, gains and payload; judging without it")
-    file = measured or (MEASURED if MEASURED.exists() else None)
-    return Sources(compare, ensemble, read_measured(file) if file else None)
+    path, file = measured or (MEASURED if MEASURED.exists() else None), None
+    if path is not None:
+        file = read_measured(path)
+        if not of_paper(file):
+            talk.note(f"{path}: not of the paper's arm; judging without it")
+            file = None
+    return Sources(compare, ensemble, file)
 
 
 def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:

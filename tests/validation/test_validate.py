@@ -264,6 +264,10 @@ class TestAnArmOfOnesOwn:
         assert "the run decouple" not in own["missing"]
         assert not list(Path(own["out"]).glob("tables/claims.*"))
 
+    def test_its_joints_are_none_of_the_paper_s_arm(self, config):
+        with pytest.raises(UsageError, match="joints up to 4"):
+            tr.validate(config.with_name("o.h5"))
+
     def test_its_controllers_are_compared_with_its_own_gains(self, own):
         assert own["controllers"] == [{"gains": (3, 4)}]
 

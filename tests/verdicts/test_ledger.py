@@ -14,6 +14,7 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.data import PLAN
 from tendonrepro.results.paper import with_what_they_are
+from tendonrepro.results.records import PlantRecord
 from tendonrepro.results.traces import TRACES, write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import Sources, claims_study, judge_all
@@ -60,6 +61,16 @@ def test_the_measured_file_is_read(tmp_path):
     write_traces(path, make_compare_file(**FEW, source="measured"))
     (claim,) = claimed(tmp_path, ["C2"], measured=path).data["claims"]
     assert "verdict" in claim["evidence"]["measured"]
+
+
+def test_a_measured_file_of_another_arm_is_told_and_judges_nothing(tmp_path, capsys):
+    file = make_compare_file(step=0.05, source="measured")
+    runs = {name: replace(trace, joint=(5, 6)) for name, trace in file.runs.items()}
+    path = tmp_path / "measured.h5"
+    write_traces(path, replace(file, runs=runs, plant=PlantRecord({}, {"arm": "one with 6 joints"})))
+    found = claimed(tmp_path, ["C2"], measured=path, talk=Talk())
+    assert "measured" not in entries(found.data)["C2"]["evidence"]
+    assert str(path) in capsys.readouterr().err
 
 
 def test_a_ledger_that_somebody_edited_is_not_written_over(tmp_path):
