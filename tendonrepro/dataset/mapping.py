@@ -28,7 +28,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
-from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import Parsed, entry, load, paths, place
@@ -210,7 +210,7 @@ def parse_mapping(text: str, name: str) -> MappingFile:
         columns = tree.columns if given.columns is None else given.columns
         mass = given.payload_mass_kg
         if mass is None:
-            mass = published().number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
+            mass = published().number("hardware.payload") if unloaded_run(run) else 0.0
         runs[run] = given.model_copy(update={"columns": columns, "payload_mass_kg": mass})
     guesses = [line.strip() for line in text.splitlines() if CHECK in line]
     places = {run: str(place(document, ("runs", run), name)) for run in runs}

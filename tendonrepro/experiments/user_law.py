@@ -19,7 +19,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.models.control import PAYLOAD, unloaded_run
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.rig import build_actuator, build_arm, coupling
 from tendonrepro.files import sha256_of
@@ -119,7 +119,7 @@ def laws_of(given: Sequence[str] | Mapping[str, UserFunction] | None) -> list[Us
         laws.append(UserLaw(name, Path(file)))
     laws += [UserLaw(name, given=law) for name, law in own.items()]
     for law in laws:
-        if "/" in law.name or law.name.endswith(PAYLOAD):
+        if "/" in law.name or unloaded_run(law.name):
             message = f"a law cannot be called {law.name!r}"
             raise UsageError(message, where="laws", hint=f"without a slash, and not ending in {PAYLOAD}")
     return laws

@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import dump
@@ -202,7 +202,7 @@ def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
 def shape_rows(best: Simulated, goal: Goal) -> list[Json]:
     """Order of the runs without payload and RMSE over MAE, ours and those of a goal."""
     rows = []
-    compared = [r for r, run in enumerate(goal.runs) if not run.endswith(PAYLOAD)]
+    compared = [r for r, run in enumerate(goal.runs) if not unloaded_run(run)]
     names = [goal.runs[r].removeprefix("controller_") for r in compared]
     for i, joint in enumerate(goal.joints):
         row: Json = {"joint": joint}

@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading, under
 from tendonrepro.configuration.rows import Draw
 from tendonrepro.console import count_of
@@ -111,7 +111,7 @@ def ensemble_tables(summary: Summary) -> Iterator[Table | str]:
 
 def pairs_of(data: EnsembleData) -> list[tuple[str, str]]:
     """Runs that are compared: the three controllers, and others without payload with each of these."""
-    others = [run for run in data.runs if run not in CONTROLLERS and not run.endswith(PAYLOAD)]
+    others = [run for run in data.runs if run not in CONTROLLERS and not unloaded_run(run)]
     return [*combinations(CONTROLLERS, 2), *product(others, CONTROLLERS)]
 
 

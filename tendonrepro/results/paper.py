@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import shipped_folder
-from tendonrepro.configuration.models.control import PAYLOAD, RUNS
+from tendonrepro.configuration.models.control import RUNS, unloaded_run
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import AXES, PRINTED
@@ -66,7 +66,7 @@ def with_what_they_are(file: TraceFile, tree: Tree | None = None) -> TraceFile:
         has_row = papers and trace.name in RUNS and (not simulated or _is_the_papers(trace))
         said = {
             "printed_row": row_of(trace.name) if has_row else "",
-            "unloaded_run": trace.name.removesuffix(PAYLOAD) if trace.name.endswith(PAYLOAD) else "",
+            "unloaded_run": unloaded_run(trace.name),
             "fitted_under": fitted,
         }
         runs[trace.name] = replace(trace, attributes={**trace.attributes, **said})
@@ -187,8 +187,8 @@ def _driven_as_paper(run: str, law: str, gains: Mapping[str, ArrayLike], payload
         for name, ours in gains.items()
         if f"gain.{name}.joint_{COMPARED[0]}" in paper.entries
     )
-    loaded = paper.number("hardware.payload") if run.endswith(PAYLOAD) else 0.0
-    return law == run.removesuffix(PAYLOAD) and bool(np.isclose(payload, loaded)) and all(same)
+    loaded = paper.number("hardware.payload") if unloaded_run(run) else 0.0
+    return law == (unloaded_run(run) or run) and bool(np.isclose(payload, loaded)) and all(same)
 
 
 def changed_readings(readings: Mapping[str, str]) -> list[str]:

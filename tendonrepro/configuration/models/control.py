@@ -16,6 +16,12 @@ RUNS = FIRST, SECOND, THIRD, LOADED = ("controller_1", "controller_2", "controll
 PAYLOAD = "_payload"
 """End of the name of a run with payload."""
 
+
+def unloaded_run(name: str) -> str:
+    """Name of the run that one repeats with payload; empty where it repeats none."""
+    return name.removesuffix(PAYLOAD) if name.endswith(PAYLOAD) else ""
+
+
 ALPHA = (FIRST, LOADED)
 TERMINAL = (FIRST, SECOND, LOADED)  # runs whose surface holds phi
 

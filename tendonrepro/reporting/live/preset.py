@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
-from tendonrepro.configuration.models.control import PAYLOAD, RUNS
+from tendonrepro.configuration.models.control import RUNS, unloaded_run
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import METRICS, published, row_of
@@ -99,7 +99,7 @@ def _run_controls(config: CompareConfig) -> list[PageControl]:
         for k, joint in enumerate(config.joints):
             at = {"run": name, "place": 2 + k}
             controls.append(_control(config, own, k, f"joint {joint}", at, name))
-        if run.payload.si > 0.0 or name.endswith(PAYLOAD):
+        if run.payload.si > 0.0 or unloaded_run(name):
             own = load._replace(label=load.label.format(_label(name)))
             controls.append(_control(config, own, None, "", {"run": name, "place": 0}, name))
     return controls
@@ -188,8 +188,8 @@ def _choice(key: str, label: str, group: str, words: Mapping[str, str], value: s
 
 def _label(run: str) -> str:
     """What a run is called."""
-    words = run.removesuffix(PAYLOAD).replace("_", " ").capitalize()
-    return f"{words} with payload" if run.endswith(PAYLOAD) else words
+    words = (unloaded_run(run) or run).replace("_", " ").capitalize()
+    return f"{words} with payload" if unloaded_run(run) else words
 
 
 def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> list[dict[str, object]]:
@@ -213,7 +213,7 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
                 "rr": _of_run(run, len(config.joints)),
                 "steps": enough,
                 "coarse": max(1, enough - COARSE),
-                "compared": not name.endswith(PAYLOAD),
+                "compared": not unloaded_run(name),
                 "printed": printed,
             }
         )
