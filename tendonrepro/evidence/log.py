@@ -205,6 +205,8 @@ _BEYOND = 0.75
 """Steps of rounding by which a record may be off its spline."""
 _NEAR = 2.0
 """Spacings of knots around such a place that are left out."""
+_BRIDGED = 5
+"""Samples that may be lost in a row before the spline says nothing near them."""
 LEAST = 16
 """Samples below which a run has none with all that a controller remembers."""
 
@@ -237,9 +239,18 @@ def _of_one(q_d: Array, time: Array, L: float) -> tuple[Array, Array, Array]:
     at = time - even[0]
     angle, rate, acceleration = (spline(at, k)[:, 0] for k in range(3))
     off = np.abs(angle + filled[0] - q_d) > _BEYOND * rounding
-    unknown = _around(off | ~known, round(_NEAR * spacing / L))
+    unknown = _around(off | _longer(~known), round(_NEAR * spacing / L)) | ~known
     rate, acceleration = (np.where(unknown, np.nan, values) for values in (rate, acceleration))
     return np.where(off, q_d, angle + filled[0]), rate, acceleration
+
+
+def _longer(gaps: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Gaps of more than `_BRIDGED` samples."""
+    edges = np.flatnonzero(np.diff(gaps, prepend=False, append=False)).reshape(-1, 2)
+    longer = np.zeros_like(gaps)
+    for first, end in edges[np.ptp(edges, axis=1) > _BRIDGED]:
+        longer[first:end] = True
+    return longer
 
 
 def _around(places: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
@@ -270,11 +281,11 @@ def on_its_samples(trace: Trace) -> tuple[Trace, float]:
         raise DataMissingError(f"run {trace.name!r} has {pause}, too long to fill", hint=hint)
     # Of many samples the mean tells the period better than one step does.
     L = float((trace.time[-1] - trace.time[0]) / place[-1])
+    time = trace.time[0] + L * np.arange(place[-1] + 1.0)
     if place[-1] + 1 == len(trace.time):
-        return trace, L
+        return replace(trace, time=time), L
     variables = {}
     for name, values in trace.variables.items():
         variables[name] = np.full((place[-1] + 1, values.shape[1]), np.nan)
         variables[name][place] = values
-    time = trace.time[0] + L * np.arange(place[-1] + 1.0)
     return replace(trace, time=time, variables=variables), L
