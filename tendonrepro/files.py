@@ -192,6 +192,10 @@ def read_json(path: Path, hint: str | None = None) -> Json:
 
 
 def to_json(content: object) -> str:
-    """JSON text with a final newline; numbers that are not finite become null."""
+    """JSON text with a final newline; numbers that are not finite become null.
+
+    Bytes of a file's name that are no text are escapes, with which the text has an encoding.
+    """
     finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
-    return json.dumps(finite, indent=2, ensure_ascii=False) + "\n"
+    text = json.dumps(finite, indent=2, ensure_ascii=False) + "\n"
+    return text.encode(errors="backslashreplace").decode()

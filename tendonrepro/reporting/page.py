@@ -88,7 +88,7 @@ def run_report(
         raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
     refuse_foreign(path, _MARK, force=force)
     sources = stored_under(folder)
-    content = page(sources, again).encode()
+    content = page(sources, again).encode(errors="backslashreplace")
     write_atomically(path, content)
     # What the package stores is of the paper's arm.
     parts = {

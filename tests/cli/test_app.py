@@ -22,6 +22,7 @@ import tendonrepro as tr
 from tendonrepro.cli.app import app, main
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.own_arm import init_arm
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
 
 
@@ -271,6 +272,33 @@ def test_an_output_without_greek_letters_is_no_traceback(command: str, tmp_path:
     shown = json.loads(said("claims", "K2", "--json"))
     assert shown["claims"] == answer("claims", "K2", cwd=tmp_path)["claims"]
     assert json.loads(said("report", "reports", "--out", "report.html", "--json"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text there")
+def test_a_folder_whose_name_is_no_text_holds_results(tmp_path: Path) -> None:
+    folder = os.fsdecode("控制".encode("gbk"))
+    (tmp_path / folder).mkdir()
+    config = f"{folder}/own.yaml"
+    (tmp_path / config).write_text(read_text(shipped_folder() / "compare.yaml"), encoding="utf-8")
+    shutil.copy(shipped_folder() / "lumidouce_ii.yaml", tmp_path / folder)
+    out = f"{folder}/compare"
+    made = answer(
+        "compare",
+        "--config",
+        config,
+        *SHORT,
+        "--controllers",
+        "1",
+        "--solver",
+        "compiled",
+        "--out",
+        out,
+        cwd=tmp_path,
+    )
+    assert made["out"] == out
+    page = answer("report", folder, "--out", f"{folder}/report.html", cwd=tmp_path)
+    assert Path(tmp_path / page["path"]).is_file()
+    assert answer("result", "diff", out, out, cwd=tmp_path)["same"]
 
 
 def test_a_reader_that_has_gone_is_no_traceback(command: str) -> None:

@@ -96,7 +96,7 @@ def animate(
             advance(1)
     look = {"save_all": True, "append_images": film[1:], "duration": 1000 // RATE, "loop": 0}
     with atomic_path(target) as temporary:
-        film[0].save(temporary, "GIF", comment=origin_of(file).encode(), **look)
+        film[0].save(temporary, "GIF", comment=origin_of(file).encode(errors="backslashreplace"), **look)
     return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
 
 
