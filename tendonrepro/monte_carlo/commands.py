@@ -41,7 +41,7 @@ def ensemble(
     Parameters
     ----------
     draws
-        Plants, a power of two; 256 at least, around your own arm 64.
+        Plants, a power of two; 64 at least.
     readings
         default, or comma-separated names.
     laws

@@ -70,7 +70,7 @@ def rendered(
     """Text of a template over the rows of an ensemble, one of `WORDS` or of other folders."""
     templates = environment(*folders)
     templates.filters |= filters or {}
-    known |= {"r": shown.box, "firm": shown.readings.get("firm"), "drawn": shown.plants["box"]}
+    known |= {"r": shown.box, "drawn": shown.plants["box"]}
     known |= {"labels": SHOWN, "conditions": conditions_in_words()}
     return templates.get_template(f"{name}.md").render(**known).strip()
 

@@ -38,12 +38,12 @@ def test_shipped_file_loads() -> None:
     ]
     assert loaded.config.scramblings.si >= 8
     assert isinstance(loaded.base.config, CompareConfig)
-    assert list(loaded.config.populations) == ["box", "firm"]
+    assert list(loaded.config.populations) == ["box"]
 
 
 @pytest.mark.parametrize(
     "override",
-    ["seed=2", "box.posture.high=60", "populations.firm.share=0.5", "base.control.gains.lam=[7, 8]"],
+    ["seed=2", "box.posture.high=60", "populations.box.share=0.5", "base.control.gains.lam=[7, 8]"],
 )
 def test_hash_covers_what_determines_results(override: str) -> None:
     changed = load_ensemble(None, overrides=[override])

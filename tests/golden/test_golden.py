@@ -61,8 +61,7 @@ KEPT_READINGS = {"printed", "weights=extrapolating", "gain_unit=phi_in_degrees"}
 """Of an ensemble, whose answer would be two megabytes."""
 ONE_PERIOD = shlex.join(SHORT)
 SMALL_ENSEMBLE = (
-    "--draws 64 --jobs 2 --set block.value=16 --set scramblings.value=4 "
-    "--set populations.firm.share.value=1 --set pairs=[] --set variations=[]"
+    "--draws 64 --jobs 2 --set block.value=16 --set scramblings.value=4 --set pairs=[] --set variations=[]"
 )
 
 
