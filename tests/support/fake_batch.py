@@ -2,6 +2,7 @@
 
 import time
 import zlib
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 
@@ -104,10 +105,12 @@ def record_files(folder):
 
 def finished_in(folder):
     """Records that are done, as bytes, by file and plant."""
-    stored = {path.name: np.load(path, mmap_mode="r") for path in record_files(folder)}
-    return {
-        (name, k): file[k].tobytes() for name, file in stored.items() for k in np.flatnonzero(file["done"])
-    }
+    done = {}
+    for path in record_files(folder):
+        with suppress(FileNotFoundError):  # while a result takes its place
+            file = np.load(path, mmap_mode="r")
+            done |= {(path.name, k): file[k].tobytes() for k in np.flatnonzero(file["done"]).tolist()}
+    return done
 
 
 def results(folder):
