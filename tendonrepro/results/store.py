@@ -202,8 +202,11 @@ def outputs(folder: Path) -> Mapping[str, str]:
 
 def own_files(folder: Path) -> list[str]:
     """Files in a results folder that its manifest does not list; none where that is damaged."""
-    listed = outputs(folder)
-    if (folder / MANIFEST).exists() and not listed:
+    if not (folder / MANIFEST).exists():
+        return files_in(folder)
+    try:
+        listed = read_manifest(folder).get("outputs", {})
+    except DataMissingError:
         return []
     return [name for name in files_in(folder) if name not in listed]
 

@@ -309,6 +309,19 @@ def test_a_damaged_manifest_does_not_stop_a_forced_replacement(folder: Path) -> 
     assert files(folder) == {"numbers.json": "new", "tables/table2.csv": "new", "figures/fig13.svg": "old"}
 
 
+def test_a_result_that_lists_no_file_makes_none_of_a_users_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "mine"
+    with replaced(path, "a", command="compare") as result:
+        result.manifest = {
+            "tendonrepro_version": __version__,
+            "command": "compare",
+            "config": {"sha256": "a"},
+        }
+    (path / "numbers.json").write_text("mine")
+    make(path, "new")
+    assert files(path) == {**NEW, "numbers.json.own": "mine"}
+
+
 @posix
 def test_links_stay_links(folder: Path) -> None:
     """Of the folder, and of a user's own in it: to a file, to a folder, to nothing."""
