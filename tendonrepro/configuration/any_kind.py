@@ -1,4 +1,4 @@
-"""What ``tendonrepro config`` does, whatever a configuration is of: experiment, ensemble or manipulator."""
+"""What ``tendonrepro config`` does, whatever a configuration is of, and how an arm of one's own begins."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from pydantic import TypeAdapter
 
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, checked_ensemble
+from tendonrepro.configuration.from_base import MOST_JOINTS, extended, extended_matrix
 from tendonrepro.configuration.load import (
     MANIPULATOR,
     MODELS,
@@ -15,6 +16,7 @@ from tendonrepro.configuration.load import (
     LoadedConfig,
     checked_config,
     shipped_file,
+    shipped_folder,
 )
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
@@ -99,3 +101,125 @@ def json_schema(kind: str | None = None) -> dict[str, object]:
         **schema,
         "title": f"tendonrepro configuration: {kind}" if kind else "tendonrepro configuration",
     }
+
+
+BASE = "plain_arm"
+"""Without the effects of the typical arm, which are of its sample alone."""
+ARM_FILE = "my_arm.yaml"
+
+DAMPING_FACTOR = {1: 5, 2: 5, 3: 5, 4: 10, 5: 10, 6: 10}
+M_BAR = {1: 0.01, 2: 0.01, 3: 0.01, 4: 0.01, 5: 0.005, 6: 0.002}
+"""By number of joints, the second in kg m²: all linear loops of the arm as written decay and run compiled."""
+
+LARGEST_SWING = 120.0
+"""Sum of all strokes, deg: with joint 1 at 45 deg no link comes near upright."""
+
+LARGEST_REACH = 80.0
+"""The same where no controller corrects what the tendons stretch, deg: six joints stay within 10 deg."""
+
+
+def init_arm(joints: int, out: Path) -> list[Path]:
+    """Write the file of an arm with so many joints, and its experiments beside it; the files written.
+
+    Parameters
+    ----------
+    joints : int
+        From 1 to 6.
+    out : Path
+        The arm's file, or a folder for all.
+
+    Raises
+    ------
+    UsageError
+        For another number of joints, and where a file is there already.
+    """
+    if not 1 <= joints <= MOST_JOINTS:
+        raise UsageError(f"must be from 1 to {MOST_JOINTS}, found {joints}", where="--joints")
+    arm, folder = (out, out.parent) if is_yaml(out) else (out / ARM_FILE, out)
+    refuse_file(folder)
+    texts = {
+        arm: arm_text(joints, arm),
+        folder / "compare.yaml": compare_text(joints, arm),
+        folder / "decouple.yaml": decouple_text(joints, arm),
+        folder / "schema.json": read_text(shipped_file(BASE).with_name("schema.json")),
+    }
+    for path in texts:
+        if path.exists() and path.name != "schema.json":
+            hint = "Give another name or folder, or move the file away."
+            raise UsageError(f"{path} exists and is not overwritten", hint=hint)
+    new = {path: text for path, text in texts.items() if not path.exists()}
+    for path, text in new.items():
+        write_atomically(path, text)
+    return list(new)
+
+
+def arm_text(joints: int, path: Path) -> str:
+    """File of an arm with the base's numbers, to edit."""
+    base = load(read_text(shipped_file(BASE)), BASE)
+
+    def numbers(group: str, key: str) -> list[float]:
+        return extended(base[group][key]["value"], joints)
+
+    def rows(group: str, key: str) -> str:
+        matrix = extended_matrix(base[group][key]["value"], joints)
+        return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)
+
+    return _template("arm").format(
+        n=joints,
+        s="" if joints == 1 else "s",
+        file=path.name,
+        base=BASE,
+        name=title_of(path),
+        length=_shared(numbers("links", "length"), sum(base["links"]["length"]["value"])),
+        mass=_shared(numbers("links", "mass"), sum(base["links"]["mass"]["value"])),
+        winch=numbers("routing", "winch_diameter")[0],
+        pulley=rows("routing", "pulley_diameter"),
+        sign=rows("routing", "sign"),
+        damping=DAMPING_FACTOR[joints],
+        stiffness=f"{numbers('tendons', 'axial_stiffness')[0]:.2g}".replace("e+0", "e"),
+    )
+
+
+def compare_text(joints: int, arm: Path) -> str:
+    """The comparison on the arm in a file, all its joints moving."""
+    return _template("compare").format(
+        compare="compare.yaml",
+        name=title_of(arm),
+        file=arm.name,
+        joints=_all(joints),
+        posture=[45] + [0] * (joints - 1),
+        M_bar=M_BAR[joints],
+        amplitude=min(33, int(LARGEST_SWING / joints)),
+    )
+
+
+def decouple_text(joints: int, arm: Path) -> str:
+    """The decoupling experiment on the arm in a file: each joint in turn, then all together."""
+    each = [[joint] for joint in _all(joints)]
+    return _template("decouple").format(
+        decouple="decouple.yaml",
+        name=title_of(arm),
+        file=arm.name,
+        joints=_all(joints),
+        posture=[45] + [0] * (joints - 1),
+        amplitude=min(28, int(LARGEST_REACH / joints)),
+        turns=each if joints == 1 else [*each, _all(joints)],
+    )
+
+
+def _template(name: str) -> str:
+    return read_text(shipped_folder() / "templates" / f"{name}.txt")
+
+
+def _all(joints: int) -> list[int]:
+    return list(range(1, joints + 1))
+
+
+def title_of(path: Path) -> str:
+    """Words for an arm from the name of its file."""
+    return path.stem.replace("_", " ")
+
+
+def _shared(values: list[float], whole: float) -> list[float]:
+    """Equal parts of the base's whole where there are more joints, so that the arm grows no longer."""
+    return values if sum(values) <= whole * (1.0 + 1e-9) else [round(whole / len(values), 3)] * len(values)

@@ -258,8 +258,7 @@ def config_init(
     out
         Folder, or the file to write, with the others beside it.
     """
-    from tendonrepro.configuration.any_kind import init_config
-    from tendonrepro.configuration.own_arm import init_arm
+    from tendonrepro.configuration.any_kind import init_arm, init_config
 
     if (name is None) == (joints is None):
         message = "either the name of a shipped configuration, or --joints"

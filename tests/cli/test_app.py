@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 
 import tendonrepro as tr
 from tendonrepro.cli.app import app, main
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.load import shipped_folder
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
 

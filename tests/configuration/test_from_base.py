@@ -12,10 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tendonrepro as tr
-from tendonrepro.configuration.any_kind import checked, shown
+from tendonrepro.configuration.any_kind import checked, init_arm, shown
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, run_views
 from tendonrepro.physics.linear_loop import loop_matrix, stroke

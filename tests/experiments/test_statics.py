@@ -10,8 +10,8 @@ from support.oracles import ROPE, TENDON_4
 from support.overrides import on_plain_arm
 
 import tendonrepro as tr
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.experiments.statics import RESERVE, half_plane, survey
 from tendonrepro.experiments.statics_report import statics_result
 

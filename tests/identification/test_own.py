@@ -15,9 +15,9 @@ from support.synthetic import FEW, make_compare_file
 import tendonrepro as tr
 from tendonrepro.arrays import Array
 from tendonrepro.commands import COMMANDS
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_plants
 from tendonrepro.console import QUIET
 from tendonrepro.errors import TendonreproError, UsageError

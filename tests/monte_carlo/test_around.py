@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from support.fake_batch import fake_batch
 
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError

@@ -12,8 +12,8 @@ import pytest
 from pydantic import ValidationError
 from support.fake_batch import fingerprint
 
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.models.readings import Reading, parse_reading, under
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.ensemble import load_study

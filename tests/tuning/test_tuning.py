@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import pytest
 
 import tendonrepro as tr
-from tendonrepro.configuration.own_arm import init_arm
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.plants import load_around
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate

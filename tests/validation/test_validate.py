@@ -13,8 +13,8 @@ from support.measured_synthetic import LOADED, measured_trace, printed_file
 from support.synthetic import PERIOD, make_compare_file, make_decouple_file
 
 import tendonrepro as tr
+from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.own_arm import init_arm
 from tendonrepro.configuration.published import published
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.windows import PrintedTables, Tried
