@@ -134,6 +134,9 @@ def locked(path: Path, folder: Path) -> Iterator[None]:
     except Timeout as error:
         message = "another tendonrepro is writing here"
         raise UsageError(message, where=str(folder), hint="wait for it, or choose another --out") from error
+    except OSError:
+        path.unlink()
+        raise
     try:
         yield
     finally:

@@ -227,6 +227,17 @@ def test_a_place_that_cannot_be_written_is_not_another_process() -> None:
     assert caught.value.where == "/proc/mine"
 
 
+def test_where_no_lock_can_be_had_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr("filelock.FileLock.acquire", refused)
+    with pytest.raises(TendonreproError, match="No locks") as caught:
+        make(tmp_path / "mine")
+    assert caught.value.where == str(tmp_path / "mine")
+    assert not [*tmp_path.iterdir()]
+
+
 def test_what_is_new_comes_what_is_old_goes_and_what_is_the_users_stays(folder: Path) -> None:
     (folder / "notes.txt").write_text("mine")
     (folder / "figures" / "mine.svg").write_text("mine")
