@@ -203,7 +203,8 @@ class RecoveredController:
             )
         if self.by_gains == NONE:
             M_bar, (gain, _) = self.best.parameters[2], self.position_gain
-            told = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the published one."
+            whose = "published" if self.of_paper else "configured"
+            told = f"M_bar is {M_bar:.2g} kg m², and the gain of the error {gain:.2g} of the {whose} one."
             return f"{told} Check unit and coordinates of the torque."
         return ""
 
