@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -61,22 +62,27 @@ def init_config(name: str, out: Path) -> list[Path]:
     """
     source = shipped_file(name)
     own, folder = (out, out.parent) if is_yaml(out) else (out / source.name, out)
+    companions = [*_with_named(source)[1:], source.with_name("schema.json")]
+    texts = [(own, read_text(source)), *((folder / path.name, read_text(path)) for path in companions)]
+    return _write_new(folder, texts, 1)
+
+
+def _write_new(folder: Path, texts: Sequence[tuple[Path, str]], first: int) -> list[Path]:
+    """Write files of a folder, and return them; behind the `first` ones, what is there and the same stays."""
     refuse_file(folder)
     new: dict[Path, str] = {}
-    for path in (*_with_named(source), source.with_name("schema.json")):
-        target, text = own if path == source else folder / path.name, read_text(path)
-        same = target.is_file() and target.read_bytes() == text.encode()
-        if target in new:
-            raise UsageError(
-                f"{name} needs a file {path.name} beside it", where="--out", hint="Give another name."
-            )
-        if target.exists() and (path == source or not same):
-            hint = "Give another folder, or move the file away."
-            raise UsageError(f"{target} exists and is not overwritten", hint=hint)
+    for k, (path, text) in enumerate(texts):
+        same = path.is_file() and path.read_bytes() == text.encode()
+        if path in new:
+            message = f"another file beside it has to be called {path.name}"
+            raise UsageError(message, where="--out", hint="Give another name.")
+        if path.exists() and (k < first or not same):
+            hint = "Give another name or folder, or move the file away."
+            raise UsageError(f"{path} exists and is not overwritten", hint=hint)
         if not same:
-            new[target] = text
-    for target, text in new.items():
-        write_atomically(target, text)
+            new[path] = text
+    for path, text in new.items():
+        write_atomically(path, text)
     return list(new)
 
 
@@ -136,21 +142,13 @@ def init_arm(joints: int, out: Path) -> list[Path]:
     if not 1 <= joints <= MOST_JOINTS:
         raise UsageError(f"must be from 1 to {MOST_JOINTS}, found {joints}", where="--joints")
     arm, folder = (out, out.parent) if is_yaml(out) else (out / ARM_FILE, out)
-    refuse_file(folder)
-    texts = {
-        arm: arm_text(joints, arm),
-        folder / "compare.yaml": compare_text(joints, arm),
-        folder / "decouple.yaml": decouple_text(joints, arm),
-        folder / "schema.json": read_text(shipped_file(BASE).with_name("schema.json")),
-    }
-    for path in texts:
-        if path.exists() and path.name != "schema.json":
-            hint = "Give another name or folder, or move the file away."
-            raise UsageError(f"{path} exists and is not overwritten", hint=hint)
-    new = {path: text for path, text in texts.items() if not path.exists()}
-    for path, text in new.items():
-        write_atomically(path, text)
-    return list(new)
+    texts = [
+        (arm, arm_text(joints, arm)),
+        (folder / "compare.yaml", compare_text(joints, arm)),
+        (folder / "decouple.yaml", decouple_text(joints, arm)),
+    ]
+    schema = folder / "schema.json", read_text(shipped_file(BASE).with_name("schema.json"))
+    return _write_new(folder, [*texts, schema], len(texts))
 
 
 def arm_text(joints: int, path: Path) -> str:

@@ -238,7 +238,9 @@ def test_the_angles_of_a_new_arm_follow_from_its_motors(tmp_path: Path) -> None:
 def test_a_new_arm_overwrites_nothing(tmp_path: Path) -> None:
     init_arm(2, tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    for joints, out in ((2, tmp_path), (2, tmp_path / "other.yaml"), (7, tmp_path / "new"), (0, tmp_path)):
+    beside = tmp_path / "new"
+    wrong = ((2, tmp_path), (2, tmp_path / "other.yaml"), (7, beside), (0, tmp_path))
+    for joints, out in (*wrong, (2, beside / "compare.yaml")):  # the experiment has that name
         with pytest.raises(UsageError):
             init_arm(joints, out)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
