@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.configuration.published import published
+from tendonrepro.console import without_controls
 from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.guess import Guess, around_of, guesses_of, quoted, with_loads_inside
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
@@ -80,7 +81,8 @@ def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     }
     parts = [part for run in _with_desired(runs).values() for part in _parts(run)]
     left = list(dict.fromkeys(left))
-    text = "\n".join(_written(parts, left, title)) + "\n"
+    # YAML takes control characters nowhere, not even in the comments that quote a column's name.
+    text = without_controls("\n".join(_written(parts, left, title)) + "\n")
     return Suggestion(text, {part.name: part.signals for part in parts}, left)
 
 

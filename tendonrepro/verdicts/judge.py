@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from tendonrepro.results.figures.style import Drawing
 
 
-FETCH = "tendonrepro fetch, then inspect --suggest and ingest"
+FETCH = "tendonrepro data fetch, then data inspect --suggest and data ingest"
 
 
 @dataclass(frozen=True)

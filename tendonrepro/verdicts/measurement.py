@@ -35,7 +35,7 @@ from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
 from tendonrepro.verdicts.statements import Claim, claim_on, larger_with_load, together
 
-_THE_WAY = "make it by tendonrepro fetch, inspect --suggest, and ingest"
+_THE_WAY = "make it by tendonrepro data fetch, data inspect --suggest, and data ingest"
 RATE_WINDOW = 0.05
 """Time over which the rate of a measured error is taken, s."""
 

@@ -393,6 +393,14 @@ def test_a_name_does_not_speak_to_the_terminal(tmp_path):
             assert f"{ord(sign[0]):04x}" in shown
 
 
+def test_a_name_with_characters_that_yaml_refuses_stands_in_a_mapping(tmp_path):
+    for sign in ("\x1b[1m", "\x9b31m", "\x7f", "\u2028", "\ufffe"):
+        # One is used, one is asked for.
+        heads = HEADS.replace("q2_d", f"q2_d{sign}").replace("q3", f"{sign}odd{sign}word")
+        found, mapping, _ = ingested(tmp_path, ".csv", heads + lines())
+        assert found["runs"]["controller_1"]["joints"], mapping
+
+
 def test_a_curve_follows_the_times_to_its_left(tmp_path):
     late = np.round(T + 0.05, 2)
     angle = 30.0 * np.sin(np.pi * late / 4.0) ** 2 - 0.3 * np.sin(np.pi * late / 2.0)

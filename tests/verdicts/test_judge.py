@@ -89,7 +89,7 @@ class TestWhatIsMissing:
     def test_what_only_a_measurement_can_tell(self):
         for found in judge_all(Sources(), only=["K3", "K5"]):
             assert found.verdict == "not_testable"
-            assert found.evidence["run"].startswith("tendonrepro fetch")
+            assert found.evidence["run"].startswith("tendonrepro data fetch")
 
     def test_an_id_that_is_not_judged(self):
         for name in ("C7", "gain.eta.joint_2"):
