@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -162,10 +163,16 @@ def statement_in_words(statement: str) -> str:
 
 
 def statements(judged: Verdict) -> list[tuple[str, str]]:
-    """Parts of a claim, and the share of plants on which each holds."""
+    """Parts of a claim, and the share of plants on which each holds, or whether it does on measured data."""
     evidence = judged.evidence
     parts = [*evidence.get("statements", ()), evidence.get("direction"), evidence.get("opposite")]
-    return [(statement_in_words(part["statement"]), percent(part["share"])) for part in parts if part]
+    return [(statement_in_words(part["statement"]), _holds_on(part)) for part in parts if part]
+
+
+def _holds_on(part: Mapping[str, Any]) -> str:
+    if "share" in part:
+        return percent(part["share"])
+    return "measured data" if part["holds"] else "not on measured data"
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:

@@ -12,6 +12,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
+from tendonrepro.reporting.contents import statements
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.measurement import Measurement, decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.plants import Plants, RunUnder
@@ -310,3 +311,7 @@ def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs():
     assert found["C2"].evidence["measured"]["verdict"] == "reproduced"
     assert found["table2.controller_1.mae.joint_2"].evidence["measured"]["window"] == "whole"
     assert "measured" not in found["K1"].evidence
+    # The report shows each part of a claim that measured data alone decide.
+    shown = [on.startswith("not") for _, on in statements(found["K5"])]
+    assert shown == [not part["holds"] for part in found["K5"].evidence["statements"]]
+    assert shown
