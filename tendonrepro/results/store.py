@@ -104,8 +104,9 @@ def replaced(
                 result = NewResult(partial)
                 yield result
                 _complete(folder, result, update=update, talk=talk)
-            except BaseException:
-                _leave(partial, keep, talk)
+            except BaseException as error:
+                # The same command would be refused again.
+                _leave(partial, keep, Talk(quiet=True) if isinstance(error, UsageError) else talk)
                 raise
             _settle(folder)
     except OSError as error:

@@ -392,6 +392,11 @@ def test_where_an_interrupted_study_lies_is_said(folder: Path, capsys: pytest.Ca
     (kept,) = (path for path in folder.parent.rglob("blocks") if path.is_dir())
     assert str(kept) in capsys.readouterr().err
     assert files(kept) == {"0": "begun"}
+    # What is refused would be refused again, and stays.
+    with pytest.raises(UsageError):
+        begin(folder, UsageError("of others"), keep="blocks")
+    assert str(kept) not in capsys.readouterr().err
+    assert files(kept) == {"0": "begun"}
     with pytest.raises(KeyboardInterrupt):
         begin(folder, KeyboardInterrupt(), keep="other")
     assert "kept" not in capsys.readouterr().err
