@@ -324,7 +324,10 @@ def load_config(
         When the command line asks for something impossible.
     """
     changes = overrides_of(overrides, seed)
-    return checked_config(Draft(source, experiment, changes), changes, controllers)
+    draft = Draft(source, experiment, changes)
+    if draft.kind not in MODELS:
+        draft.refuse(("experiment",), f"must be {' or '.join(MODELS)}, found {describe(draft.kind)}")
+    return checked_config(draft, changes, controllers)
 
 
 def checked_config(

@@ -274,6 +274,13 @@ def test_configuration_of_another_kind(files: Files, name: str, found: str) -> N
         load_config(files.path(name), "compare")
 
 
+@pytest.mark.parametrize("name", ["ensemble", "lumidouce_ii"])
+def test_what_is_no_experiment_where_either_would_do(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"experiment: must be compare or decouple, found") as raised:
+        load_config(name, None)
+    assert raised.value.exit_code == 2
+
+
 def test_file_that_is_not_there(files: Files) -> None:
     with pytest.raises(ConfigError, match="No such file") as raised:
         load_config(files.folder / "nowhere.yaml", "compare")
