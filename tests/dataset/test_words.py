@@ -2,11 +2,15 @@
 """What names say: words in three languages, units, runs, and what is asked instead of guessed."""
 
 import math
+from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
+from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.dataset.words import FACTORS, meaning_of, plain_unit, variable_of
 
+WORDS = Path(str(files("tendonrepro") / "dataset" / "words.yaml"))
 # Name of a column: variable, joint, unit.
 COLUMNS = {
     "q2_des": ("q_d", 2, None), "qd3": ("q_d", 3, None), "theta2_d": ("q_d", 2, None),
@@ -77,6 +81,15 @@ def test_names_of_runs(name):
     said = meaning_of(name)
     assert said.controller == controller
     assert said.payload == pytest.approx(payload, nan_ok=True)
+
+
+def test_a_word_stands_in_one_group():
+    """Of two, the later would win without a word."""
+    table = load(read_text(WORDS), str(WORDS))
+    groups = table.keys() - {"variables", "other_units", "phrases", "units"}
+    words = [word for group in groups for word in table[group]]
+    assert len(words) > 100
+    assert len(words) == len({*words})
 
 
 def test_a_run_of_two_controllers_is_asked():

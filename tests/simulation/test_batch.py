@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.models.control import Readings
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
@@ -103,10 +105,14 @@ def test_with_counts_runs_agree_up_to_the_first_differing_count() -> None:
             assert batch.statistics[name][k] == pytest.approx(size, rel=5e-3)
 
 
-CHOICES = """phi_branch=power gain_unit=phi_in_degrees differencing=centred phi_negative=even
-error_rate=low_pass start=cold weights=extrapolating torque_coordinates=winch eta_in_controller_2=dropped
-weights=swapped torque_unit=percent_of_rated delay_time=two_periods estimate_filter=acceleration
-estimate_filter=estimate feedback=motor error_rate=difference_of_error"""
+CHOICES = [
+    f"control.readings.{name}={value}"
+    for name, field in Readings.model_fields.items()
+    for value in get_args(field.annotation)[1:]
+]
+"""Every reading but those as printed, which come first."""
+UNSTABLE = {"control.readings.gain_unit=law_in_degrees", "control.readings.torque_coordinates=motor_shaft"}
+"""Under which the published gains make rounding grow from sample to sample."""
 RAMP = (
     "reference={kind: ramp, amplitude: {value: [11, 8], unit: deg, source: 'assumed: test'}, "
     "rise: {value: 0.2, unit: s, source: 'assumed: test'}, "
@@ -116,7 +122,7 @@ RAMP = (
 APART = "runs.controller_1.start_offset={value: [0.7, -1.1], unit: deg, source: 'assumed: test'}"
 STORED = "control.readings.stored_torque=applied"
 READINGS = (
-    *(f"control.readings.{choice}" for choice in CHOICES.split()),
+    *CHOICES,
     "manipulator.actuator.output_delay=1",
     f"{STORED};manipulator.actuator.output_delay=2",
     f"{STORED};manipulator.actuator.torque_resolution=0.016",
@@ -133,8 +139,6 @@ READINGS = (
     "manipulator.transmission_error.peak_to_peak=4.4e-4",
     "disturbance={kind: sine, torque: {value: [0.3, 0.1], unit: N m, source: 'assumed: test'}, "
     "frequency: {value: 2, unit: Hz, source: 'assumed: test'}}",
-    "control.readings.reference_acceleration=absent",
-    "control.readings.reference_acceleration=late",
     f"control.readings.reference_acceleration=late;{RAMP}",
     f"{RAMP};{APART};control.readings.error_rate=difference_of_error",
     f"{APART};control.readings.feedback=motor;manipulator.encoders.motor.noise=1e-6",
@@ -160,7 +164,7 @@ def test_runs_of_all_readings_do_not_mix() -> None:
 def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: str) -> None:
     config, loops = loaded(IDEAL, *override.split(";"))
     # Jumps at zero error and of the torque's steps amplify rounding; short runs stay clear of it.
-    short = [cut(loop, 0.5) for loop in loops.values()]
+    short = [cut(loop, 0.02 if override in UNSTABLE else 0.5) for loop in loops.values()]
     _, traces = traced(config, short, 1e-6)
     for trace, loop in zip(traces, short, strict=True):
         assert_same_run(trace, loop)

@@ -1,1 +1,1 @@
-"""Pure functions turned into machine code, and printed as JavaScript and C."""
+"""Pure functions turned into machine code, and printed as JavaScript."""
