@@ -181,7 +181,7 @@ def test_an_interrupted_second_run_leaves_the_first_result(
     out = compared[0] / "out"
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     # SciPy's own integrators are slow enough to be interrupted.
-    slowly = "reference.periods=20", "solver.method=lsoda", "solver.rtol=1e-7", "solver.atol=1e-9"
+    slowly = "reference.periods=80", "solver.method=lsoda", "solver.rtol=1e-7", "solver.atol=1e-9"
     changes = [word for key in slowly for word in ("--set", key)]
     process = subprocess.Popen(
         [command, "compare", *SHORT, *changes, "--out", "out", "--force"],
