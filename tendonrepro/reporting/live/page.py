@@ -110,7 +110,8 @@ VARIANTS: Sequence[dict[str, object]] = (
         "of": "ramps",
         "title": "Runs that start apart",
         "about": "The same ramps. Controllers 2 and 3 start one to two degrees below their reference, "
-        "Controller 1 starts on it. They were chosen to come near Table 2, so agreement proves nothing.",
+        "Controller 1 starts on it. Ramps and starts were chosen to come near Table 2, so agreement proves "
+        "nothing.",
         "values": APART,
     },
     {
