@@ -16,7 +16,7 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, formula_of
-from tendonrepro.verdicts.plants import UNRESOLVED, Plants
+from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
 from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
 
@@ -40,12 +40,11 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> tuple[Statement, Mask]:
-    """What a percentage claims besides its size, and the plants that rank it."""
+def _direction(plants: Plants, paper: Published, identifier: str) -> Statement:
+    """What a percentage claims besides its size."""
     (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
     runs = (part, whole) if part == FIRST else (whole, part)
-    statements = smaller(plants, metric, *runs, metric.upper())
-    return statements[plants.joints.index(joint)], plants.rankable(*runs)
+    return smaller(plants, metric, *runs, metric.upper())[plants.joints.index(joint)]
 
 
 def judge_plants(plants: Plants, paper: Published, identifier: str) -> Ruling:
@@ -73,29 +72,24 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
-    ruling, remarks = rules.of_number((low, high), box, None, power), []
+    direction = None
     if identifier.startswith(PERCENTAGES):
-        statement, rankable = _direction(plants, paper, identifier)
-        share, last = (plants.share(statement.holds, counted) for counted in (judged, rankable))
-        evidence["direction"] = {"statement": statement.text, **asdict(share), "diverged_last": asdict(last)}
-        ruling, ranked = (rules.of_number((low, high), box, direction, power) for direction in (share, last))
-        if ranked.verdict != ruling.verdict:
-            remarks = [f"with a diverged law ranked last: {ranked.verdict}"]
-    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, remarks)})
+        statement = _direction(plants, paper, identifier)
+        direction = plants.share(statement.holds, judged)
+        evidence["direction"] = {"statement": statement.text, **asdict(direction)}
+    ruling = rules.of_number((low, high), box, direction, power)
+    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, [])})
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
     """Judge a claim by its statements, and by its values where it prints some."""
     claim = claim_on(plants, paper, rule)
     _check_enough(claim.judged)
-    ruling = _by_statements(plants, claim, claim.judged)
-    evidence = ruling.evidence | _beside(plants, claim)
+    ruling = _by_statements(plants, claim)
+    evidence = ruling.evidence | {"share_judged": float(claim.judged.mean())}
+    if claim.beside:
+        evidence["beside"] = _rows(plants, claim.beside, claim.judged)
     remarks = [*claim.remarks, *_by_which_measure(evidence), *_left_out(plants)]
-    if claim.rankable is not None:
-        last = _by_statements(plants, claim, claim.rankable)
-        evidence["diverged_last"] = last.evidence
-        if last.verdict != ruling.verdict:
-            remarks.append(f"with a diverged law ranked last, without regard to values: {last.verdict}")
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
@@ -111,16 +105,6 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
     return replace(ruling, evidence=evidence)
 
 
-def _beside(plants: Plants, claim: Claim) -> Evidence:
-    """What stands beside the statements and does not count."""
-    evidence: Evidence = {"share_judged": float(claim.judged.mean())}
-    if claim.beside:
-        evidence["beside"] = _rows(plants, claim.beside, claim.judged)
-    if claim.chance:
-        evidence["chance"], evidence["chance_together"] = claim.chance
-    return evidence
-
-
 def _by_which_measure(evidence: Evidence) -> list[str]:
     """Remark on the share by each measure, if there are several."""
     if "measure" not in evidence:
@@ -131,12 +115,13 @@ def _by_which_measure(evidence: Evidence) -> list[str]:
 
 def _left_out(plants: Plants) -> list[str]:
     """Remark on plants that could not be simulated, if there are some."""
-    unresolved = int((~plants.none(UNRESOLVED, *CONTROLLERS)).sum())
+    unresolved = int((~plants.resolved(*CONTROLLERS)).sum())
     return [f"left out: {count_of(unresolved, 'plant')} too fast for the integrator"] if unresolved else []
 
 
-def _by_statements(plants: Plants, claim: Claim, counted: Mask) -> Ruling:
+def _by_statements(plants: Plants, claim: Claim) -> Ruling:
     """Judge by the measure that holds most often."""
+    counted = claim.judged
 
     def against(statements: Sequence[Statement]) -> Share:
         none = np.logical_and.reduce([~part.holds for part in statements])

@@ -270,7 +270,7 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
 def _payload(measurement: Measurement, paper: Published) -> Ruling:
     """P1: it needs Controller 1 and the loaded run alone, and its percentages besides."""
     arm = Plants(measurement, PRINTED)
-    claim = Claim(larger_with_load(arm), arm.ok(FIRST, LOADED), None)
+    claim = Claim(larger_with_load(arm), arm.ok(FIRST, LOADED))
     _check_ok(claim, measurement.compare.runs, (FIRST, LOADED))
     increases = {
         name: _number(measurement, paper, name).verdict

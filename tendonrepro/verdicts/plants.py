@@ -14,7 +14,7 @@ from tendonrepro.monte_carlo.shares import Share, Spread, share_of, spread_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.rules import Mask
 
-OK, DIVERGED, UNRESOLVED = (STATUSES.index(name) for name in ("ok", "diverged", "unresolved"))
+OK, UNRESOLVED = STATUSES.index("ok"), STATUSES.index("unresolved")
 """Status codes."""
 
 SHAPE = "rmse/mae"
@@ -92,26 +92,13 @@ class Plants:
             return np.asarray(self.statistic(run, "rmse") / self.statistic(run, "mae"))
         return self.statistic(run, name)
 
-    def ranked(self, run: Run, name: str) -> Array:
-        """The same, infinite where the run diverged."""
-        return np.where((self.status(run) == DIVERGED)[:, np.newaxis], np.inf, self[run, name])
-
     def ok(self, *runs: Run) -> Mask:
         """Where all these runs are ``ok``."""
         return np.asarray(np.logical_and.reduce([self.status(run) == OK for run in runs]))
 
-    def none(self, code: int, *runs: Run) -> Mask:
-        """Where none of these runs has a status."""
-        return np.asarray(np.logical_and.reduce([self.status(run) != code for run in runs]))
-
-    def rankable(self, *runs: Run) -> Mask:
-        """Where these runs are resolved and not all diverged."""
-        lost = np.logical_and.reduce([self.status(run) == DIVERGED for run in runs])
-        return np.asarray(self.none(UNRESOLVED, *runs) & ~lost)
-
-    def counted(self, *runs: Run) -> tuple[Mask, Mask]:
-        """Where all these runs are ``ok``, and where they can be ranked, a diverged one last."""
-        return self.ok(*runs), self.rankable(*runs)
+    def resolved(self, *runs: Run) -> Mask:
+        """Where all these runs could be integrated."""
+        return np.asarray(np.logical_and.reduce([self.status(run) != UNRESOLVED for run in runs]))
 
     def share(self, holds: Mask, counted: Mask) -> Share:
         """Share of the plants counted (N,) on which something holds (N,)."""

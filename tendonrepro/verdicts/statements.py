@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from math import factorial
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.plants import DIVERGED, SHAPE, UNRESOLVED, Plants, Run, RunUnder
+from tendonrepro.verdicts.plants import SHAPE, Plants, Run, RunUnder
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 
 AS_PRINTED, IDEAL, HALVED = reading({}), reading({"encoder": "ideal"}), reading({"M_bar": "halved"})
@@ -43,19 +42,17 @@ class Statement:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim as statements, and the plants that it judges and ranks; a diverged law ranks last.
+    """A claim as statements, and the plants that it judges.
 
-    `opposite`, where given, replaces that no statement holds. `beside` does not count. `chance` is from
-    `_by_chance`. `untestable` says why no plant can tell.
+    `opposite`, where given, replaces that no statement holds. `beside` does not count. `untestable` says why
+    no plant can tell.
     """
 
     statements: Sequence[Statement]
     judged: Mask
-    rankable: Mask | None
     remarks: Sequence[str] = ()
     opposite: Statement | None = None
     beside: Sequence[Statement] = ()
-    chance: tuple[float, float] | None = None
     untestable: str | None = None
 
     @property
@@ -78,18 +75,11 @@ def _each_joint(plants: Plants, text: str, holds: Mask, measure: str = "") -> li
     ]
 
 
-def _of_runs(
-    plants: Plants, text: str, holds: Mask, runs: Sequence[Run], measure: str = ""
-) -> list[Statement]:
-    """One statement a joint, which fails where a run diverged."""
-    return _each_joint(plants, text, holds & plants.none(DIVERGED, *runs)[:, np.newaxis], measure)
-
-
 def smaller(
     plants: Plants, name: str, first: Run, second: Run, what: str, measure: str = ""
 ) -> list[Statement]:
-    """`first` has the smaller statistic, on each joint; diverged is largest."""
-    holds = plants.ranked(first, name) < plants.ranked(second, name)
+    """`first` has the smaller statistic, on each joint."""
+    holds = plants[first, name] < plants[second, name]
     return _each_joint(plants, f"{what} of {first} below that of {second}", holds, measure)
 
 
@@ -98,19 +88,14 @@ def together(statements: Sequence[Statement]) -> Mask:
     return np.asarray(np.logical_and.reduce([part.holds for part in statements]))
 
 
-def _by_chance(plants: Plants, orders: int) -> tuple[float, float]:
-    """Chance of one of so many orders, for independent joints and for joints that agree."""
-    return float(orders) ** -len(plants.joints), 1.0 / orders
-
-
 def stable(plants: Plants, _: Published) -> Claim:
     """C1: all controllers are ``ok``."""
-    resolved = plants.none(UNRESOLVED, *CONTROLLERS)
+    resolved = plants.resolved(*CONTROLLERS)
     statements = [Statement(f"{run} is ok", plants.ok(run)) for run in CONTROLLERS]
     untestable = None
     if resolved.mean() < 1.0 - MOST_UNRESOLVED:
         untestable = f"only {100.0 * resolved.mean():.3g} % of the plants could be integrated"
-    return Claim(statements, resolved, None, untestable=untestable)
+    return Claim(statements, resolved, untestable=untestable)
 
 
 def order(plants: Plants, _: Published) -> Claim:
@@ -148,8 +133,7 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
     largest = f"{FIRST} has the largest {' and '.join(statistics.values())} on all joints"
     beside.append(Statement(largest, together(last)))
     opposite = Statement("the complete reverse order on all joints", together(reverse))
-    chance = _by_chance(plants, factorial(3))
-    return Claim(published, *plants.counted(*CONTROLLERS), opposite=opposite, beside=beside, chance=chance)
+    return Claim(published, plants.ok(*CONTROLLERS), opposite=opposite, beside=beside)
 
 
 def joints_alike(plants: Plants, paper: Published) -> Claim:
@@ -161,8 +145,8 @@ def joints_alike(plants: Plants, paper: Published) -> Claim:
     for run, (name, what) in product(runs, ERRORS.items()):
         holds = plants[run, name][:, -1] / plants[run, name][:, 0] >= least
         text = f"{what} of {run} on joint {last} at least {least:.3f} of that on joint {first}"
-        statements.append(Statement(text, holds & plants.none(DIVERGED, run)))
-    return Claim(statements, *plants.counted(*runs))
+        statements.append(Statement(text, holds))
+    return Claim(statements, plants.ok(*runs))
 
 
 def rapid_advantage(plants: Plants, _: Published) -> Claim:
@@ -171,10 +155,10 @@ def rapid_advantage(plants: Plants, _: Published) -> Claim:
     for rival in RIVALS:
         rapid, calm = (plants[rival, name] - plants[FIRST, name] for name in ("mae_rapid", "mae_calm"))
         text = f"{FIRST} is better than {rival} in rapid phases"
-        statements += _of_runs(plants, text, rapid > 0.0, (FIRST, rival))
+        statements += _each_joint(plants, text, rapid > 0.0)
         text = f"the lead of {FIRST} over {rival} is larger there than elsewhere, its lag smaller"
-        statements += _of_runs(plants, text, rapid > calm, (FIRST, rival))
-    return Claim(statements, *plants.counted(*CONTROLLERS))
+        statements += _each_joint(plants, text, rapid > calm)
+    return Claim(statements, plants.ok(*CONTROLLERS))
 
 
 def similar_surfaces(plants: Plants, _: Published) -> Claim:
@@ -183,8 +167,8 @@ def similar_surfaces(plants: Plants, _: Published) -> Claim:
     for name, what in (("s_rms", "RMS of s"), ("s_slow_rms", "RMS of s below 3 Hz")):
         holds = _similar([plants[run, name] for run in CONTROLLERS])
         text = f"the {what} of the three laws differ by at most {100.0 * SIMILAR:.0f} %"
-        statements += _of_runs(plants, text, holds, CONTROLLERS, what)
-    return Claim(statements, *plants.counted(*CONTROLLERS))
+        statements += _each_joint(plants, text, holds, what)
+    return Claim(statements, plants.ok(*CONTROLLERS))
 
 
 def _similar(sizes: Sequence[Array]) -> Mask:
@@ -199,8 +183,8 @@ def estimate_size(plants: Plants, _: Published) -> Claim:
         for rival in RIVALS:
             holds = _similar([plants[run, f"H_hat_{size}_down"] for run in (FIRST, rival)])
             text = f"moving down {measure} of H_hat of {FIRST} and {rival} are similar"
-            statements += _of_runs(plants, text, holds, (FIRST, rival), measure)
-    return Claim(statements, *plants.counted(*CONTROLLERS), remarks=[ONE_OBSERVATION])
+            statements += _each_joint(plants, text, holds, measure)
+    return Claim(statements, plants.ok(*CONTROLLERS), remarks=[ONE_OBSERVATION])
 
 
 def torque_size(plants: Plants, _: Published) -> Claim:
@@ -211,7 +195,7 @@ def torque_size(plants: Plants, _: Published) -> Claim:
         for rival in RIVALS:
             statements += smaller(plants, f"torque_{size}", FIRST, rival, f"{measure} of torque", measure)
             statements += smaller(plants, "torque_step_rms", FIRST, rival, "RMS torque step", measure)
-    return Claim(statements, *plants.counted(*CONTROLLERS), remarks=[ONE_OBSERVATION])
+    return Claim(statements, plants.ok(*CONTROLLERS), remarks=[ONE_OBSERVATION])
 
 
 def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list[Statement]:
@@ -220,14 +204,14 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
         first, second = (plants[run, f"{signal}_{size}_up"] for run in (FIRST, rival))
         text = f"moving up {SIZES[size]} of {signal} of {FIRST} is smaller than that of {rival}"
         text += f" by more than {100.0 * by:.0f} %" if by else ""
-        statements += _of_runs(plants, text, first < (1.0 - by) * second, (FIRST, rival), SIZES[size])
+        statements += _each_joint(plants, text, first < (1.0 - by) * second, SIZES[size])
     return statements
 
 
 def payload(plants: Plants, _: Published) -> Claim:
     """P1: the payload makes errors of Controller 1 larger."""
     runs = (*CONTROLLERS, LOADED)
-    return Claim(larger_with_load(plants), *plants.counted(*runs), chance=_by_chance(plants, 2))
+    return Claim(larger_with_load(plants), plants.ok(*runs))
 
 
 def larger_with_load(plants: Plants) -> list[Statement]:
@@ -246,19 +230,19 @@ def better_estimate(plants: Plants, _: Published) -> Claim:
             text, holds = f"with an ideal encoder {what}", plants[first, name] < plants[second, name]
             beside += _each_joint(plants, f"{text} of {FIRST} below that of {SECOND}", holds)
             beside.append(Statement(f"both joints: {text}", np.asarray(holds.all(axis=1))))
-    return Claim(statements, *plants.counted(*CONTROLLERS), beside=beside, chance=_by_chance(plants, 2))
+    return Claim(statements, plants.ok(*CONTROLLERS), beside=beside)
 
 
 def robustness(plants: Plants, _: Published) -> Claim:
     """E1a: where only one of Controllers 1 and 2 is ``ok``, it is 1."""
     first, second = plants.ok(FIRST), plants.ok(SECOND)
-    resolved = plants.none(UNRESOLVED, FIRST, SECOND)
+    resolved = plants.resolved(FIRST, SECOND)
     statements = [Statement(f"{FIRST} is ok and {SECOND} is not", first & ~second)]
     remark = (
         f"both are ok on {count_of(int((first & second).sum()), 'plant')} and neither on "
         f"{int((resolved & ~first & ~second).sum())}: these do not tell the two apart"
     )
-    return Claim(statements, resolved & (first != second), None, [remark], chance=(0.5, 0.5))
+    return Claim(statements, resolved & (first != second), [remark])
 
 
 def delay_time(plants: Plants, _: Published) -> Claim:
@@ -281,10 +265,7 @@ def delay_time(plants: Plants, _: Published) -> Claim:
         f"Controller 2 is ok on {shares} of the plants with the shorter, the printed and the longer period: "
         "what a shorter one costs in stability is no part of the claim"
     )
-    chance = _by_chance(plants, factorial(3))
-    return Claim(
-        statements, *plants.counted(*published, *ideal), remarks=[remark], beside=beside, chance=chance
-    )
+    return Claim(statements, plants.ok(*published, *ideal), remarks=[remark], beside=beside)
 
 
 def small_inertia(plants: Plants, _: Published) -> Claim:
@@ -292,7 +273,7 @@ def small_inertia(plants: Plants, _: Published) -> Claim:
     _check_printed(plants)
     halved = RunUnder(SECOND, HALVED)
     statements = smaller(plants, "torque_step_rms", halved, SECOND, "RMS torque step")
-    return Claim(statements, *plants.counted(SECOND, halved), chance=_by_chance(plants, 2))
+    return Claim(statements, plants.ok(SECOND, halved))
 
 
 def _check_printed(plants: Plants) -> None:
@@ -306,18 +287,16 @@ def overshoot(plants: Plants, paper: Published) -> Claim:
     sizes = np.array([plants[run, "overshoot"] for run in (FIRST, SECOND)])
     neither = (sizes <= np.deg2rad(paper.number("hardware.encoder_resolution"))).all(axis=0)
     counted = np.isfinite(sizes).all(axis=(0, 2)) & ~neither.all(axis=1)
-    # A law that diverged has not rested, whatever its last excursion was.
-    neither &= plants.none(DIVERGED, FIRST, SECOND)[:, np.newaxis]
     less = smaller(plants, "overshoot", FIRST, SECOND, "overshoot")
     statements = [
         Statement(f"{statement.text}, or neither", statement.holds | resting)
         for statement, resting in zip(less, neither.T, strict=True)
     ]
-    ok, rankable = plants.counted(*CONTROLLERS)
+    ok = plants.ok(*CONTROLLERS)
     remark = (
         f"left out: {count_of(int((ok & ~counted).sum()), 'plant')} without overshoot beyond an encoder count"
     )
-    return Claim(statements, ok & counted, rankable & counted, [remark])
+    return Claim(statements, ok & counted, [remark])
 
 
 def bounds(plants: Plants, paper: Published) -> Claim:
@@ -336,11 +315,11 @@ def bounds(plants: Plants, paper: Published) -> Claim:
     statements = [
         statement
         for text, holds in inside.items()
-        for statement in _of_runs(plants, f"the largest {text}", holds, [first])
+        for statement in _each_joint(plants, f"the largest {text}", holds)
     ]
     judged = plants.ok(*printed)
     remarks = ["judged under the reading printed, whatever the reading"]
-    return Claim(statements, judged, None, remarks, untestable=_beyond_divergence(error[judged]))
+    return Claim(statements, judged, remarks, untestable=_beyond_divergence(error[judged]))
 
 
 def _beyond_divergence(bound: Array) -> str | None:
