@@ -49,9 +49,9 @@ class _Completion:
     """How a file is completed from its base.
 
     `mark` is the source of what is taken over; with `keeps_sources` only of what changed its length. `size`
-    tells how many entries a list at a path has in the file, from that in the base. Sections that are `whole`
-    say all of themselves, though their numbers may stand without unit. Lists of a `wrong` length are told
-    together.
+    tells how many entries a list at a path has in the file, from that which it has anyway. Sections that are
+    `whole` say all of themselves, though their numbers may stand without unit. Lists of a `wrong` length are
+    told together.
     """
 
     mark: str
@@ -85,7 +85,9 @@ class _Completion:
         """A value with unit and source; one that stands alone has the base's unit, one number all entries."""
         value, of_base = stated["value"], base["value"]
         if isinstance(of_base, list) and of_base:
-            n, is_matrix = self.size(path, len(of_base)), isinstance(of_base[0], list)
+            # Of an arm that is not known, as that of a base, the list itself says how many joints there are.
+            n = self.size(path, len(value) if isinstance(value, list) else len(of_base))
+            is_matrix = isinstance(of_base[0], list)
             if type(value) in (int, float):
                 on_and_above = [[value if q >= p else 0 for q in range(n)] for p in range(n)]
                 value = located(on_and_above if is_matrix else [value] * n, stated.at["value"])

@@ -28,7 +28,6 @@ from tendonrepro.configuration.strict_yaml import (
     Key,
     Location,
     Map,
-    Parsed,
     Tree,
     dump,
     entry,
@@ -101,11 +100,19 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     return ConfigSource(read_text(path, hint), origin, path)
 
 
-def files_named(name: str, *folders: Path, shipped: bool = True) -> Iterator[Path]:
-    """Files of a name in folders, then among the shipped ones, there also without its ending."""
-    places = [folder / name for folder in folders]
-    places += [shipped_folder() / own for own in (name, f"{name}.yaml") if shipped]
-    return (path for path in places if path.is_file())
+def find_file(
+    name: str, key: str, where: str, folders: Sequence[Path], without: Sequence[Path | None], *, shipped: bool
+) -> Path:
+    """File that a key names, in folders, then among the shipped ones, there also without its ending.
+
+    Those in `without` are none; a ConfigError where none is left.
+    """
+    places = [folder / name for folder in (*folders, *([shipped_folder()] if shipped else []))]
+    for path in (*places, *([shipped_folder() / f"{name}.yaml"] if shipped else [])):
+        if path.is_file() and path not in without:
+            return path
+    looked = " and ".join(map(str, dict.fromkeys(places)))
+    raise ConfigError(f"{key}: no file {name!r}", where=where, hint=f"Looked for {looked}.")
 
 
 class Draft:
@@ -147,35 +154,63 @@ class Draft:
     def _complete(self, path: Path | None, changes: Sequence[Override]) -> None:
         """Take what bases have, and make changes; that of the arm's name first, for others are inside it."""
         tree, naming = self.tree, [change for change in changes if change.path == (MANIPULATOR,)]
-        base = self._take_from_base() if self.kind in MODELS and "base" in tree else None
+        complete_sections = self._take_from_base(tree, path) if self.kind in MODELS else lambda: None
         apply_overrides(tree, naming)
         to_arm: Key = () if self.kind == MANIPULATOR else (MANIPULATOR,)
         if isinstance(name := tree.get(MANIPULATOR), str):
-            arm = self._document(name, MANIPULATOR)
-            path = self.files[-1]
+            path = self.named_file(name, MANIPULATOR)
+            # What a base or an option names stands in for nothing that the file names.
+            self._note(name if self.place((MANIPULATOR,)).name == tree.here.name else "", path)
+            arm = load(read_text(path), str(path))
             tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, place(arm, (), str(path))
         finish = self._complete_arm(entry(tree, to_arm), path)
-        if base:
-            complete_experiment(tree, *base)
+        complete_sections()
         apply_overrides(tree, [change for change in changes if change not in naming])
         links = (*to_arm, "links")
         inside = [c.path for c in changes if c.path[: len(links)] == links and len(c.path) > len(links)]
         finish({str(path[len(links)]) for path in inside})
         self._take_motions_here()
 
-    def _take_from_base(self) -> tuple[Map, str, set[str]]:
-        """Fill in the keys that the file leaves to another; its values, its name, and these keys."""
-        name = self.tree.pop("base")
-        if not isinstance(name, str) or Path(name).name != name:
-            # What it names in turn would be looked for here, and something else found.
-            self.refuse(("base",), f"must be a file beside this one or a shipped one, found {describe(name)}")
-        base = self._document(name, "base")
-        if not isinstance(base, Map) or base.get("experiment") != self.kind or "base" in base:
-            self.refuse(("base",), f"{name!r} is not a whole configuration of the experiment {self.kind!r}")
-        left = {key: value for key, value in base.items() if key not in self.tree}
-        self.tree.update(left)
-        self.tree.at |= {key: base.at[key] for key in left}
-        return base, Path(name).stem, set(left)
+    def _base_of(self, tree: Map, path: Path | None, above: Sequence[Path | None]) -> tuple[Map, Path]:
+        """What the file holds that a tree names as its base, and this file: beside its own, or shipped.
+
+        The tree is of a file at `path`, which files `above` have as their base.
+        """
+        where, name = str(tree.at["base"]), tree.pop("base")
+        if not isinstance(name, str):
+            message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
+            raise ConfigError(message, where=where)
+        folder = path.parent if path else self.folder
+        base_path = find_file(name, "base", where, [folder], (*above, path), shipped=True)
+        # What a shipped file names stands in for nothing.
+        self._note("" if folder == shipped_folder() else name, base_path)
+        base = load(read_text(base_path), str(base_path))
+        if not isinstance(base, Map):
+            raise ConfigError(f"base: {name!r} is not a mapping of keys", where=where)
+        return base, base_path
+
+    def _take_from_base(
+        self, tree: Map, path: Path | None, above: Sequence[Path | None] = ()
+    ) -> Callable[[], None]:
+        """Fill in the keys that an experiment leaves to its base, which may have one in turn.
+
+        What is returned completes its sections, once its arm is known.
+        """
+        if "base" not in tree:
+            return lambda: None
+        where, name = str(tree.at["base"]), tree["base"]
+        if isinstance(name, str) and Path(name).name != name:
+            # The arm that it names would be looked for here, and another one found.
+            message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
+            raise ConfigError(message, where=where)
+        base, base_path = self._base_of(tree, path, above)
+        if base.get("experiment") != self.kind:
+            raise ConfigError(f"base: {name!r} is not of the experiment {self.kind!r}", where=where)
+        self._take_from_base(base, base_path, (*above, path))()
+        left = {key: value for key, value in base.items() if key not in tree}
+        tree.update(left)
+        tree.at |= {key: base.at[key] for key in left}
+        return lambda: complete_experiment(tree, base, base_path.stem, set(left))
 
     def _complete_arm(
         self, arm: object, path: Path | None, above: Sequence[Path | None] = ()
@@ -186,16 +221,8 @@ class Draft:
         """
         if not isinstance(arm, Map) or "base" not in arm or "experiment" in arm:
             return lambda _: None
-        where, name = str(arm.at["base"]), arm.pop("base")
-        if not isinstance(name, str):
-            message = f"base: must be the file of an arm or a shipped one, found {describe(name)}"
-            raise ConfigError(message, where=where)
-        base_path = next(files_named(name, path.parent if path else self.folder), None)
-        if base_path is None or base_path in (*above, path):
-            message = f"base: {'is itself' if base_path else f'no file {name!r}'}"
-            raise ConfigError(message, where=where, hint="Shipped arms: plain_arm, lumidouce_ii.")
-        self._note(name, base_path)
-        base = load(read_text(base_path), str(base_path))
+        where, name = str(arm.at["base"]), arm["base"]
+        base, base_path = self._base_of(arm, path, above)
         self._complete_arm(base, base_path, (*above, path))(set())
         try:
             Manipulator.model_validate(base)
@@ -204,13 +231,6 @@ class Draft:
         given = set(links) if isinstance(links := arm.get("links"), Map) else set()
         complete_arm(arm, base, base_path.stem, path.stem if path else "arm")
         return lambda changed: follow(arm, base, base_path.stem, given | changed)
-
-    def _document(self, name: str, key: str) -> Parsed:
-        """What the file that a key names holds; it is the last of `files` then."""
-        path = self.named_file(name, key)
-        # What a base or an option names stands in for nothing that the file names.
-        self._note(name if self.place((key,)).name == self.tree.here.name else "", path)
-        return load(read_text(path), str(path))
 
     def _note(self, name: str, path: Path) -> None:
         """Without its ending a shipped file is named on purpose."""
@@ -224,15 +244,8 @@ class Draft:
         What the command line names is looked for in the current folder first.
         """
         folders = [*([Path.cwd()] if self._is_option(key) else []), self.folder]
-        path = next(
-            (path for path in files_named(name, *folders, shipped=shipped) if path not in self.files[:1]),
-            None,
-        )
-        if path is None:
-            places = [folder / name for folder in (*folders, *([shipped_folder()] if shipped else []))]
-            looked = " and ".join(map(str, dict.fromkeys(places)))
-            self.refuse(key, f"no file {name!r}", f"Looked for {looked}.")
-        return path
+        named, where = ".".join(map(str, key)), str(self.place(key))
+        return find_file(name, named, where, folders, self.files[:1], shipped=shipped)
 
     def _take_motions_here(self) -> None:
         """Give the whole path of motions that the command line names and the current folder has.

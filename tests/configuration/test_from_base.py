@@ -158,6 +158,30 @@ def test_an_experiment_takes_its_base_for_as_many_joints(folder: Path) -> None:
     assert one.runs["mine"].payload.si == 0.3
 
 
+def test_the_base_of_an_experiment_may_have_one_itself(folder: Path) -> None:
+    """The second file leaves all to the first, whose base has the shipped ``compare.yaml`` as its own."""
+    (folder / "compare.yaml").write_text(f"{COMPARE}posture: [30, 10]\n", encoding="utf-8")
+    first = load_config(folder / "compare.yaml", "compare")
+    second = folder / "second.yaml"
+    second.write_text("experiment: compare\nbase: compare.yaml\ntitle: Second\n", encoding="utf-8")
+    loaded = load_config(second, "compare")
+    assert loaded.config == first.config.model_copy(update={"title": "Second"})
+    assert loaded.inputs == (second, *first.inputs)
+    assert loaded.stand_ins == first.stand_ins == ()
+    second.write_text("experiment: compare\nbase: compare.yaml\njoints: [2]\nposture: 20\n", encoding="utf-8")
+    alone = load_config(second, "compare").config
+    assert isinstance(alone, CompareConfig)
+    assert (alone.posture.value, alone.control.gains.lam.value) == ((20, 20), (8,))
+    (folder / "compare.yaml").write_text(f"{COMPARE}title: ''\n", encoding="utf-8")
+    second.write_text("experiment: compare\nbase: compare.yaml\nposture: 20\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"compare.yaml:6: title"):
+        load_config(second, "compare")
+    (folder / "compare.yaml").write_text("experiment: compare\nbase: second.yaml\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"base: no file 'second.yaml'") as raised:
+        load_config(second, "compare")
+    assert raised.value.where == f"{folder / 'compare.yaml'}:2"
+
+
 def test_lengths_of_an_experiment_are_told_before_anything_else(folder: Path) -> None:
     (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {lam: [8, 8, 8]}}\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"compare.yaml:6: control.gains.lam: must have 2 entries"):

@@ -199,13 +199,6 @@ def test_a_base_has_the_keys_that_a_file_leaves_out(compare: CompareConfig) -> N
     ]
 
 
-def test_plain_is_compare_but_for_arm_motion_and_disturbance(compare: CompareConfig) -> None:
-    config = load_config("plain", None).config
-    own = ("title", "manipulator", "posture", "reference", "disturbance")
-    assert all(getattr(config, name) != getattr(compare, name) for name in own)
-    assert config.model_copy(update={name: getattr(compare, name) for name in own}) == compare
-
-
 def with_base(folder: Path, text: str) -> Path:
     for name in ("compare", "decouple"):
         init_config(name, folder)
@@ -241,6 +234,11 @@ def test_a_base_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=f"base: .*{message}") as raised:
         load_config(path, "compare")
     assert raised.value.where == f"{path}:3"
+    further = tmp_path / "further.yaml"
+    further.write_text("experiment: compare\nbase: mine.yaml\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"base: .*{message}") as raised:
+        load_config(further, "compare")
+    assert raised.value.where == f"{path}:3", "also where it is the base of another file"
 
 
 # ---- overrides ---------------------------------------------------------------------------------------------
