@@ -63,7 +63,8 @@ class Row(NamedTuple):
     """Where a number of the box stands in a manipulator.
 
     `put` gives the value of the `key` from the number, `get` the number from the value. `about` ends the
-    words that say where the value is from.
+    words that say where the value is from. One with a `switch`, a row of words, acts where that says `word`
+    or ``both``; else the value is `off`.
     """
 
     key: str
@@ -71,6 +72,13 @@ class Row(NamedTuple):
     put: Callable[[Any, Joint], Any] = lambda number, _: number
     get: Callable[[Any, Joint], Any] = lambda value, _: value
     about: str = ""
+    switch: str = ""
+    word: str = "on"
+    off: float = 0.0
+
+    def acts(self, draw: Draw) -> bool:
+        """Whether a draw has what the number is of."""
+        return not self.switch or _word(draw, self.switch) in (self.word, "both")
 
 
 PER_JOINT: Mapping[str, Row] = {
@@ -113,32 +121,22 @@ SHARED: Mapping[str, Row] = {
     ),
     "drum_inertia": Row("winches.drum_inertia", "kg m2"),
     "winch_viscous": Row("winches.viscous", "N m s rad-1"),
-    "link_coulomb": Row("friction.link.coulomb", "N m"),
-    "link_viscous": Row("friction.link.viscous", "N m s rad-1"),
+    "link_coulomb": Row("friction.link.coulomb", "N m", switch="friction_sides", word="link"),
+    "link_viscous": Row("friction.link.viscous", "N m s rad-1", switch="friction_sides", word="link"),
     "link_static_ratio": Row("friction.link.static_ratio", "1"),
     "link_stribeck_velocity": Row("friction.link.stribeck_velocity", "rad s-1"),
-    "winch_coulomb": Row("friction.winch.coulomb", "N m"),
+    "winch_coulomb": Row("friction.winch.coulomb", "N m", switch="friction_sides", word="winch"),
     "winch_static_ratio": Row("friction.winch.static_ratio", "1"),
     "winch_stribeck_velocity": Row("friction.winch.stribeck_velocity", "rad s-1"),
-    "pulley_loss": Row("friction.per_pulley", "1"),
-    "reducer_efficiency": Row("friction.reducer_efficiency", "1"),
+    "pulley_loss": Row("friction.per_pulley", "1", switch="pulley_loss_acts"),
+    "reducer_efficiency": Row("friction.reducer_efficiency", "1", switch="reducer_loss_acts", off=1.0),
     "tensioner_force": Row("tensioner.force", "N"),
-    "transmission_error": Row("transmission_error.peak_to_peak", "rad"),
+    "transmission_error": Row("transmission_error.peak_to_peak", "rad", switch="transmission_error_acts"),
     "torque_limit": Row("actuator.torque_limit", "N m"),
-    "torque_resolution": Row("actuator.torque_resolution", "N m"),
-    "torque_noise": Row("actuator.torque_noise", "N m"),
+    "torque_resolution": Row("actuator.torque_resolution", "N m", switch="torque_resolution_acts"),
+    "torque_noise": Row("actuator.torque_noise", "N m", switch="torque_noise_acts"),
 }
 """Rows that all joints share."""
-
-_SWITCHES = {
-    row: "reducer_loss_acts" if row == "reducer_efficiency" else f"{row}_acts"
-    for row in SHARED
-    if f"{row}_acts" in WORDS or row == "reducer_efficiency"
-}
-"""Rows that others switch on, and these."""
-
-_SIDES = {"link_coulomb": "link", "link_viscous": "link", "winch_coulomb": "winch"}
-"""Rows of friction that acts on some sides, and their sides."""
 
 _MOTIONS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "minimum_jerk": ("minimum_jerk", ("rise", "hold")),
@@ -212,9 +210,8 @@ def _drawn(value: object, unit: str, row: str) -> Section:
     return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
 
 
-def _is_word(draw: Draw, row: str, *words: str) -> bool:
-    """Whether a row of words has one of some words."""
-    return WORDS[row][int(draw[row])] in words
+def _word(draw: Draw, row: str) -> str:
+    return WORDS[row][int(draw[row])]
 
 
 def _put_arm(arm: Section, draw: Draw) -> None:
@@ -240,29 +237,20 @@ def _put_arm(arm: Section, draw: Draw) -> None:
         two, three = (row.put(draw[f"{name}_{i}"], of) for i, of in zip(COMPARED, joints, strict=True))
         put(row.key, [two, two, three], row.unit, name + row.about)
     for name, row in SHARED.items():
-        acts = _acts(draw, name)
-        value = acts * row.put(draw[name], joints[-1]) + (name == "reducer_efficiency") * (1.0 - acts)
+        value = row.put(draw[name], joints[-1]) if row.acts(draw) else row.off
         put(row.key, value, row.unit, name + row.about)
     for side in ("link", "winch"):
         stribeck = f"{side}_stribeck_velocity"
         put(f"friction.{side}.smoothing_velocity", draw[stribeck] / 2.0, "rad s-1", f"half of {stribeck}")
-    two, three = (
-        draw["clearance"] * _is_word(draw, "clearance_at", *at) for at in (("both",), ("both", "distal"))
-    )
+    at = _word(draw, "clearance_at")
+    two, three = (draw["clearance"] * (at in joint) for joint in (("both",), ("both", "distal")))
     put("tendons.clearance", [two, two, three], "m", "clearance and clearance_at")
     put("tendons.damping_factor", 1.0, "1", "which has the damping itself")
     arm["tensioner"]["side"] = AXES["tensioner"].printed
 
 
-def _acts(draw: Draw, row: str) -> float:
-    """1 where a row of the arm acts, else 0."""
-    if row in _SIDES:
-        return float(_is_word(draw, "friction_sides", _SIDES[row], "both"))
-    return draw[_SWITCHES[row]] if row in _SWITCHES else 1.0
-
-
 def _disturbance(draw: Draw) -> Section:
-    kind = WORDS["disturbance"][int(draw["disturbance"])]
+    kind = _word(draw, "disturbance")
     torque = {"torque": _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")}
     if kind == "sine":
         return {
@@ -279,7 +267,7 @@ def _disturbance(draw: Draw) -> Section:
 
 def _reference(draw: Draw, shortest_run: float) -> Section:
     """Motion of both joints, by equal angles except in ``unequal``."""
-    name = WORDS["motion"][int(draw["motion"])]
+    name = _word(draw, "motion")
     kind, rows = _MOTIONS[name]
     times = {row: draw[row] if row in _UNITS else _on_grid(draw[row]) for row in rows}
     if name == "trapezoidal":
@@ -343,17 +331,16 @@ def _of_arm(arm: Manipulator) -> Iterator[tuple[str, float]]:
         )
     # What all joints share is that of the last one.
     numbers = {name: row.get(float(held_values(arm, row.key)[-1]), of) for name, row in SHARED.items()}
-    sides = dict.fromkeys(_SIDES.values(), False)
-    for row, side in _SIDES.items():
-        sides[side] |= numbers[row] > 0.0
-    yield "friction_sides", sides["link"] + 2.0 * sides["winch"]  # none, link, winch, both
-    for row, number in numbers.items():
-        acts = sides[_SIDES[row]] if row in _SIDES else True
-        if row in _SWITCHES:
-            acts = number < 1.0 if row == "reducer_efficiency" else number > 0.0
-            yield _place(_SWITCHES[row], "on" if acts else "off")
-        if acts:
-            yield row, number
+    # Of friction one number above zero lets its side act, with all that is said of it.
+    acting = {(row.switch, row.word) for name, row in SHARED.items() if numbers[name] != row.off}
+    yield from (
+        (name, numbers[name])
+        for name, row in SHARED.items()
+        if not row.switch or (row.switch, row.word) in acting
+    )
+    for switch in {row.switch for row in SHARED.values() if row.switch}:
+        words = [word for of, word in acting if of == switch]
+        yield _place(switch, "both" if len(words) > 1 else words[0] if words else WORDS[switch][0])
     two, three = arm.tendons.clearance.si[1:]
     yield _place("clearance_at", "both" if two > 0.0 else "distal" if three > 0.0 else "none")
     if slack := max(two, three):

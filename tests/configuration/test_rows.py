@@ -1,29 +1,17 @@
 """What a comparison has in the rows of the box: a draw comes back, and a base keeps its own."""
 
-from functools import cache
-
 import numpy as np
+from support.made_ensemble import box
 
-from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.readings import UNDER_READINGS, parse_reading, under
 from tendonrepro.configuration.quantity import to_si
 from tendonrepro.configuration.rows import values_of
-from tendonrepro.monte_carlo.population import holding_base, population_of
+from tendonrepro.monte_carlo.population import holding_base
 
 DRAWS = 48
 APART = parse_reading("starts=apart+run_friction=drawn")
-
-
-@cache
-def ensemble():
-    return load_ensemble(None)
-
-
-@cache
-def box():
-    return population_of(ensemble())
 
 
 NOMINAL = box().named(box().nominal)
@@ -64,7 +52,7 @@ def test_a_draw_comes_back():
 
 def test_what_the_shipped_arm_has_is_held():
     """Its numbers of joints 2 and 3, which are those that move; its motion; and runs that start together."""
-    base = ensemble().compare
+    base = box().loaded.compare
     held = box().configured(holding_base(box()).nominal)
     for part in ("links", "tensioner", "transmission_error"):
         arms = held.manipulator, base.manipulator

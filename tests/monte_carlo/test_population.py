@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.stats import qmc
+from support.made_ensemble import box
 
-from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import (
@@ -19,19 +19,8 @@ from tendonrepro.configuration.models.readings import (
 )
 from tendonrepro.experiments.loops import build_law, build_loops
 from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
-from tendonrepro.monte_carlo.population import population_of
 
 DRAWS = 256
-
-
-@cache
-def ensemble():
-    return load_ensemble(None)
-
-
-@cache
-def box():
-    return population_of(ensemble())
 
 
 @cache
@@ -112,7 +101,7 @@ def test_starts_apart_are_those_of_the_draw_within_the_half_plane():
         config = under(apart, box().configured(values), box().named(values))
         found = np.rad2deg(config.runs["controller_2"].start_offset.si)
         np.testing.assert_allclose(found, expected, atol=1e-9)
-    list(build_loops(config, ensemble().base.folder))
+    list(build_loops(config, box().loaded.base.folder))
 
 
 def test_a_ramp_has_the_amplitude_and_times_of_its_draw():
@@ -145,20 +134,20 @@ def test_firm_population_holds_rows_of_low_confidence():
 
 def test_every_other_draw_builds_its_loops():
     for k in range(0, DRAWS, 2):
-        loops = dict(build_loops(drawn(k), ensemble().base.folder))  # refuses what leaves the workspace
+        loops = dict(build_loops(drawn(k), box().loaded.base.folder))  # refuses what leaves the workspace
         duration = loops["controller_1"].reference.time[-1]
-        shortest, longest = ensemble().config.shortest_run.si, ensemble().config.longest_run.si
+        shortest, longest = box().loaded.config.shortest_run.si, box().loaded.config.longest_run.si
         assert shortest - 1e-6 <= duration <= longest + 1e-6
 
 
 @pytest.mark.slow
 def test_every_fourth_draw_takes_every_reading():
-    choices = default_readings(ensemble().config.pairs) + VARIATIONS
+    choices = default_readings(box().loaded.config.pairs) + VARIATIONS
     for k in range(0, DRAWS, 4):
         for place, choice in enumerate(choices):
             config = under(choice, drawn(k), box().named(draws()[k]))
             if place % 32 == k // 4 % 32:  # the motion is the same under all of them, so some are enough
-                assert len(list(build_loops(config, ensemble().base.folder))) == len(RUNS)
+                assert len(list(build_loops(config, box().loaded.base.folder))) == len(RUNS)
             else:
                 laws = [build_law(config, law) for law in ("controller_1", "controller_2", "controller_3")]
                 assert {law.L for law in laws} == {config.sampling_period.si}
@@ -175,7 +164,7 @@ def test_widest_draws_stay_in_the_workspace():
                 posture=posture[box().names.index("posture")],
                 amplitude=box().high[box().names.index("amplitude")],
             )
-            list(build_loops(config, ensemble().base.folder))
+            list(build_loops(config, box().loaded.base.folder))
 
 
 def test_stiffness_at_the_joints_is_what_was_drawn():
@@ -221,7 +210,7 @@ def test_effects_outside_the_equations_are_off_unless_drawn():
 
 def test_unequal_motion_moves_joint_2_two_thirds_as_far():
     config = nominal_with(motion=WORDS["motion"].index("unequal"))
-    loops = dict(build_loops(config, ensemble().base.folder))
+    loops = dict(build_loops(config, box().loaded.base.folder))
     peak = np.rad2deg(loops["controller_1"].reference.q_d.max(axis=0))
     np.testing.assert_allclose(peak, [28.0 * 2.0 / 3.0, 28.0], rtol=1e-3)
 

@@ -4,15 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.made_ensemble import box
 from support.oracles import ROPE, TENDON_4
 
-from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import AXES, PRINTED
-from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.verdicts import tension as rule
 
-BOX = population_of(load_ensemble(None))
+BOX = box()
 ARM = load_config(None, "decouple").config.manipulator
 
 
