@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from findings_pictures import draw_map, draw_ranges
 from harvest import take
 from pages import fresh
 from stored_results import DOCS, nearest, stored
@@ -25,7 +26,7 @@ from stored_results import DOCS, nearest, stored
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.reporting import contents
-from tendonrepro.reporting.figures import draw_map, draw_orders, draw_ranges
+from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.readings import read_shown
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning

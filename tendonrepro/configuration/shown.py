@@ -57,17 +57,6 @@ KEPT = AS_PUBLISHED | BEYOND
 SHOWN = KEPT | CHANGED
 """All of them; their name among readings is ``shown``."""
 
-IN_MAP = {
-    "printed": "as published",
-    "Delta_unit=deg": "Δ in degrees",
-    "gain_unit=phi_in_degrees": "φ in degrees",
-    "weights=extrapolating": "(1 + α, −α)",
-    BOTH: "Δ in degrees and (1 + α, −α)",
-    "stored_torque=applied+output_delay=1": "applied torque, late",
-    STEPS: "torque in steps",
-}
-"""Readings that have their name in the map; the others are small dots."""
-
 SETTINGS = {
     "phi_negative=even": "φ even for negative errors",
     "phi_branch=power": "φ the power everywhere",

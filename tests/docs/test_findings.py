@@ -16,7 +16,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import BOTH, CHOICES, IN_MAP, KEPT, SHOWN, STEPS, conditions
+from tendonrepro.configuration.shown import BOTH, CHOICES, KEPT, SHOWN, STEPS, conditions
 from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
@@ -66,7 +66,7 @@ def claims() -> dict[str, Any]:
 def _makers() -> Iterator[list[Any]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DOCS)
-        yield [importlib.import_module(name) for name in ("pages", "generate")]
+        yield [importlib.import_module(name) for name in ("pages", "generate", "findings_pictures")]
 
 
 @pytest.fixture(scope="module", name="pictures")
@@ -77,7 +77,7 @@ def _pictures(makers: list[Any]) -> dict[str, Drawing]:
 
 def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
     """`make pages` and `make findings` write them again."""
-    pages, generate = makers
+    pages, generate, _ = makers
     texts = {path.name: path.read_text(encoding="utf-8") for path in (README, *DOCS.glob("*.md"))}
     for name, text in texts.items():
         assert pages.fresh(text) == text, f"docs/{name} has a part of another day: make pages"
@@ -344,12 +344,15 @@ def test_picture_of_the_orders(readings: dict[str, Row], pictures: dict[str, Dra
     assert marks.get_xdata() == pytest.approx([1.0 - held["late"] for held in late])
 
 
-def test_picture_of_the_map(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
+def test_picture_of_the_map(
+    readings: dict[str, Row], makers: list[Any], pictures: dict[str, Drawing]
+) -> None:
     """A dot for each reading under which plants are stable, marks for those with a name, and Table 2."""
+    named = makers[2].IN_MAP
     for panel, joint in zip(pictures["map"].axes, (2, 3), strict=True):
         dots = next(line for line in panel.lines if line.get_marker() == "o")
-        marks = {line.get_marker(): line for line in panel.lines if line.get_label() in IN_MAP.values()}
-        assert len(marks) == len(IN_MAP)
+        marks = {line.get_marker(): line for line in panel.lines if line.get_label() in named.values()}
+        assert len(marks) == len(named)
         places = [
             (held[f"c1_c2_joint_{joint}_median"], held[f"c2_c3_joint_{joint}_median"])
             for held in readings.values()

@@ -18,7 +18,7 @@ from tendonrepro.configuration.shown import FINE_STEPS, SHOWN
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.reporting.contents import cells_of, rendered
-from tendonrepro.reporting.figures import draw_orders, draw_ranges
+from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.page import run_report
 from tendonrepro.reporting.readings import COLUMNS, HEAD, read_shown, shown
 from tendonrepro.reporting.stored import stored_under
@@ -195,4 +195,3 @@ def test_an_ensemble_without_a_stable_plant_is_shown():
     row = cells_of(rendered("robustness", held))[1]
     assert row[1:] == ["0", "–", "–", "–", "–", "–"]
     draw_orders(held)
-    assert np.isnan(draw_ranges(held).axes[0].containers[0].lines[0].get_xdata()).all()
