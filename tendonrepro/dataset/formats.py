@@ -141,12 +141,14 @@ def read_tdms(path: Path) -> Tables:
             if values.dtype.kind not in "biuf" or not values.size:
                 left_out.append(f"channel {group.name}/{channel.name}: no numbers")
                 continue
-            is_timed = channel.properties.get("wf_increment")
-            series = Series({"time (s)": np.asarray(channel.time_track(), float)} if is_timed else {})
             units = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
-            series.add(channel.name, values.astype(float), str(next(filter(None, units), "")))
-            # Channels without times lie together by their numbers of samples.
-            signals |= {channel.name: series} if is_timed else series
+            unit = str(next(filter(None, units), ""))
+            if channel.properties.get("wf_increment"):
+                times = np.asarray(channel.time_track(), float)
+                signals[channel.name] = Series(times, values, channel.name, unit)
+            else:
+                # Channels without times lie together by their numbers of samples.
+                signals[f"{channel.name} ({unit})" if unit else channel.name] = values
     tables = tables_of(tree)
     tables.left_out[:0] = left_out
     return tables

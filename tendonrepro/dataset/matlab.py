@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeGuard
 
@@ -222,7 +223,7 @@ def _dataset(members: Nested) -> Nested | Series | None:
     for key in ("Elements", "Elements_", "Storage", "Storage_"):
         elements = members.get(key)
         if isinstance(elements, Series):
-            return _named(elements, "")
+            return elements
         if isinstance(elements, dict) and elements:
             # An only element stands alone, not in a numbered list.
             return _elements(elements if all(name.isdigit() for name in elements) else {"1": elements})
@@ -230,39 +231,26 @@ def _dataset(members: Nested) -> Nested | Series | None:
 
 
 def _elements(elements: Nested) -> Nested:
+    """Signals of a data set's elements; one without any name has the number of its element."""
     named: Nested = {}
     for number, item in elements.items():
-        # An element is its name and values; a bare time series has its own name.
-        is_element = isinstance(item, dict) and len(item) == 1
-        name, values = next(iter(item.items())) if is_element else ("", item)
-        for path, series in _members_of(values, (name,) if name else ()):
-            label = " ".join(path)
-            key = label or (_own_name(series) if isinstance(series, Series) else "") or f"signal {number}"
+        for label, signal in _signals(item):
+            key = label or f"signal {number}"
             while key in named:
                 key += f" #{number}"
-            named[key] = _named(series, label) if isinstance(series, Series) else series
+            named[key] = signal
     return named
 
 
-def _members_of(values: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
-    """Signals of a bus, with names from the element down."""
-    if isinstance(values, dict) and not isinstance(values, Columns):
-        for name, member in values.items():
-            yield from _members_of(member, (*path, name))
-    elif values is not None:
-        yield path, values
-
-
-def _own_name(series: Series) -> str:
-    return next((re.split(r"\[| \(", name)[0] for name in list(series)[1:]), "")
-
-
-def _named(series: Series, name: str) -> Series:
-    """The series under another name; places in it and units stay."""
-    time, *rest = series.items()
-    if not name:
-        return series
-    return Series([time, *((re.sub(r"^[^\[(]*(?=\[| \(|$)", name, old), values) for old, values in rest)])
+def _signals(item: object, label: str = "") -> Iterator[tuple[str, object]]:
+    """Signals of an element or bus, with names from the element down; a bare series has its own."""
+    if isinstance(item, dict) and not isinstance(item, Columns):
+        for name, member in item.items():
+            yield from _signals(member, f"{label} {name}".strip())
+    elif isinstance(item, Series):
+        yield label or item.name, replace(item, name=label or item.name)
+    elif item is not None:
+        yield label, item
 
 
 def _scope(time: Column, signals: Nested) -> Nested:
@@ -305,8 +293,7 @@ def _capture(X: Nested, Y: Nested) -> Nested:
         if len(values) != len(time):
             tables[name] = values
             continue
-        series = Series({"time (s)": time})
-        series.add(name, values, text(signal.get("Unit")))
+        series = Series(time, values, name, text(signal.get("Unit")))
         tables[name if name not in tables else f"{name} #{number}"] = series
     return tables
 
@@ -328,14 +315,10 @@ def _timeseries(tree: Nested) -> Series | None:
     axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
     if axis is None:
         return None
-    samples = np.moveaxis(data, axis, 0).reshape(len(time), -1)
     unit = about.get("Units")
     unit = text(unit.get("Name") if isinstance(unit, dict) else unit)
     name = text(tree.get("Name")) or text(about.get("Name"))
-    series = Series({"time (s)": time})
-    for k, column in enumerate(samples.T, start=1):
-        series.add(f"{name}[{k}]" if samples.shape[1] > 1 else name, column.astype(float), unit)
-    return series
+    return Series(time, np.moveaxis(data, axis, 0), name, unit)
 
 
 def _is_filled(value: object) -> TypeGuard[Column]:

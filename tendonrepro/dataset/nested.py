@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from tendonrepro.dataset.tables import FEWEST, Column, Columns, Tables
 
 Nested: TypeAlias = dict[str, Any]
-"""Arrays, `Columns` and further trees by name."""
+"""Arrays, `Series`, `Columns` and further trees by name."""
 
 MOST_COLUMNS = 40
 """Of an array whose columns are signals."""
@@ -21,8 +22,17 @@ MOST_NAMED = 12
 """Arrays that a line on what was left out names."""
 
 
-class Series(Columns):
-    """Samples of one signal behind their times."""
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Samples of one signal: `time` (T,), s, and `values`, T of them along the first axis.
+
+    Where it has no `name` of its own, it has that of its place in the tree.
+    """
+
+    time: Column
+    values: Column
+    name: str = ""
+    unit: str = ""
 
 
 def tables_of(tree: Nested) -> Tables:
@@ -43,11 +53,12 @@ def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]
     for name, value in tree.items():
         where = f"{path}.{name}" if path else name
         if isinstance(value, Series):
-            (first, time), *signals = value.items()
-            group = groups.setdefault((len(time), time.tobytes()), Columns({first: time}))
-            for label, values in signals:
-                is_named = label.split(" (")[0].split("[")[0].strip()
-                group.add(label if is_named else f"{name}{label}", values)
+            same = len(value.time), value.time.tobytes()
+            group = groups.setdefault(same, Columns({"time (s)": value.time}))
+            signals = value.values.reshape(len(value.time), -1).astype(float).T
+            for k, signal in enumerate(signals, start=1):
+                place = f"[{k}]" if len(signals) > 1 else ""
+                group.add(f"{value.name or name}{place}", signal, value.unit)
         elif isinstance(value, Columns):
             tables[where] = value
         elif isinstance(value, dict):
