@@ -19,7 +19,6 @@ from tendonrepro.dataset.tables import (
     add_column,
     first_numbers,
     names_of,
-    with_point,
 )
 from tendonrepro.dataset.text import read_text_table
 
@@ -65,7 +64,7 @@ def _written(cell: Any) -> str:
         return ""
     if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat"):
         return "0"
-    return with_point(str(cell).strip())
+    return str(cell).strip()
 
 
 def is_labview(path: Path) -> bool:

@@ -19,10 +19,10 @@ Column: TypeAlias = NDArray[Any]
 
 FEWEST = 8
 """Samples of a column that may be a signal."""
-NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|nan|inf", re.IGNORECASE)
-_EXPONENT = r"(?:[eEdD][-+]?\d+)?"
-_POINT = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d+)?(?:\.\d*)?{_EXPONENT}")
-_COMMA = re.compile(rf"[-+]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d+)?(?:,\d*)?{_EXPONENT}")
+_SIGN, _EXPONENT = r"[-+−]?(?=[.,]?\d)", r"(?:[eEdD][-+]?\d+)?"
+_POINT = re.compile(rf"{_SIGN}(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d+)?(?:\.\d*)?{_EXPONENT}")
+_COMMA = re.compile(rf"{_SIGN}(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d+)?(?:,\d*)?{_EXPONENT}")
+"""Numbers with that decimal mark, the other one between thousands, and exponents, Fortran's too."""
 _DURATION = re.compile(r"-?\d+:\d\d(:\d\d(\.\d+)?)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
 _GAPS = {"nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf"}
@@ -82,21 +82,12 @@ class Tables(dict[str, Columns]):
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number with a decimal point.
+    """Whether a cell is a number, with a decimal point or comma.
 
-    >>> is_number("-1.5e-3")
-    True
+    >>> is_number("-1.5e-3"), is_number("1.234,5"), is_number("C1")
+    (True, True, False)
     """
-    return bool(NUMBER.fullmatch(cell))
-
-
-def with_point(cell: str) -> str:
-    """A number with a decimal comma, alone or behind thousands, by a point."""
-    return re.sub(r"^([-+]?)(\d+|\d{1,3}(?:\.\d{3})+),(\d+)", _pointed, cell)
-
-
-def _pointed(match: re.Match[str]) -> str:
-    return f"{match[1]}{match[2].replace('.', '')}.{match[3]}"
+    return bool(_POINT.fullmatch(cell) or _COMMA.fullmatch(cell)) or cell.casefold() in ("nan", "inf")
 
 
 def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 1) -> None:
@@ -174,7 +165,7 @@ def _decimal_mark(marked: pd.Series, plain: pd.Series) -> str | None:
 
 
 def _by_mark(marked: pd.Series, mark: str) -> pd.Series:
-    """Numbers with a decimal mark and the other one between thousands; exponents may be Fortran's."""
+    """Numbers of cells with a decimal mark."""
     pattern, between = (_POINT, ",") if mark == "." else (_COMMA, ".")
     cells = marked[[pattern.fullmatch(cell) is not None for cell in marked]]
     bare = cells.str.replace(between, "", regex=False).str.replace(",", ".", regex=False)
@@ -186,19 +177,17 @@ def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
     first = known.iloc[0]
     if hasattr(first, "total_seconds"):
         return known.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
-    if hasattr(first, "isoformat") and hasattr(first, "hour") and not hasattr(first, "year"):
-        return _of_durations(cells)
-    if hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):
+    if _DURATION.fullmatch(cells.iloc[0]):
+        # A time of two parts is minutes and seconds.
+        full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
+        durations = pd.to_timedelta(full, errors="coerce")
+    elif hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):
         dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
-        return (dates - dates.dropna().iloc[0]).dt.total_seconds() if dates.notna().any() else None
-    return _of_durations(cells) if _DURATION.fullmatch(cells.iloc[0]) else None
-
-
-def _of_durations(cells: pd.Series) -> pd.Series:
-    # A time of two parts is minutes and seconds.
-    full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
-    seconds: pd.Series = pd.to_timedelta(full, errors="coerce").dt.total_seconds()
-    return seconds
+        durations = dates - dates.bfill().iloc[0]
+    else:
+        return None
+    seconds: pd.Series = durations.dt.total_seconds()
+    return seconds if seconds.notna().any() else None
 
 
 def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:

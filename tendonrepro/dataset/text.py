@@ -22,7 +22,6 @@ from tendonrepro.dataset.tables import (
     first_numbers,
     is_number,
     names_of,
-    with_point,
 )
 
 COMMENTS = ("#", "%", "//")
@@ -80,8 +79,7 @@ def read_text_table(path: Path) -> Tables:
     words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
     if words:
         # Cells that are no plain numbers are read once more, as they are written.
-        texts = _read(path, layout, usecols=words, dtype=str)[0].map(_content)
-        frame[words] = texts
+        frame[words] = texts = _read(path, layout, usecols=words, dtype=str)[0].map(_content)
         no_number = _rows_without_numbers(frame, texts)
         columns.notes += _note_on(texts[no_number])
         frame = frame[~no_number]
@@ -103,12 +101,12 @@ def layout_of(path: Path) -> Layout:
     separator, comma = _spelling(last)
     written = {place: line for place, line in _whole(lines) if line.strip() and not _is_hint(line)}
     filled = [place for place, line in written.items() if not line.startswith(COMMENTS)]
-    rows = [split(written[place], separator, comma=comma) for place in filled]
-    first = first_numbers(rows, [split(line, separator, comma=comma) for line in last])
+    rows = [split(written[place], separator) for place in filled]
+    first = first_numbers(rows, [split(line, separator) for line in last])
     if first is None:
         raise Unreadable("a text without a table of numbers")
     above = [line for place, line in written.items() if place < filled[first]]
-    head = [split(line.lstrip("#%/"), separator, comma=False) for line in above]
+    head = [split(line.lstrip("#%/"), separator) for line in above]
     width = max(map(len, rows[first : first + 1000]))
     names = names_of(head, width)
     return Layout(encoding, is_damaged, separator, comma, filled[first], names, angle_unit_of(above))
@@ -192,45 +190,38 @@ def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
     """Separator, None for blanks, and decimal comma: what makes most numbers."""
 
     def numbers(way: tuple[str | None, bool]) -> int:
-        cells = [cell for line in lines for cell in split(line, way[0], comma=False) if cell]
-        return sum(1 if _is_number_by(cell, comma=way[1]) else -1 for cell in cells)
+        separator, comma = way
+        mark, other = (",", ".") if comma else (".", ",")
+        cells = [cell for line in lines for cell in split(line, separator) if cell]
+        # A number with the other mark alone may have it between thousands, and does not tell.
+        return sum(1 if is_number(cell) and (mark in cell or other not in cell) else -1 for cell in cells)
 
     return max(_WAYS, key=numbers)
 
 
-def _is_number_by(cell: str, *, comma: bool) -> bool:
-    """Whether a cell is a number; where decimals have a comma a point alone is none."""
-    has_point_alone = "." in cell and "," not in cell
-    return is_number(with_point(cell)) and not has_point_alone if comma else is_number(cell)
-
-
-def split(line: str, separator: str | None, *, comma: bool) -> list[str]:
-    """Cells of a line; with `comma` a decimal comma becomes a point."""
+def split(line: str, separator: str | None) -> list[str]:
+    """Cells of a line."""
     text = line.replace("−", "-")
     if separator is None:
         # Names with blanks stand further apart than their words.
         wide = re.split(r"\s{2,}|\t", text.strip())
-        parts = wide if len(wide) > 1 and not is_number(with_point(wide[0].split()[0])) else text.split()
+        parts = wide if len(wide) > 1 and not is_number(wide[0].split()[0]) else text.split()
     else:
         parts = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
-    cells = [part.strip().strip('"').strip() for part in parts]
-    return [with_point(cell) for cell in cells] if comma else cells
+    return [_content(part) for part in parts]
 
 
-def _content(cell: object) -> str | None:
-    return cell.strip().strip('"').strip() if isinstance(cell, str) else None
+def _content(cell: str | float) -> str:
+    """A cell as text, without quotes around it."""
+    return "" if pd.isna(cell) else str(cell).strip().strip('"').strip()
 
 
 def _rows_without_numbers(frame: pd.DataFrame, texts: pd.DataFrame) -> pd.Series:
     """Rows in which no cell is a number; `texts` are the columns that hold words."""
     no_number = frame[frame.columns.difference(texts.columns)].isna().all(axis=1)
     rest = texts[no_number]
-    no_number[rest.index] = ~rest.map(_starts_as_number).any(axis=1)
+    no_number[rest.index] = ~rest.map(lambda cell: bool(re.match(r"[-+−]?[.,]?\d", cell))).any(axis=1)
     return no_number
-
-
-def _starts_as_number(cell: object) -> bool:
-    return isinstance(cell, str) and re.match(r"[-+−]?[.,]?\d", cell) is not None
 
 
 def _note_on(rows: pd.DataFrame) -> list[str]:
