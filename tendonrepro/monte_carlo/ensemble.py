@@ -24,7 +24,7 @@ from tendonrepro.configuration.plants import load_plants, readings_on, with_all_
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
-from tendonrepro.files import to_json
+from tendonrepro.files import Json, to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
 from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, refuse_alone
 from tendonrepro.monte_carlo.figures import ensemble_figures
@@ -32,7 +32,6 @@ from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, co
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
-from tendonrepro.monte_carlo.summary import SUMMARY_VERSION, Summary
 from tendonrepro.parallel import Done, Item, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.record_store import RecordStore
@@ -42,6 +41,9 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, folder_of
+
+SUMMARY_VERSION = 2
+"""Of ``summary.json``: from 2 on the first population stands under ``populations`` alone."""
 
 
 def load_study(
@@ -231,7 +233,7 @@ def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool
 def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None, resumed: int) -> Result:
     """Numbers, tables and figures of all plants; `speed` is of those just run, experiments per second."""
     of_paper, around = base_of_paper(study.loaded.compare), study.loaded.around
-    summary: Summary = {
+    summary: Json = {
         "schema_version": SUMMARY_VERSION,
         "experiment": "ensemble",
         "tendonrepro_version": __version__,

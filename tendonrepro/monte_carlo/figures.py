@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.monte_carlo.shares import RATIOS
-from tendonrepro.monte_carlo.summary import PopulationSummary, RatioName, ReadingSummary, Summary
+from tendonrepro.files import Json
+from tendonrepro.monte_carlo.shares import QUANTILES, RATIOS
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     SERIES,
@@ -21,12 +21,12 @@ from tendonrepro.results.figures.style import (
 )
 from tendonrepro.results.summary import CONTROLLERS
 
-_RATIO_NAMES: Mapping[RatioName, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
+_RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
 _ROW_MM = 4.2
 _FRAME_MM = 26.0
 
 
-def ensemble_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
+def ensemble_figures(summary: Json) -> dict[str, Callable[[], Drawing]]:
     """Every population's ratios, by name of the figure; around an arm those of all pairs of runs."""
     if "around" in summary:
         (arms,) = summary["populations"].values()
@@ -35,7 +35,7 @@ def ensemble_figures(summary: Summary) -> dict[str, Callable[[], Drawing]]:
     return {f"ratios_{name}": partial(draw_ratios, name, population) for name, population in populations}
 
 
-def draw_ratios(population: str, summary: PopulationSummary) -> Drawing:
+def draw_ratios(population: str, summary: Json) -> Drawing:
     """Ratios of MAE under each reading, the printed ones, and those of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
@@ -54,16 +54,13 @@ def draw_ratios(population: str, summary: PopulationSummary) -> Drawing:
     return rows_figure(f"ratios_{population}", titles, names, draw, caption, origin)
 
 
-def _draw_ratio(panel: Axes, readings: Sequence[ReadingSummary], key: RatioName, joint: str) -> None:
+def _draw_ratio(panel: Axes, readings: Sequence[Json], key: str, joint: str) -> None:
     printed = SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
     for row, ratio in enumerate(ratios):
         if not ratio["plants"]:
             continue
-        q05, q25, median, q75, q95 = (
-            quantile["value"]
-            for quantile in (ratio["q05"], ratio["q25"], ratio["median"], ratio["q75"], ratio["q95"])
-        )
+        q05, q25, median, q75, q95 = (ratio[name]["value"] for name in QUANTILES)
         slow = readings[row]["theory"][joint] if key == "ratio_c1_c2" else None
         ratio_bar(panel, row, median, {"central 90 %": (q05, q95), "central 50 %": (q25, q75)}, slow)
     panel.axvline(ratios[0]["printed"], color=printed.colour, linestyle=printed.linestyle, label="printed")
@@ -130,7 +127,7 @@ def rows_figure(
         return Drawing(stem, figure, tuple(axes), caption, origin=origin)
 
 
-def draw_pairs(population: PopulationSummary, told: str) -> Drawing:
+def draw_pairs(population: Json, told: str) -> Drawing:
     """Ratios of errors, a panel for each pair of runs, a row for each joint and reading."""
     pairs = list(dict.fromkeys((row["run"], row["over"]) for row in population["pairs"]))
     rows = list(dict.fromkeys((row["reading"], row["joint"]) for row in population["pairs"]))

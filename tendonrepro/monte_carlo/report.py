@@ -14,10 +14,10 @@ from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_re
 from tendonrepro.configuration.rows import Draw
 from tendonrepro.console import count_of
 from tendonrepro.experiments.loops import slow_error_ratio
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.monte_carlo.shares import RATIOS, quantiles_of, reading_summary, share_of
-from tendonrepro.monte_carlo.summary import PairRow, PopulationSummary, ReadingSummary, Summary
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.results.tables import Table, TableRows
@@ -30,7 +30,7 @@ SOME = 8
 """Draws by which it shows whether a drawn number enters the ratio of slow errors."""
 
 
-def population_summary(population: Population, data: EnsembleData) -> PopulationSummary:
+def population_summary(population: Population, data: EnsembleData) -> Json:
     """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
     readings, joints = [reading_summary(data, name) for name in data.readings], data.joints
     seed = int(population.loaded.config.seed.si)
@@ -43,7 +43,7 @@ def population_summary(population: Population, data: EnsembleData) -> Population
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in readings[0]["status"].items()
     }
-    summary: PopulationSummary = {
+    summary: Json = {
         "plants": len(data),
         "joints": list(joints),
         "laws": laws,
@@ -61,7 +61,7 @@ def slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Reading) -
     return np.where(np.isclose(ratios, ratios[0]).all(axis=0), ratios[0], np.nan)
 
 
-def reading_row(reading: ReadingSummary, joints: Sequence[int]) -> dict[str, object]:
+def reading_row(reading: Json, joints: Sequence[int]) -> dict[str, object]:
     """A reading's row: shares, and medians."""
     ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
     order = ordered["all_ok"]["mae"]["both"]
@@ -87,7 +87,7 @@ def reading_row(reading: ReadingSummary, joints: Sequence[int]) -> dict[str, obj
     }
 
 
-def ensemble_tables(summary: Summary) -> Iterator[Table | str]:
+def ensemble_tables(summary: Json) -> Iterator[Table | str]:
     """Yield each population's table, of which the terminal shows the first; around an arm those of pairs."""
     if "around" in summary:
         yield from _pair_tables(summary)
@@ -116,7 +116,7 @@ def pairs_of(data: EnsembleData) -> list[tuple[str, str]]:
 
 
 @np.errstate(invalid="ignore")  # where a run diverged
-def pair_rows(data: EnsembleData) -> Iterator[PairRow]:
+def pair_rows(data: EnsembleData) -> Iterator[Json]:
     """Mean absolute error of one run over another's on the arms where both are stable, by joint.
 
     ``ratio`` is the median, ``ratio_low`` and ``ratio_high`` the ends of the central 90 % of the arms.
@@ -145,7 +145,7 @@ def pair_rows(data: EnsembleData) -> Iterator[PairRow]:
             }
 
 
-def _stability_rows(population: PopulationSummary) -> Iterator[dict[str, object]]:
+def _stability_rows(population: Json) -> Iterator[dict[str, object]]:
     for reading in population["readings"]:
         for run, shares in reading["status"].items():
             yield {
@@ -162,7 +162,7 @@ def _columns(rows: TableRows) -> dict[str, tuple[str, str]]:
     return {name: (name.replace("_", " "), _FORMS.get(name, "")) for name in names}
 
 
-def _pair_tables(summary: Summary) -> Iterator[Table | str]:
+def _pair_tables(summary: Json) -> Iterator[Table | str]:
     """Yield the comparison of the runs, and how often each is stable."""
     (population,) = summary["populations"].values()
     pairs, stability = population["pairs"], [*_stability_rows(population)]

@@ -1,4 +1,8 @@
-"""Shares and quantiles over the box, with intervals from independent scramblings."""
+"""Shares and quantiles over the box, with intervals from independent scramblings: ``summary.json``.
+
+Where there are no plants, or too few, a number is NaN, in a file null. Whoever reads one looks at ``plants``
+first.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations, product
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,26 +18,13 @@ from scipy.special import stdtrit
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import METRICS, published, row_of
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
-from tendonrepro.monte_carlo.summary import (
-    Agreement,
-    BesidePrint,
-    ErrorRatio,
-    Quantile,
-    Quantiles,
-    QuantilesByJoint,
-    Rankings,
-    RatioName,
-    ReadingSummary,
-    ShareOfPlants,
-    SharesByJoint,
-    StatusShare,
-)
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
 
 QUANTILES: Mapping[str, float] = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
-RATIOS: Mapping[RatioName, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
+RATIOS: Mapping[str, tuple[int, int]] = {"ratio_c1_c2": (0, 1), "ratio_c2_c3": (1, 2)}
 """Numerator and denominator by their places in `CONTROLLERS`."""
 
 LEAST_PLANTS = 100
@@ -62,7 +53,7 @@ class Share:
     interval: Ends | None
     plants: int
 
-    def as_row(self) -> ShareOfPlants:
+    def as_row(self) -> Json:
         """Plain data."""
         low, high = self.interval or (np.nan, np.nan)
         return {"share": self.share, "low": low, "high": high, "plants": self.plants}
@@ -108,7 +99,7 @@ def _half_width(values: Array) -> float:
     return t * float(np.std(values, ddof=1)) / float(np.sqrt(count))
 
 
-def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Quantiles:
+def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Json:
     """Quantiles over plants (M,), each with a t interval from the scramblings' own quantiles around it.
 
     A quantile is one plant's value, so infinite values do no harm; NaN would. What is undefined is NaN.
@@ -119,20 +110,12 @@ def quantiles_of(values: Array, replicate: NDArray[np.int64]) -> Quantiles:
     rows = np.full((len(levels), 1), np.nan)
     if len(values):
         rows = np.array([np.quantile(part, levels, method="inverted_cdf") for part in parts]).T
-    q05, q25, median, q75, q95 = (_with_interval(*row) for row in rows.tolist())
-    return {
-        "q05": q05,
-        "q25": q25,
-        "median": median,
-        "q75": q75,
-        "q95": q95,
-        "lowest": float(values.min()) if len(values) else np.nan,
-        "highest": float(values.max()) if len(values) else np.nan,
-        "plants": len(values),
-    }
+    quantiles: Json = {name: _with_interval(*row) for name, row in zip(QUANTILES, rows.tolist(), strict=True)}
+    lowest, highest = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
+    return quantiles | {"lowest": float(lowest), "highest": float(highest), "plants": len(values)}
 
 
-def _with_interval(value: float, *each: float) -> Quantile:
+def _with_interval(value: float, *each: float) -> dict[str, float]:
     """A quantile of all plants, with its interval from those of the scramblings."""
     scattered = len(each) >= LEAST_SCRAMBLINGS and np.isfinite(each).all()
     reach = _half_width(np.array(each)) if scattered else np.nan
@@ -174,7 +157,7 @@ RANKINGS: Mapping[str, Callable[[Array], Flags]] = {
 
 
 @np.errstate(invalid="ignore")  # where two laws diverged
-def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
+def reading_summary(data: EnsembleData, reading: str) -> Json:
     """What one reading makes of the claims; of another arm nothing that stands beside the print.
 
     Rankings and ratios are by set of `_plants`, then metric, then ``both`` joints or each. Rankings stand
@@ -183,23 +166,12 @@ def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
     status = np.array([data.status(run, reading) for run in CONTROLLERS])
     counted = _plants(status)
     errors = _errors(data, reading, status)
-
-    def ratio(key: RatioName) -> ErrorRatio:
-        return {
-            plants: {
-                metric: _ratio_quantiles(data, RATIOS[key], metric, sizes, kept)
-                for metric, sizes in zip(METRICS, errors, strict=True)
-            }
-            for plants, kept in counted.items()
-        }
-
-    summary: Any = {
+    summary: Json = {
         "name": reading,
         "status": status_shares(data, reading),
         **_rankings(data, errors, counted),
         "without_start": _rankings(data, _errors(data, reading, status, "_settled"), counted),
-        "ratio_c1_c2": ratio("ratio_c1_c2"),
-        "ratio_c2_c3": ratio("ratio_c2_c3"),
+        **{key: _ratios(data, pair, errors, counted) for key, pair in RATIOS.items()},
     }
     if not data.around:
         ok = counted["all_ok"]
@@ -207,8 +179,7 @@ def reading_summary(data: EnsembleData, reading: str) -> ReadingSummary:
         steps = np.array([data.statistic(run, reading, "torque_step_rms")[ok] for run in CONTROLLERS])
         summary |= _beside_print(data.joints, mae, rmse, steps, replicate)
         summary["agreement"] = agreement(summary, data.joints)
-    of_reading: ReadingSummary = summary
-    return of_reading
+    return summary
 
 
 def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: str = "") -> Array:
@@ -219,9 +190,9 @@ def _errors(data: EnsembleData, reading: str, status: NDArray[np.int8], part: st
     return errors
 
 
-def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -> Rankings:
+def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -> Json:
     """Shares of each of `RANKINGS`, from errors as `_errors` gives them."""
-    rankings: Any = {}
+    rankings: Json = {}
     for key, hold in RANKINGS.items():
         hits = dict(zip(METRICS, map(hold, errors), strict=True))
         hits["mae_and_rmse"] = hits["mae"] & hits["rmse"]
@@ -231,8 +202,7 @@ def _rankings(data: EnsembleData, errors: Array, counted: Mapping[str, Flags]) -
             }
             for plants, kept in counted.items()
         }
-    of_all: Rankings = rankings
-    return of_all
+    return rankings
 
 
 def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
@@ -248,26 +218,27 @@ def _plants(status: NDArray[np.int8]) -> dict[str, Flags]:
 
 def _shares(
     joints: Sequence[int], flags: Flags, replicate: NDArray[np.int64], counted: Flags | None = None
-) -> SharesByJoint:
+) -> Json:
     """Shares over both joints together and each, from flags (N, n)."""
     each = {"both": _all(flags, axis=1)} | {f"joint_{joint}": flags[:, i] for i, joint in enumerate(joints)}
     return {name: share_of(hits, replicate, counted).as_row() for name, hits in each.items()}
 
 
-def _ratio_quantiles(
-    data: EnsembleData, pair: tuple[int, int], metric: str, errors: Array, kept: Flags
-) -> QuantilesByJoint:
-    """Quantiles of the ratio of two controllers' errors, of (3, N, n); none where both diverged."""
-    above, below = errors[[*pair]]
-    ratio = above / below
-    defined = kept & ~np.isnan(ratio[:, 0])
-    printed = [] if data.around else printed_ratios(pair, metric, data.joints)
-    return _by_joint(data.joints, ratio[defined], data.replicate[defined], printed)
+def _ratios(data: EnsembleData, pair: tuple[int, int], errors: Array, counted: Mapping[str, Flags]) -> Json:
+    """Quantiles of the ratio of two controllers' errors; none where both diverged."""
+    ratios: Json = {plants: {} for plants in counted}
+    for (plants, kept), (metric, sizes) in product(counted.items(), zip(METRICS, errors, strict=True)):
+        above, below = sizes[[*pair]]
+        ratio = above / below
+        defined = kept & ~np.isnan(ratio[:, 0])
+        printed = [] if data.around else printed_ratios(pair, metric, data.joints)
+        ratios[plants][metric] = _by_joint(data.joints, ratio[defined], data.replicate[defined], printed)
+    return ratios
 
 
 def _by_joint(
     joints: Sequence[int], values: Array, replicate: NDArray[np.int64], printed: Sequence[float] = ()
-) -> QuantilesByJoint:
+) -> Json:
     """Quantiles of values (N, n) on each joint, beside the printed ones."""
     spreads = {f"joint_{joint}": quantiles_of(values[:, i], replicate) for i, joint in enumerate(joints)}
     for quantiles, number in zip(spreads.values(), printed, strict=False):
@@ -277,7 +248,7 @@ def _by_joint(
 
 def _beside_print(
     joints: Sequence[int], mae: Array, rmse: Array, steps: Array, replicate: NDArray[np.int64]
-) -> BesidePrint:
+) -> Json:
     """Shapes of errors, whether Controller 1 is the smoothest, and a plant's distance from the print.
 
     Arrays are (3, N, n), of plants on which all controllers are ``ok``. The distance is the root mean square
@@ -314,7 +285,7 @@ def printed_ratios(pair: tuple[int, int], metric: str, joints: Sequence[int]) ->
     return [float(ratio) for ratio in above / below]
 
 
-def status_shares(data: EnsembleData, reading: str) -> dict[str, dict[str, StatusShare]]:
+def status_shares(data: EnsembleData, reading: str) -> Json:
     """Share and ``count`` of plants by run and status."""
     return {
         run: {
@@ -326,7 +297,7 @@ def status_shares(data: EnsembleData, reading: str) -> dict[str, dict[str, Statu
     }
 
 
-def agreement(reading: ReadingSummary, joints: Sequence[int]) -> Agreement:
+def agreement(reading: Json, joints: Sequence[int]) -> Json:
     """Compare the printed ratios with a reading's over plants on which all laws are ``ok``.
 
     ``agrees``: all are inside the central 90 %. ``cannot``: one is beyond every plant.

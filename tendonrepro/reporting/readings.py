@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from tendonrepro.files import Json, read_json
-from tendonrepro.monte_carlo.summary import Summary
 from tendonrepro.results.summary import CONTROLLERS
 
 Row: TypeAlias = dict[str, float]
@@ -76,7 +75,7 @@ HEAD = ("tendonrepro_version", "config_sha256", "physics_sha256", "draws", "scra
 """Keys of ``summary.json`` that ``docs/results/ensemble.json`` holds beside the drawn plants."""
 
 
-def rows_of(summary: Summary) -> Iterator[dict[str, object]]:
+def rows_of(summary: Json) -> Iterator[dict[str, object]]:
     """Yield the rows of ``readings.csv``; a KeyError for a summary of an older version."""
     for population, held in summary["populations"].items():
         for reading in held["readings"]:
@@ -90,13 +89,13 @@ def _at(reading: Any, path: str) -> float | None:
     return number
 
 
-def head_of(summary: Summary) -> Json:
+def head_of(summary: Json) -> Json:
     """What ``docs/results/ensemble.json`` holds: what made the ensemble, and how many plants were drawn."""
     plants = {name: held["plants"] for name, held in summary["populations"].items()}
     return {**{key: value for key, value in summary.items() if key in HEAD}, "plants": plants}
 
 
-def shown(summary: Summary) -> Shown:
+def shown(summary: Json) -> Shown:
     """What pages show of an ensemble; a KeyError for one of an older version that lacks some of it."""
     return _shown(head_of(summary), rows_of(summary))
 

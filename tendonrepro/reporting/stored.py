@@ -6,12 +6,10 @@ import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, read_json, shipped
-from tendonrepro.monte_carlo.summary import Summary
 from tendonrepro.reporting.contents import has_all_words
 from tendonrepro.reporting.readings import Shown, read_shown, shown
 from tendonrepro.results.paper import is_arm_of_paper
@@ -131,7 +129,7 @@ def _of_the_paper(summary: Json) -> Shown | None:
     if not summary["of_paper"] or "box" not in summary["populations"]:
         return None
     try:
-        own = shown(cast("Summary", summary))
+        own = shown(summary)
     except KeyError:
         return None  # it is of an older version
     return own if has_all_words(own) else None
