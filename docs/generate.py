@@ -34,7 +34,7 @@ from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts.ledger import read_ledger
 
 README = DOCS.parent / "README.md"
-PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "tune.md")
+PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "theory.md", DOCS / "tune.md")
 
 
 def write_pages() -> None:
@@ -169,6 +169,7 @@ def of_tables(given: Mapping[str, Any]) -> dict[str, Any]:
 PARTS = (
     "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
     "claims", "numbers", "deciding unknowns", "questions", "at their best", "experiments on starts", "given the tables",
+    "the bound", "the least misfits",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""
 MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from bounds import bounds
 from given_tables import FOLDS, NOISE, SURE, given_tables
 from stored_results import DOCS, nearest, read, rounded, store, store_table, stored, write
 
@@ -43,6 +44,7 @@ def take(reports: Path) -> None:
     write("sample.json", sample_of(ensemble))
     store("given.json", given_record(ensemble, summary["draws"]))
     store("draws.json", nearest_draws(ensemble))
+    store("bounds.json", bounds(ensemble))
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TypedDict, get_args
+from typing import NamedTuple, TypedDict, get_args
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from tendonrepro.analysis.margins import (
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.control import FILTERED, Readings
+from tendonrepro.configuration.published import published
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
@@ -41,11 +42,14 @@ from tendonrepro.physics.linear_loop import (
     slowest,
     stroke,
 )
+from tendonrepro.results.paper import is_arm_of_paper
 
 PAIRS = ("c1_c2", "c2_c3")
 """Pairs of the paper's laws, of which ``--json`` always has the ratios."""
 
 _LOWEST_HZ = 0.05
+_SLOWEST_HZ = 1e-3
+"""Frequency from which the range of a ratio counts: what is slower is the ratio under a slow load."""
 _POINTS = 400
 _MOTION_SHARE = 0.99
 """Share of the power of the desired velocity that lies within the motion's bandwidth."""
@@ -78,6 +82,17 @@ class Change(TypedDict):
     ratio: dict[str, list[float]]
 
 
+class RatioRange(NamedTuple):
+    """Least and largest ratio of two runs' errors, (2, n), over loads or motions of one frequency.
+
+    On a joint it is that of its own errors alone. ``all_joints`` (2,) bounds the ratio of the root mean
+    squares over all joints, whatever load and motion both runs have.
+    """
+
+    of_joints: Array
+    all_joints: Array
+
+
 @dataclass(frozen=True)
 class RunMargins:
     """Stability of one run, the worst of several postures for every number."""
@@ -105,8 +120,9 @@ class Explanation:
     """Everything that :func:`explain` finds.
 
     `postures` (P, n), rad, are start, middle and far end of the reference. A curve is Hz (F,) and every
-    joint's channel (n, F) at the middle posture. `ratios` are by pair, size of the error, deg, and joint.
-    `what_if` is by the change.
+    joint's channel (n, F) at the middle posture. `ratios` are by pair, size of the error, deg, and joint;
+    `ranges` are of the pairs whose loops decay, up to `ringing_hz`. `printed` has the paper's RMSE of the
+    first run over the second's, by pair and joint, for its own arm. `what_if` is by the change.
     """
 
     joints: tuple[int, ...]
@@ -115,6 +131,9 @@ class Explanation:
     margins: Mapping[str, RunMargins]
     curves: Mapping[str, tuple[Array, Complex]]
     ratios: Mapping[str, Mapping[float, list[float]]]
+    ranges: Mapping[str, RatioRange]
+    printed: Mapping[str, list[float]]
+    ringing_hz: float
     what_if: Mapping[str, Change]
     borders: TendonMap
     loads: Loads
@@ -143,6 +162,9 @@ def explain(loaded: LoadedConfig, talk: Talk = QUIET, start: Start = map) -> Exp
             pair: {size: slow_ratio(a, b, size) for size in ERROR_SIZES_DEG}
             for pair, a, b in view_pairs(views)
         },
+        ranges=dict(_ranges(views, postures, ringing)),
+        printed=_printed_ratios(config, views),
+        ringing_hz=ringing,
         what_if=dict(_what_ifs(config, views, postures)),
         borders=TendonMap(tendon_factors(), dict(zip(views, distances, strict=True))),
         loads=loads(first_views(views), postures[1], reference.dq_d),
@@ -173,6 +195,48 @@ def slow_ratio(a: View, b: View, size_deg: float) -> list[float]:
     """Ratio of two runs' errors under a slow load, (n,)."""
     ratio: list[float] = error_ratio(a.law, b.law, float(np.deg2rad(size_deg)), a.delay).tolist()
     return ratio
+
+
+def _ranges(views: Mapping[str, View], postures: Array, ringing: float) -> Iterator[tuple[str, RatioRange]]:
+    for pair, a, b in view_pairs(views):
+        if (of_pair := ratio_range(a, b, postures, ringing)) is not None:
+            yield pair, of_pair
+
+
+def ratio_range(a: View, b: View, postures: Array, highest: float) -> RatioRange | None:
+    """Range of the ratio of two runs' errors at postures (P, n) up to a frequency, Hz; None if a loop grows.
+
+    Both meet the same loads and motions on the same arm, so ``E_a = G E_b`` with the responses ``G = T_a
+    T_b⁻¹`` to any of them. The singular values of ``G`` bound the ratio of errors over all joints.
+    """
+    sizes, joints = [], []
+    for q in postures:
+        L = a.law.L
+        angles = angle_grid(*(loop_matrix(q, view.plant, view.law, view.delay) for view in (a, b)))
+        hertz = angles / (2.0 * np.pi * L)
+        angles = angles[(hertz >= _SLOWEST_HZ) & (hertz <= highest)]
+        of_a, of_b = (load_to_error(view, q, angles) for view in (a, b))
+        if of_a is None or of_b is None:
+            return None
+        G = of_a @ np.linalg.inv(of_b)
+        sizes.append(np.linalg.svd(G, compute_uv=False))
+        joints.append(np.abs(np.diagonal(G, axis1=1, axis2=2)))
+    both = np.concatenate(joints), np.concatenate(sizes).reshape(-1)
+    return RatioRange(*(np.stack([values.min(axis=0), values.max(axis=0)]) for values in both))
+
+
+def _printed_ratios(config: CompareConfig, views: Mapping[str, View]) -> dict[str, list[float]]:
+    """Ratio of two controllers' RMSE in Table 2, by pair and joint, where the arm is the paper's."""
+    entries = published().entries
+    ratios = {}
+    for pair, *of_pair in view_pairs(views) if is_arm_of_paper(config.manipulator) else ():
+        names = [
+            [f"table2.{view.law_name}.rmse.joint_{joint}" for joint in config.joints] for view in of_pair
+        ]
+        if all(name in entries for of_run in names for name in of_run):
+            a, b = (np.array([published().number(name) for name in of_run]) for of_run in names)
+            ratios[pair] = (a / b).tolist()
+    return ratios
 
 
 def run_margins(view: View, postures: Array, ringing: float) -> RunMargins:
@@ -240,14 +304,18 @@ def loads(views: Mapping[str, View], q: Array, dq_d: Array) -> Loads:
     responses = {law: load_to_error(view, q, 2.0 * np.pi * L * hertz) for law, view in views.items()}
     return Loads(
         hertz,
-        {law: np.abs(values) for law, values in responses.items() if values is not None},
+        {
+            law: np.abs(np.diagonal(values, axis1=1, axis2=2).T)
+            for law, values in responses.items()
+            if values is not None
+        },
         _least_damped(plant_matrices(q, first.plant)[0]),
         _bandwidth(dq_d, L),
     )
 
 
 def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
-    """Error of each joint per load on it, (n, F), at angles ``2 pi f L``; None if the loop grows.
+    """Error of each joint per load on each, (F, n, n), at angles ``2 pi f L``; None if the loop grows.
 
     The load is held over a period. ``e = -q``.
     """
@@ -262,7 +330,7 @@ def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
     load[: 4 * n] = hold_discretised(A, pull, law.L)[1]
     z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
     moved = np.linalg.solve(z * np.eye(len(closed)) - closed, load)
-    return np.asarray(-np.diagonal(moved[:, :n, :], axis1=1, axis2=2).T)
+    return np.asarray(-moved[:, :n, :])
 
 
 def _least_damped(A: Array) -> float:

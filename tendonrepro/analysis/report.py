@@ -78,6 +78,16 @@ def explanation_data(explanation: Explanation) -> dict[str, object]:
             pair: {f"{size:g}": ratio for size, ratio in sizes.items()}
             for pair, sizes in explanation.ratios.items()
         },
+        "ratio_range": {
+            pair: {
+                "low": of_pair.of_joints[0].tolist(),
+                "high": of_pair.of_joints[1].tolist(),
+                "all_joints": of_pair.all_joints.tolist(),
+            }
+            for pair, of_pair in explanation.ranges.items()
+        },
+        "ratio_range_below_hz": explanation.ringing_hz,
+        "printed_rmse_ratio": explanation.printed,
         "predicted_ratio_holds": all(margins_of_run.of_run["stable"] for margins_of_run in margins.values()),
         "runs": {
             run: _run_data(margins_of_run, explanation.views[run]) for run, margins_of_run in margins.items()
@@ -122,8 +132,12 @@ def explanation_parts(explanation: Explanation) -> list[Table | str]:
     if unstable := [run for run, of_run in explanation.margins.items() if not of_run.of_run["stable"]]:
         parts.append(f"Unstable, so without margins or slow errors: {', '.join(unstable)}.")
     if slow := list(slow_rows(explanation)):
-        caption = f"Errors near {TYPICAL_ERROR_DEG:g} deg under slow loads; no plant enters while loops are "
-        parts.append(Table("slow_errors", f"{caption}stable and well damped. Ages in periods.", slow))
+        caption = (
+            f"Ratios of errors. Near {TYPICAL_ERROR_DEG:g} deg under slow loads no plant counts while loops "
+            "are stable and well damped; least and largest are of small errors on this arm, without "
+            f"friction, up to {explanation.ringing_hz:g} Hz. Ages in periods."
+        )
+        parts.append(Table("slow_errors", caption, slow))
     caption = "What a change would do: slowest decay of each run, 1/s (negative: unstable), and slow errors"
     parts.append(Table("changes", caption, list(change_rows(explanation))))
     return parts
@@ -133,6 +147,7 @@ def slow_rows(explanation: Explanation) -> Iterator[dict[str, object]]:
     """Yield neighbouring laws' ratio of errors on each joint, and its factors."""
     e = float(np.deg2rad(TYPICAL_ERROR_DEG))
     for pair, a, b in view_pairs(explanation.views):
+        of_pair, printed = explanation.ranges.get(pair), explanation.printed.get(pair)
         ages = [estimate_age(view.law, view.delay) for view in (a, b)]
         softer = stiffness(b.law, e) / stiffness(a.law, e)
         for k, joint in enumerate(explanation.joints):
@@ -140,6 +155,9 @@ def slow_rows(explanation: Explanation) -> Iterator[dict[str, object]]:
                 "laws": f"{a.law_name} / {b.law_name}",
                 "joint": joint,
                 "ratio": explanation.ratios[pair][TYPICAL_ERROR_DEG][k],
+                "least": float(of_pair.of_joints[0, k]) if of_pair else None,
+                "largest": float(of_pair.of_joints[1, k]) if of_pair else None,
+                "rmse_in_the_paper": printed[k] if printed else None,
                 "age_of_the_first": float(ages[0][k]),
                 "age_of_the_second": float(ages[1][k]),
                 "surface_softer_by": float(softer[k]),
