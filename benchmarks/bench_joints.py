@@ -35,8 +35,8 @@ def batch_of(joints, folder):
     """The runs as a function that gives the most steps a sample; their code is compiled already."""
 
     from tendonrepro.configuration.any_kind import init_arm
+    from tendonrepro.configuration.ensemble import load_around
     from tendonrepro.configuration.models.readings import parse_reading
-    from tendonrepro.configuration.plants import load_around
     from tendonrepro.monte_carlo.population import population_of
     from tendonrepro.simulation.batch import simulate_batch
 

@@ -1,33 +1,94 @@
-"""The ensemble's configuration: box of plausible plants, populations, and what is run on each draw."""
+"""Plants to draw: an ensemble with its box, or a spread and ranges around an arm of one's own."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, ValidationError
 
-from tendonrepro.configuration.around import Around
 from tendonrepro.configuration.load import (
     ConfigLike,
     Draft,
     LoadedConfig,
     config_digest,
+    find_source,
     load_config,
 )
 from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS, BoxConfig, Confidence
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import PRINTED_LAWS, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.readings import VARIATIONS, named_readings
+from tendonrepro.configuration.models.readings import VARIATIONS, Reading, named_readings, under
 from tendonrepro.configuration.overrides import Override, Overrides, overrides_of
 from tendonrepro.configuration.published import COMPARED
-from tendonrepro.configuration.quantity import Scalar, positive, whole
-from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
-from tendonrepro.configuration.strict_yaml import Key, Tree
-from tendonrepro.errors import UsageError
+from tendonrepro.configuration.quantity import Ends, Scalar, positive, whole
+from tendonrepro.configuration.rows import PER_JOINT, SHARED, held_values
+from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion, explain
+from tendonrepro.configuration.strict_yaml import Key, Node, Tree, load
+from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.physics.trajectory import trapezoid_times
+
+ROWS: Mapping[str, str] = {row.key: name for name, row in PER_JOINT.items()} | {
+    SHARED[name].key: name
+    for name in (
+        "rotor_inertia",
+        "drum_inertia",
+        "winch_viscous",
+        "link_coulomb",
+        "link_viscous",
+        "link_stribeck_velocity",
+        "winch_coulomb",
+        "pulley_loss",
+        "tensioner_force",
+        "transmission_error",
+        "torque_limit",
+    )
+}
+"""Rows of the box that vary around an arm, by the arm's keys; what an arm has off stays off."""
+
+_OF = {"friction.link.stribeck_velocity": "friction.link.coulomb"}
+"""Keys that are of an effect whose size is another one."""
+
+MOST = 10.0
+"""Largest factor on a value of an arm, and its inverse the smallest."""
+
+Ranges: TypeAlias = Sequence[str] | Mapping[str, Sequence[float]] | None
+"""``KEY=LOW,HIGH``, or ends by key, as a user gives them."""
+
+
+@dataclass(frozen=True)
+class Around:
+    """Draws around an arm of one's own.
+
+    Its values are multiplied by factors. Those of a key in `ranges` lie between its ends, the others between
+    1 + `spread` and its inverse; where that is None the shipped ranges over their nominal values hold.
+    """
+
+    arm: str
+    spread: float | None = None
+    ranges: Mapping[str, Ends] = field(default_factory=dict)
+
+    @property
+    def told(self) -> str:
+        """In words, for tables and pictures: these are the user's ranges, not those of the paper's arm."""
+        if self.spread is None:
+            others = f"around {self.arm}, the shipped ranges relative to its values"
+        else:
+            others = f"around {self.arm}, each value within a factor of {1.0 + self.spread:g}"
+        own = [
+            f"{key} times {low:g} to {high:g}" if low < high else f"{key} times {low:g}"
+            for key, (low, high) in self.ranges.items()
+        ]
+        return "; ".join([others, *own])
+
+    def as_data(self) -> dict[str, object]:
+        """Plain values for JSON."""
+        ranges = {"ranges": {key: [*ends] for key, ends in self.ranges.items()}} if self.ranges else {}
+        return {"arm": self.arm, "spread": self.spread, **ranges}
 
 
 class PopulationConfig(Model):
@@ -146,3 +207,180 @@ def checked_ensemble(draft: Draft, changes: Sequence[Override]) -> LoadedEnsembl
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,
     )
+
+
+def ranges_of(ranges: Ranges) -> dict[str, Ends]:
+    """Ends of the factors on the values of keys.
+
+    Raises
+    ------
+    UsageError
+        For another form, a key that does not vary or is given twice, or ends that are none.
+    """
+    if isinstance(ranges, Mapping):
+        given = [(key, [float(end) for end in ends]) for key, ends in ranges.items()]
+    else:
+        given = [_read(text) for text in ranges or ()]
+    checked = {}
+    for key, ends in given:
+        if key not in ROWS:
+            message = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}"
+            raise UsageError(message, where="--range", hint=f"There are: {', '.join(ROWS)}")
+        if key in checked:
+            message, hint = f"{key} is given twice", "name each key once"
+            raise UsageError(message, where="--range", hint=hint)
+        if len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:
+            shown = ",".join(f"{end:g}" for end in ends)
+            message = (
+                f"{key}: needs two factors from {1.0 / MOST:g} to {MOST:g}, the smaller first, found {shown}"
+            )
+            raise UsageError(message, where="--range", hint=f"{key}=0.5,2 is half to twice the arm's value")
+        checked[key] = (ends[0], ends[1])
+    return checked
+
+
+def refuse_off(config: CompareConfig, keys: Iterable[str]) -> None:
+    """Raise a UsageError for a key on which nothing depends, because the arm has its effect off."""
+    moving = slice(-len(config.joints), None)
+    for key in keys:
+        owner = _OF.get(key, key)
+        if not np.any(held_values(config.manipulator, owner)[moving]):
+            message = f"{owner} is 0 on {config.manipulator.name}, so nothing depends on {key}"
+            hint = f"give the arm a {owner} above 0, or leave this range out"
+            raise UsageError(message, where="--range", hint=hint)
+
+
+def _read(text: str) -> tuple[str, list[float]]:
+    """Key and numbers of ``KEY=LOW,HIGH``; one number stands for both."""
+    key, _, ends = text.partition("=")
+    try:
+        numbers = [float(end) for end in re.split(r"[,\s]+", ends.strip(" []"))]
+    except ValueError:
+        message = f"must be KEY=LOW,HIGH, found {text!r}"
+        raise UsageError(message, where="--range", hint="For example --range links.mass=0.5,2") from None
+    return key.strip(), numbers * 2 if len(numbers) == 1 else numbers
+
+
+def drawn_config(tree: Mapping[str, Node], around: Around) -> CompareConfig:
+    """Comparison with a drawn arm; a ConfigError where a value left what is possible."""
+    try:
+        return CompareConfig.model_validate(tree)
+    except ValidationError as error:
+        first = explain(error, tree, around.arm).message.splitlines()[1]
+        message = f"an arm drawn {around.told}, is impossible: {first.partition(': ')[2]}"
+        hint = "give a smaller --spread, or --range KEY=LOW,HIGH for that key"
+        raise ConfigError(message, hint=hint) from error
+
+
+_DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("run_friction", "drawn")}
+"""Settings of readings whose numbers are rows of the box."""
+
+
+def load_around(
+    source: ConfigLike,
+    spread: float | None = None,
+    ranges: Ranges = None,
+    *,
+    overrides: Overrides | None = None,
+    seed: int | None = None,
+) -> LoadedEnsemble:
+    """Read a comparison, around whose arm plants are drawn; `seed` is of the draws.
+
+    Raises
+    ------
+    UsageError
+        For a spread or ranges that are none, or of what the arm has off.
+    ConfigError
+        If the comparison has not the three laws that are compared.
+    """
+    if spread is not None and not 0.0 < spread <= MOST - 1.0:
+        raise UsageError(f"must be above 0 and at most {MOST - 1.0:g}, found {spread:g}", where="--spread")
+    own = ranges_of(ranges)
+    base = load_config(source, "compare", overrides=overrides)
+    assert isinstance(base.config, CompareConfig)
+    missing = PRINTED_LAWS.keys() - base.config.control.laws.keys()
+    if missing:
+        words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
+        raise ConfigError(words, where=base.origin)
+    refuse_off(base.config, own)
+    shipped = load_ensemble(None, seed=seed)
+    content = {"ranges": shipped.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
+    return replace(
+        shipped,
+        base=base,
+        tree=base.tree,
+        sha256=config_digest(content | ({"own": own} if own else {})),
+        origin=base.origin,
+        around=Around(base.config.manipulator.name, spread, own),
+    )
+
+
+def load_plants(
+    source: ConfigLike,
+    spread: float | None = None,
+    ranges: Ranges = None,
+    *,
+    overrides: Overrides | None = None,
+    seed: int | None = None,
+) -> LoadedEnsemble:
+    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn.
+
+    Raises
+    ------
+    UsageError
+        For a spread or ranges of an ensemble, which says itself how far its plants lie apart.
+    """
+    text = find_source(source, "ensemble")
+    tree = load(text.text, text.origin)
+    if isinstance(tree, dict) and tree.get("experiment") == "compare":
+        return load_around(text, spread, ranges, overrides=overrides, seed=seed)
+    given = {"--spread": spread is not None, "--range": bool(ranges)}
+    for option in (name for name, is_given in given.items() if is_given):
+        message = "is for plants around an arm of your own"
+        raise UsageError(message, where=option, hint="name its comparison, --config compare.yaml")
+    return load_ensemble(text, overrides=overrides, seed=seed)
+
+
+def with_all_controllers(loaded: LoadedEnsemble) -> LoadedEnsemble:
+    """Plants for a study of runs: their comparison must have those of the three controllers.
+
+    Raises
+    ------
+    ConfigError
+        If it lacks one.
+    """
+    runs = loaded.compare.runs
+    for name in PRINTED_LAWS:
+        if name not in runs or runs[name].law != name:
+            message = f"runs: needs a run {name} with the controller of that name, to compare them"
+            raise ConfigError(message, where=loaded.origin)
+    return loaded
+
+
+def draws_rows(reading: Reading) -> list[str]:
+    """Settings of a reading whose numbers are drawn from the ranges of the paper's arm."""
+    return [f"{name}={value}" for name, value in reading.settings if (name, value) in _DRAWING]
+
+
+def readings_on(loaded: LoadedEnsemble, names: str) -> tuple[Reading, ...]:
+    """Readings by their names; around an arm the printed one leaves its comparison as it is.
+
+    Raises
+    ------
+    UsageError
+        For an unknown one. Around an arm also for one that draws from the ranges of the paper's arm, or that
+        the comparison lacks something for.
+    """
+    readings = named_readings(names)
+    for reading in readings if loaded.around else ():
+        if drawing := draws_rows(reading):
+            message = f"{drawing[0]} draws from the ranges of the paper's arm"
+            hint = "say it in the comparison: control.readings, reference, start_offset, friction_scale"
+            raise UsageError(message, where="--readings", hint=hint)
+        try:
+            changed = under(reading, loaded.compare, {})
+            CompareConfig.model_validate(changed.model_dump(mode="json", exclude_none=True))
+        except ValueError as error:
+            message = f"the comparison cannot be run under {reading.name}: {error}"
+            raise UsageError(message, where="--readings") from error
+    return readings

@@ -172,7 +172,7 @@ _LIMITS: Mapping[str, tuple[str, Callable[[float, float], bool]]] = {
 
 
 Ends: TypeAlias = tuple[float, float]
-"""Lower and upper end of a range, SI."""
+"""Lower and upper end of a range."""
 
 
 class Physical:

@@ -45,7 +45,7 @@ def predict(
         Comma-separated names [default: the main ones].
     """
     from tendonrepro import __version__
-    from tendonrepro.configuration.plants import load_plants, with_all_controllers
+    from tendonrepro.configuration.ensemble import load_plants, with_all_controllers
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
     from tendonrepro.files import digest_of
     from tendonrepro.monte_carlo.plan import ROOMS, code_digest

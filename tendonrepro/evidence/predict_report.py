@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.configuration.plants import draws_rows, readings_on
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.predict import (

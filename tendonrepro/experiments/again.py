@@ -8,7 +8,7 @@ from pathlib import Path
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_file
 from tendonrepro.parallel import workers
-from tendonrepro.results.formats import DRAWN, FORMATS
+from tendonrepro.results.figures import DRAWN, FORMATS
 from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import MANIFEST, read_manifest, replaced

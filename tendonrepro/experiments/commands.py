@@ -131,7 +131,7 @@ def redraw(
         Figures alone, by name or the paper's number [default: all, and the tables].
     """
     from tendonrepro.experiments import again
-    from tendonrepro.results.formats import formats_of
+    from tendonrepro.results.figures import formats_of
 
     kinds = formats_of(formats, figures=figures)
     paths = again.redraw(Path(out), names, formats=kinds, force=force)

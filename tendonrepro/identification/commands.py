@@ -64,7 +64,7 @@ def identify(
     rows
         Names of the parameters to search instead, comma-separated.
     """
-    from tendonrepro.configuration.plants import load_plants
+    from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.identification.search import SearchEffort
     from tendonrepro.identification.searches import identification
 

@@ -14,13 +14,12 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
-from tendonrepro.configuration.plants import draws_rows, readings_on
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of

@@ -13,14 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro import __version__
-from tendonrepro.configuration.around import Ranges
-from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.ensemble import (
+    LoadedEnsemble,
+    Ranges,
+    load_plants,
+    readings_on,
+    with_all_controllers,
+)
 from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
-from tendonrepro.configuration.plants import load_plants, readings_on, with_all_controllers
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws

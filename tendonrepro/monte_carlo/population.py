@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.around import ROWS, Around, drawn_config
-from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.ensemble import ROWS, Around, LoadedEnsemble, drawn_config
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
 from tendonrepro.configuration.models.readings import UNDER_READINGS

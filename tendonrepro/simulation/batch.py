@@ -29,6 +29,7 @@ from tendonrepro.simulation.codegen.machine import (
     callable_sweep,
     sweep_code,
 )
+from tendonrepro.simulation.kernel import CompiledPart, experiment_part
 from tendonrepro.simulation.loop import (
     Loop,
     TimeDelayController,
@@ -38,7 +39,6 @@ from tendonrepro.simulation.loop import (
     trace_variables,
     unit_noise,
 )
-from tendonrepro.simulation.parts import CompiledPart, experiment_part
 from tendonrepro.simulation.resolution import TOLERANCE, PreparedLoop, prepared_loops
 
 PACK = 1536

@@ -16,6 +16,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code, callable_on_array
+from tendonrepro.simulation.kernel import single_part
 from tendonrepro.simulation.loop import (
     Loop,
     Solver,
@@ -31,7 +32,6 @@ from tendonrepro.simulation.loop import (
     trace_variables,
     unit_noise,
 )
-from tendonrepro.simulation.parts import single_part
 
 MOST_STEPS = 5000
 """Steps in one period after which a plant counts as one that cannot be resolved."""

@@ -13,7 +13,7 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.files import Json, to_json
 from tendonrepro.parallel import Start
-from tendonrepro.results.formats import FORMATS, formats_of
+from tendonrepro.results.figures import FORMATS, formats_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.store import NewResult, read_manifest, replaced, table_files, take_over
 from tendonrepro.results.tables import Table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
 from tendonrepro.console import Talk, count_of
 from tendonrepro.files import digest_of
-from tendonrepro.results.formats import formats_of
+from tendonrepro.results.figures import formats_of
 from tendonrepro.studies.parameters import FOLDER, Destination, Folder
 
 if TYPE_CHECKING:

@@ -59,7 +59,7 @@ def tune(
     seed
         Seed of the searches; it draws no other plants.
     """
-    from tendonrepro.configuration.plants import load_plants
+    from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.tuning.search import TuningEffort
     from tendonrepro.tuning.tuning import tuning_study

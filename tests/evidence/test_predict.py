@@ -14,12 +14,11 @@ from support.command import answer
 
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.ensemble import load_around, load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareRun, StatusLimits
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
-from tendonrepro.configuration.plants import load_around
 from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError

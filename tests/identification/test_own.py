@@ -16,9 +16,8 @@ import tendonrepro as tr
 from tendonrepro.arrays import Array
 from tendonrepro.commands import COMMANDS
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.ensemble import LoadedEnsemble, load_plants
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.plants import load_plants
 from tendonrepro.console import QUIET
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.identification.goal import own_numbers

@@ -12,8 +12,8 @@ import pytest
 from support.fake_batch import fake_batch
 
 from tendonrepro.configuration.any_kind import init_arm
+from tendonrepro.configuration.ensemble import load_around
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.plants import load_around
 from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops

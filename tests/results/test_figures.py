@@ -22,6 +22,7 @@ from support.synthetic import S, make_compare_file, make_decouple_file, whole
 
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.run import experiment_result
+from tendonrepro.results.figures import FORMATS
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw, shown
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import (
@@ -32,7 +33,6 @@ from tendonrepro.results.figures.style import (
     open_figure,
     save_drawing,
 )
-from tendonrepro.results.formats import FORMATS
 from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
 

@@ -18,9 +18,8 @@ from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import aligned, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.codegen.symbols import as_operand, needed
-from tendonrepro.simulation.kernel import Writer, experiment_rows, runge_kutta, write_sample
+from tendonrepro.simulation.kernel import Writer, experiment_rows, law_numbers, runge_kutta, write_sample
 from tendonrepro.simulation.loop import rest_at
-from tendonrepro.simulation.parts import law_numbers
 
 WRITTEN = {
     # No branch: numba takes minutes for hundreds of them.

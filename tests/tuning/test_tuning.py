@@ -12,7 +12,7 @@ import pytest
 
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.plants import load_around
+from tendonrepro.configuration.ensemble import load_around
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController

@@ -11,10 +11,10 @@ from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.parallel import Start
+from tendonrepro.results.figures import DRAWN
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
 from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
-from tendonrepro.results.formats import DRAWN
 from tendonrepro.results.paper import of_paper, origin_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs

@@ -28,7 +28,7 @@ from matplotlib.text import Text
 
 from tendonrepro import __version__
 from tendonrepro.files import write_atomically
-from tendonrepro.results.formats import DRAWN
+from tendonrepro.results.figures import DRAWN
 
 Look: TypeAlias = dict[str, Any]
 """How matplotlib shall draw: keyword arguments of its functions."""
