@@ -88,6 +88,9 @@ def made_tables(file: TraceFile) -> list[Table]:
                 about = (table.caption if of_paper(part) else table.own_caption or table.caption).format(
                     over=over
                 )
+                about += _OF_MOTORS * (
+                    name in _OF_ERRORS and any(run.of_motors for run in part.runs.values())
+                )
                 about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
                 caption, printed = f"{about} ({origin}).", None
                 if table.printed is not None:
@@ -301,6 +304,9 @@ def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
 _PLAUSIBLE = "; plausible: central 90 % of the stable plants"
 _OF_RANGES = {f"{metric}_{column}" for metric in METRICS for column in ("plausible_pair", "low_deg")}
 """Columns that a caption explains so."""
+_OF_ERRORS = ("table2", "table3", "without_start", "ranking")
+"""Tables of tracking errors."""
+_OF_MOTORS = "; errors of the motors, at whose encoders the law looks, in joint coordinates"
 _RANKING = "Controllers by size of error; between two that diverged there is no order"
 _LOADS = "tracking errors of Controller 1 without and with payload"
 _MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"

@@ -51,6 +51,13 @@ VARIABLES: dict[str, tuple[str, str]] = {
 """Unit (UDUNITS) and meaning of every variable a run can hold."""
 
 
+OF_MOTORS: Mapping[str, str] = {
+    "q_encoder": "joint angle calculated from the motor encoders, at which the law looks",
+    "e": "tracking error of the motors, q_d - q_encoder",
+}
+"""Meaning of variables of a run whose law looks at the motors' encoders."""
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """One run.
@@ -94,6 +101,21 @@ class Trace:
             return self
         variables = {name: values[:, places] for name, values in self.variables.items()}
         return replace(self, joint=tuple(self.joint[place] for place in places), variables=variables)
+
+    @property
+    def of_motors(self) -> bool:
+        """Whether the law looks at the motors' encoders, so that `e` is the motors' error."""
+        return bool(self.attributes.get("readings", {}).get("feedback") == "motor")
+
+    @property
+    def meanings(self) -> dict[str, tuple[str, str]]:
+        """Unit and meaning of each variable that the run holds, as `VARIABLES`."""
+        of_motors = OF_MOTORS if self.of_motors else {}
+        return {
+            name: (units, of_motors.get(name, meaning))
+            for name, (units, meaning) in VARIABLES.items()
+            if name in self
+        }
 
     @property
     def status(self) -> str:

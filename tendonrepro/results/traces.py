@@ -73,11 +73,9 @@ def _write_run(group: h5netcdf.Group, trace: Trace) -> None:
     group.dimensions = {"time": len(trace.time), "joint": len(trace.joint)}
     _write_variable(group, "time", ("time",), trace.time, "s", "time", **_packed(trace.time))
     _write_variable(group, "joint", ("joint",), np.array(trace.joint, np.int32), "1", "joint number")
-    for name, (units, meaning) in VARIABLES.items():
-        if name in trace:
-            values = trace[name]
-            options = {"fillvalue": np.nan, **_packed(values)}
-            _write_variable(group, name, ("time", "joint"), values, units, meaning, **options)
+    for name, (units, meaning) in trace.meanings.items():
+        options = {"fillvalue": np.nan, **_packed(trace[name])}
+        _write_variable(group, name, ("time", "joint"), trace[name], units, meaning, **options)
 
 
 def _packed(values: Array) -> dict[str, object]:
@@ -120,8 +118,7 @@ def dataset_of(trace: Trace) -> xr.Dataset:
 
     variables = {
         name: (("time", "joint"), trace[name], {"units": units, "long_name": meaning})
-        for name, (units, meaning) in VARIABLES.items()
-        if name in trace
+        for name, (units, meaning) in trace.meanings.items()
     }
     coordinates = {
         "time": ("time", trace.time, {"units": "s", "long_name": "time"}),

@@ -24,8 +24,10 @@ from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.files import sha256_of
 from tendonrepro.results import traces
+from tendonrepro.results.figures.catalogue import draw
+from tendonrepro.results.paper_tables import made_tables
 from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
-from tendonrepro.results.traces import export_traces, read_traces, write_traces
+from tendonrepro.results.traces import dataset_of, export_traces, read_traces, write_traces
 
 Array = NDArray[np.float64]
 
@@ -335,3 +337,34 @@ class TestPlantRecord:
             "one of the moving joints is taken as it is"
         )
         assert same_bits(self.record.matrix("S", (1, 2, 3)), S)
+
+
+def test_errors_of_motors_are_not_told_as_those_of_joints(tmp_path: Path) -> None:
+    """In the file, in a dataset, above the tables and below the figures."""
+    changed = {"readings": {"feedback": "motor"}}
+    of_motors = dataclasses.replace(
+        COMPARE,
+        runs={
+            name: dataclasses.replace(run, attributes={**run.attributes, **changed})
+            for name, run in COMPARE.runs.items()
+        },
+    )
+    told: list[dict[str, str]] = []
+    for place, file in enumerate((COMPARE, of_motors)):
+        write_traces(tmp_path / f"{place}.h5", file)
+        with h5py.File(tmp_path / f"{place}.h5") as stored:
+            told.append({name: item.attrs["long_name"] for name, item in stored["controller_1"].items()})
+        items = dataset_of(file.runs["controller_1"]).items()
+        assert {str(name): item.attrs["long_name"] for name, item in items}.items() <= told[-1].items()
+    assert {name for name in told[0] if told[0][name] != told[1][name]} == {"e", "q_encoder"}
+    before, after = (
+        {table.name: table.caption for table in made_tables(file)} for file in (COMPARE, of_motors)
+    )
+    assert {name for name in before if before[name] != after[name]} == {
+        "table2",
+        "table3",
+        "without_start",
+        "ranking",
+    }
+    captions = [draw("fig14", file).caption for file in (COMPARE, of_motors)]
+    assert captions[0] != captions[1]

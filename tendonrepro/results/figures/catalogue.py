@@ -108,6 +108,8 @@ def caption_of(name: str, file: TraceFile, sheet: Sheet, made: str) -> str:
     title = [f"{title_of(name)}."] if title_of(name) != name else []
     spec = FIGURES[name]
     beside = [spec.of_paper] if spec.of_paper and of_paper(file) else []
+    if {"e", "q_encoder"} & {*spec.needs} and any(trace.of_motors for trace in spec.traces(file)):
+        beside.append("Angles and errors are of the motors, at whose encoders the law looks.")
     return " ".join([*title, spec.caption, *beside, f"{made}, {windows}."])
 
 
