@@ -36,16 +36,13 @@ _QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
 _DERIVATIVE = re.compile(r"(.*?(?<![a-z]))(q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
 
 
-NOT_USED = Use("", 0, "")
-
-
 @dataclass(eq=False)
 class Guess:
     """A column: what its name says, what it is taken for, and what to check.
 
     `says` are the groups of its name and of the names around it. `runs` are those that it belongs to, with
     the payload of each. `numbered` and `sized` tell how its joint and `unit` were found, if not by its name.
-    Where `asked` says why it was not guessed, `use` has capitals in place of what a person has to fill in.
+    `doubt` says why its array is not guessed, and `asked` why the column is not.
     """
 
     table: Columns
@@ -59,8 +56,15 @@ class Guess:
     numbered: str = ""
     sized: str = ""
     check: str = ""
+    doubt: str = ""
     asked: str = ""
-    use: Use = NOT_USED
+
+    @property
+    def use(self) -> Use:
+        """What it is in the mapping; where it is asked, capitals stand for what a person has to fill in."""
+        if self.asked:
+            return _to_fill(self)
+        return Use(self.variable or VARIABLE, 0 if self.variable == "time" else self.joint or 0, self.unit)
 
     @property
     def values(self) -> Column:
@@ -96,12 +100,10 @@ def with_loads_inside(tables: Sequence[Columns]) -> set[tuple[str, ...]]:
     """Tables, files and folders in which a nearer name tells a load, so that their own tells none."""
     deciding: set[tuple[str, ...]] = set()
     for table in tables:
-        places = around_of(table.name)
-        if any(meaning_of(_PLACE.sub("", name)).payload for name in table):
-            deciding.add(tuple(places))
-        for depth, place in enumerate(places):
-            if meaning_of(place, around=True).payload or tuple(places[depth:]) in deciding:
-                deciding.add(tuple(places[depth + 1 :]))
+        places = tuple(around_of(table.name))
+        loads = [any(meaning_of(_PLACE.sub("", name)).payload for name in table)]
+        loads += [bool(meaning_of(place, around=True).payload) for place in places]
+        deciding |= {places[depth:] for depth in range(len(places) + 1) if any(loads[: depth + 1])}
     return deciding
 
 
@@ -125,10 +127,12 @@ def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     _number_joints(columns, around)
     _take_rates(columns)
     _find_units(columns, table.angle_unit)
-    doubts = _doubts_about_arrays(columns)
+    _doubt_arrays(columns)
     for column in columns:
         column.runs = column.runs if column.said.controller or not shared else shared
-        _settle(column, doubts.get(column.column, ""))
+        column.asked = "" if column.check else _problem(column)
+        if not column.asked:
+            column.check = "; ".join(filter(None, [column.check, *_checks(column)]))
     return columns
 
 
@@ -144,22 +148,12 @@ def _named(table: Columns, name: str, around: Sequence[Meaning]) -> Guess:
     return Guess(table, name, said, says, joint, variable_of(says), _runs_of(table.name, [said, *around]))
 
 
-def _settle(column: Guess, doubt: str) -> None:
-    """Settle what a column is and what to check; or why it is asked, and what of its line is sure."""
-    column.asked = "" if column.check else _problem(column, doubt)
-    if column.asked or column.variable is None:
-        column.use = _to_fill(column, doubt)
-        return
-    column.use = Use(column.variable, 0 if column.variable == "time" else column.joint or 0, column.unit)
-    column.check = "; ".join(filter(None, [column.check, *_checks(column)]))
-
-
-def _to_fill(column: Guess, doubt: str) -> Use:
+def _to_fill(column: Guess) -> Use:
     """Line of a column that is asked: what is sure, and capitals for the rest."""
     said, variable, joint = column.said, column.variable, column.joint or 0
     # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
     is_bare = bool(said.unknown) and not said.says & (KINDS | ROLES | {"angle"})
-    if doubt or is_bare or not _fits(said.unit, variable):
+    if column.doubt or is_bare or not _fits(said.unit, variable):
         variable = None
     # A place in an array tells a joint only where the array is known.
     is_told = 1 <= joint <= MOST_JOINTS and (variable is not None or said.joint is not None)
@@ -254,19 +248,17 @@ def _take_rates(columns: Sequence[Guess]) -> None:
             column.check = f"{why}, taken as a velocity; else q_d {column.joint} deg"
 
 
-def _doubts_about_arrays(columns: Sequence[Guess]) -> dict[str, str]:
-    """Why columns of an array are not guessed that outnumber the joints, or would be the same."""
+def _doubt_arrays(columns: Sequence[Guess]) -> None:
+    """Guess no columns of an array that outnumber the joints, or would be the same."""
     arrays: dict[str, list[Guess]] = {}
     for column in columns:
         if match := _OF_ARRAY.fullmatch(column.column):
             arrays.setdefault(match[1], []).append(column)
-    doubts: dict[str, str] = {}
     for array in arrays.values():
         taken = [column for column in array if column.variable not in (None, "time")]
         if len(taken) > 3 or len({(column.variable, column.joint) for column in taken}) < len(taken):
-            why = f"one of {len(array)} columns of an array; nothing says which is which"
-            doubts |= {column.column: why for column in taken}
-    return doubts
+            for column in taken:
+                column.doubt = f"one of {len(array)} columns of an array; nothing says which is which"
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> frozenset[str]:
@@ -296,7 +288,7 @@ def _tells(says: frozenset[str], is_inside: bool) -> bool:
     return bool(says & (ROLES | {"torque", "motor"})) or is_inside or "joint" in says
 
 
-def _problem(column: Guess, doubt: str) -> str:
+def _problem(column: Guess) -> str:
     """Why a column is asked, or an empty text."""
     said, variable = column.said, column.variable
     if not column.is_numbers:
@@ -310,7 +302,7 @@ def _problem(column: Guess, doubt: str) -> str:
     if not _fits(said.unit, variable):
         return f"its name says {variable}, its unit {said.unit}"
     is_joint = variable == "time" or 1 <= (column.joint or 0) <= MOST_JOINTS
-    return doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
+    return column.doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
 
 
 def _unsaid(column: Guess) -> str:

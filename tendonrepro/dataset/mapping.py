@@ -32,6 +32,7 @@ from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import Parsed, entry, load, paths, place
+from tendonrepro.console import count_of
 from tendonrepro.dataset.tables import Column
 from tendonrepro.dataset.words import FACTORS
 from tendonrepro.errors import ConfigError
@@ -41,8 +42,6 @@ CHECK = "# CHECK:"
 """What stands before a guess that needs a look."""
 VARIABLE, JOINT, UNIT = "VARIABLE", "JOINT", "UNIT"
 """What stands in a suggested line where a person has to fill something in."""
-_MOST_BLANKS = 4
-"""Lines to fill in that are each named when they are refused."""
 SCHEMA_VERSION = 2
 LOOP_STEPS = 5e-5, 0.1
 """Sampling steps of a control loop, s; beyond them the unit of the times is in doubt."""
@@ -94,9 +93,6 @@ def kind_of(variable: str) -> str | None:
 
 
 def _use(text: object) -> Use:
-    words = text.split() if isinstance(text, str) else []
-    if blanks := [word for word in (VARIABLE, JOINT, UNIT) if word in words]:
-        refuse(f"{text!r}: fill in {' and '.join(blanks)}, as in 'q_d 2 deg', or delete the line")
     match = _USE.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
         refuse(f"{text!r} is not of the form 'variable joint unit', as in 'q_d 2 deg'")
@@ -218,23 +214,23 @@ def parse_mapping(text: str, name: str) -> MappingFile:
 
 
 def _refuse_to_fill(document: Parsed, name: str) -> None:
-    """Refuse a mapping with many lines to fill in by one sentence with three of them as examples."""
+    """Refuse a mapping with lines to fill in by one sentence, with up to three of them as examples."""
     uses = {path: entry(document, path) for path in paths(document) if "columns" in path[:-1]}
     blanks = {
         path: use
         for path, use in uses.items()
         if isinstance(use, str) and {VARIABLE, JOINT, UNIT} & {*use.split()}
     }
-    if len(blanks) <= _MOST_BLANKS:
+    if not blanks:
         return
     examples = []
     for (path, use), variable in zip(blanks.items(), ("q_d", "q_encoder", "e"), strict=False):
         filled = f"{variable} 2 deg" if VARIABLE in use else use.replace(JOINT, "2").replace(UNIT, "deg")
         examples.append(f"  {json.dumps(path[-1], ensure_ascii=False)}: {filled}")
     raise ConfigError(
-        f"{len(blanks)} columns are not known: their names do not say what they are",
+        f"{count_of(len(blanks), 'line')} to fill in: the names of the columns do not say enough",
         where=str(place(document, next(iter(blanks)), name)),
-        hint="\n".join(["say it of those that you need, as in", *examples, "and delete the other lines"]),
+        hint="\n".join(["say what those are that you need, as in", *examples, "and delete the rest"]),
     )
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.dataset.nested import Nested, Series, tables_of
 from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable
+from tendonrepro.dataset.words import FACTORS, plain_unit
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -28,7 +29,6 @@ with warnings.catch_warnings():
 
 _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
-_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
 _NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
 _UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
 
@@ -311,7 +311,8 @@ def _timeseries(tree: Nested) -> Series | None:
     if time is None:
         start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
         time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
-    time = np.ravel(time).astype(float) * _SECONDS.get(text(info.get("Units")), 1.0)
+    step_s = FACTORS["time"].get(plain_unit(text(info.get("Units"))) or "s", 1.0)
+    time = np.ravel(time).astype(float) * step_s
     axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
     if axis is None:
         return None

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.words import is_known, is_other_unit, meaning_of, plain_unit, variable_of
+from tendonrepro.dataset.words import FACTORS, is_known, is_other_unit, meaning_of, plain_unit, variable_of
 
 Column: TypeAlias = NDArray[Any]
 """Values of a column, numbers or words."""
@@ -260,7 +260,7 @@ def names_of(head: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _name(place: int, name: str, unit: str) -> str:
-    if not name and plain_unit(unit) in ("s", "ms", "us", "ns"):
+    if not name and plain_unit(unit) in FACTORS["time"]:
         name = "time"
     return (name or f"column {place}") + (f" ({unit})" if unit else "")
 

@@ -79,10 +79,11 @@ def test_the_line_of_a_mistake_is_named(old, new, line):
 
 
 def test_every_placeholder_left_is_asked_for_at_once():
+    text = GOOD.replace("q_encoder 2 deg", "q_encoder JOINT UNIT", 1).replace("e 2 deg", "VARIABLE 2 deg", 1)
     with pytest.raises(ConfigError) as caught:
-        parse_mapping(GOOD.replace("q_encoder 2 deg", "q_encoder JOINT UNIT", 1), "m.yaml")
-    # Beside the line itself, each by its name.
-    assert [str(caught.value).count(blank) for blank in ("VARIABLE", "JOINT", "UNIT")] == [0, 2, 2]
+        parse_mapping(text, "m.yaml")
+    assert caught.value.where == "m.yaml:5"
+    assert all(name in caught.value.hint for name in ('"q2"', '"e2"'))
 
 
 @pytest.mark.parametrize(
