@@ -24,7 +24,7 @@ COMMAND_LINE = "assumed: set on the command line"
 
 
 class Override(NamedTuple):
-    """A new value, and the words that a manifest keeps of it.
+    """A new value, the words that a manifest keeps of it, and the `option` that messages call it.
 
     A number in the path is an index of a list, from 0.
     """
@@ -32,11 +32,7 @@ class Override(NamedTuple):
     path: Key
     value: Node
     text: str
-
-    @property
-    def option(self) -> str:
-        """What messages call it."""
-        return f"--set {_dotted(self.path)}"
+    option: str
 
 
 Overrides: TypeAlias = Sequence[str | Override] | Mapping[str, object]
@@ -55,19 +51,21 @@ def overrides_of(given: Overrides | None, seed: int | None = None) -> list[Overr
         changes = [override(key, value) for key, value in given.items()]
     else:
         changes = [_read(text) if isinstance(text, str) else text for text in given or ()]
-    return changes if seed is None else [*changes, override("seed", seed)]
+    return changes if seed is None else [*changes, override("seed", seed)._replace(option="--seed")]
 
 
 def override(key: str, value: object) -> Override:
     """A value by dotted key; arrays become lists, and paths text."""
     text = json.dumps(value, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
-    return Override(_path(key, f"{key}={text}"), json.loads(text), f"{key}={text}")
+    path = _path(key, f"{key}={text}")
+    return Override(path, json.loads(text), f"{key}={text}", f"--set {_dotted(path)}")
 
 
 def _read(text: str) -> Override:
     key, equals, value = text.partition("=")
     path = _path(key if equals else "", text)
-    return Override(path, load(value, f"--set {_dotted(path)}"), text)
+    option = f"--set {_dotted(path)}"
+    return Override(path, load(value, option), text, option)
 
 
 def _path(key: str, text: str) -> Key:

@@ -86,7 +86,8 @@ class Assembly:
             places = np.array(joints) - 1
             S, _ = coupling_of(table_1(published()))
             variables["q_calculated"] = variables["q_motor_encoder"] @ S[np.ix_(places, places)].T
-            self.notes.append(f"{name}: q_calculated is S q_motor_encoder")
+            said = "q_calculated is S q_motor_encoder, S of the paper's arm; validate takes that of --config"
+            self.notes.append(f"{name}: {said}")
         attributes: dict[str, object] = {"law": MEASURED, "gains": {}, "readings": {}}
         attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
         attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}

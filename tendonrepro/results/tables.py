@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+from tendonrepro.console import without_controls
 from tendonrepro.files import write_atomically
 
 TableRows: TypeAlias = Sequence[Mapping[str, object]]
@@ -68,6 +69,7 @@ class Table:
     def text(self) -> str:
         """Caption and columns for a terminal."""
         heads, cells, numeric = self._shown(self.terminal)
+        heads, *cells = [[without_controls(cell) for cell in line] for line in (heads, *cells)]
         widths = [max(map(len, column)) for column in zip(heads, *cells, strict=True)]
         forms = [f"{'>' if number else '<'}{width}" for width, number in zip(widths, numeric, strict=True)]
         lines = ["  ".join(map(format, line, forms)).rstrip() for line in (heads, *cells)]

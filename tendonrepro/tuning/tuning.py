@@ -69,7 +69,7 @@ def tuning_study(
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = TuningTask(loaded, _chosen(only) | {law.name: law for law in own}, effort, seed)
+    task = TuningTask(loaded, _chosen(only, own), effort, seed)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
     base = with_user_laws(loaded.base, users)
@@ -92,14 +92,16 @@ def tuning_study(
     return Study(base, run, folder, keep=states, stored=True)
 
 
-def _chosen(only: str) -> dict[str, TunedLaw]:
-    """Laws of the package by the names that were asked for."""
+def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:
+    """Laws of the package by the names that were asked for, and all of the user's."""
+    users = {law.name: law for law in own}
+    laws = LAWS | users
     names = [name.strip() for name in only.split(",") if name.strip()] or list(LAWS)
     for name in names:
-        if name not in LAWS:
-            message = f"there is no controller {name!r}{did_you_mean(name, LAWS)}"
-            raise UsageError(message, where="--only", hint=f"There are: {', '.join(LAWS)}")
-    return {name: law for name, law in LAWS.items() if name in names}
+        if name not in laws:
+            message = f"there is no controller {name!r}{did_you_mean(name, laws)}"
+            raise UsageError(message, where="--only", hint=f"There are: {', '.join(laws)}")
+    return {name: law for name, law in LAWS.items() if name in names} | users
 
 
 def _try(task: TuningTask, user: UserLaw, law: TunedLaw) -> None:

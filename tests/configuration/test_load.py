@@ -323,6 +323,13 @@ def test_override_that_cannot_be_applied(override: str, where: str, message: str
     assert message in raised.value.message
 
 
+def test_a_wrong_seed_is_told_by_the_option_that_gave_it() -> None:
+    with pytest.raises(ConfigError, match="\n--seed: "):
+        load_config(None, "compare", seed=-1)
+    with pytest.raises(ConfigError, match="\n--set seed: "):
+        load_config(None, "compare", overrides=["seed=-1"])
+
+
 def test_everything_set_is_recorded_and_reproduced_by_the_text(tmp_path: Path) -> None:
     before = load_config(None, "compare").sha256
     loaded = load_config(None, "compare", overrides=["manipulator.gravity=1"], seed=7, controllers=[3, 1])

@@ -13,6 +13,7 @@ import pytest
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.console import without_controls
 from tendonrepro.experiments.run import experiment_result
 from tendonrepro.files import shipped
 from tendonrepro.results.paper import base_of_paper, with_what_they_are
@@ -306,6 +307,11 @@ class TestTypesetting:
         ]
         shown = ["  a b  fits  seeds", "1.235  yes   --", "   --  --    1, 2"]
         assert Table("x", "x", rows).text().splitlines()[1:] == shown
+
+    def test_control_characters_of_a_name_shift_no_column_of_a_terminal(self) -> None:
+        rows = [{"name": "q\a", "n": 1}, {"name": "q2", "n": 2}]
+        lines = without_controls(Table("x", "x", rows).text()).splitlines()[1:]
+        assert len({*map(len, lines)}) == 1
 
 
 class TestData:

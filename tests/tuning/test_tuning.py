@@ -125,6 +125,13 @@ def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
     assert max(tuned) < min(published)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("few")
+def test_of_a_users_law_alone(tmp_path: Path) -> None:
+    found = run(tmp_path / "out", laws={"surface": surface}, only="surface", formats="png")
+    assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"surface"}
+
+
 def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None:
     """With its readings; ``errors_from`` is beyond the end of the motion of the tuning, not of its own."""
     init_arm(1, tmp_path)
