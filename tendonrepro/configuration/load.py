@@ -118,16 +118,14 @@ def find_file(
 class Draft:
     """A configuration as plain values, complete, with changes applied; its entries know their places.
 
-    `kind` is one of `KINDS`, the `wanted` one unless None. `stand_ins` are shipped files in place of
-    files that the configuration names with their ending, and that are not there. Of an ensemble, changes
-    below ``base`` are `for_base`, the comparison that it names.
+    `kind` is one of `KINDS`, the `wanted` one unless None. Of an ensemble, changes below ``base`` are
+    `for_base`, the comparison that it names.
     """
 
     def __init__(self, source: ConfigLike, wanted: str | None, changes: Sequence[Override] = ()) -> None:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
-        self.stand_ins: list[Path] = []
         self._name = str(path or STDIN)
         self.tree: Map = load(text, self._name)
         self.kind = self._kind(wanted)
@@ -160,7 +158,7 @@ class Draft:
         if isinstance(name := tree.get(MANIPULATOR), str):
             path = self.named_file(name, MANIPULATOR)
             # What a base or an option names stands in for nothing that the file names.
-            self._note(name if self.place((MANIPULATOR,)).name == tree.here.name else "", path)
+            self.files.append(path)
             arm = load(read_text(path), str(path))
             tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, place(arm, (), str(path))
         finish = self._complete_arm(entry(tree, to_arm), path)
@@ -183,7 +181,7 @@ class Draft:
         folder = path.parent if path else self.folder
         base_path = find_file(name, "base", where, [folder], (*above, path), shipped=True)
         # What a shipped file names stands in for nothing.
-        self._note("" if folder == shipped_folder() else name, base_path)
+        self.files.append(base_path)
         base = load(read_text(base_path), str(base_path))
         if not isinstance(base, Map):
             raise ConfigError(f"base: {name!r} is not a mapping of keys", where=where)
@@ -231,12 +229,6 @@ class Draft:
         given = set(links) if isinstance(links := arm.get("links"), Map) else set()
         complete_arm(arm, base, base_path.stem, path.stem if path else "arm")
         return lambda changed: follow(arm, base, base_path.stem, given | changed)
-
-    def _note(self, name: str, path: Path) -> None:
-        """Without its ending a shipped file is named on purpose."""
-        self.files.append(path)
-        if path.parent == shipped_folder() != self.folder and name.endswith(path.suffix):
-            self.stand_ins.append(path)
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
         """File that a key names: beside the configuration, or `shipped`.
@@ -288,7 +280,7 @@ class LoadedConfig:
     `tree` is `config` as plain values. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
     reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
-    a sentence about each override that changes nothing, and `stand_ins` are as of `Draft`.
+    a sentence about each override that changes nothing.
     """
 
     config: Config
@@ -301,7 +293,6 @@ class LoadedConfig:
     folder: Path
     places: Mapping[str, str]
     unread: tuple[str, ...]
-    stand_ins: tuple[Path, ...] = ()
 
     @property
     def yaml_text(self) -> str:
@@ -376,7 +367,6 @@ def checked_config(
         folder=draft.folder,
         places={".".join(path): str(draft.place((*path, "amplitude", "value"))) for path in references},
         unread=tuple(_unread(config, changes)),
-        stand_ins=tuple(draft.stand_ins),
     )
 
 

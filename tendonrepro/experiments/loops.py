@@ -27,7 +27,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
-from tendonrepro.experiments.user_law import UserLaw, on_lanes, own_loops
+from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.control import (
     DEGREES_PER_RADIAN,
@@ -335,7 +335,7 @@ def case_loops(
         names = config.runs if laws else runs
         of_reading = {name: run_loop(changed, name, reference, once) for name in names}
         for law in laws:
-            of_reading |= own_loops(law, config, of_reading, on_lanes(law))
+            of_reading |= own_loops(law, config, of_reading, lane_function(law))
         loops |= {(run, reading): of_reading[run] for run in runs}
     return [loops[case] for case in cases]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tendonrepro.experiments.sweep import IN_DEGREES, IN_SI, Point, Sweep, text_of
+from tendonrepro.experiments.sweep import IN_DEGREES, IN_SI, Sweep, text_of
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.result import Result
@@ -83,22 +83,16 @@ def _tables(sweep: Sweep) -> list[Table]:
     ]
 
 
-def _cells(sweep: Sweep) -> Iterator[tuple[int, Point, int, int]]:
-    """Place of a point, the point, place of a joint, and the joint."""
-    for p, point in enumerate(sweep.grid.points):
-        for k, joint in enumerate(sweep.grid.joints):
-            yield p, point, k, joint
-
-
 def point_rows(sweep: Sweep) -> Iterator[dict[str, object]]:
     """MAE of every run, ratios, and the runs that are not ok."""
     runs, mae = sweep.grid.runs, sweep.sizes["mae_deg"]
-    for p, point, k, joint in _cells(sweep):
+    for p, point in enumerate(sweep.grid.points):
         bad = [f"{run} {status}" for run, status in zip(runs, sweep.status[p], strict=True) if status != "ok"]
-        row = {"point": point.label, "joint": joint}
-        row |= {run: float(mae[p, r, k]) for r, run in enumerate(runs)}
-        row |= {pair: float(ratio.simulated[p, k]) for pair, ratio in sweep.ratios.items()}
-        yield row | {"status": bad or "ok"}
+        for k, joint in enumerate(sweep.grid.joints):
+            row = {"point": point.label, "joint": joint}
+            row |= {run: float(mae[p, r, k]) for r, run in enumerate(runs)}
+            row |= {pair: float(ratio.simulated[p, k]) for pair, ratio in sweep.ratios.items()}
+            yield row | {"status": bad or "ok"}
 
 
 def run_rows(sweep: Sweep) -> Iterator[dict[str, object]]:

@@ -162,18 +162,19 @@ def own_loops(
     return own
 
 
-def on_lanes(law: UserLaw) -> CommandFunction:
-    """Function of a law for many plants together, the same for all while its file is."""
-    return _function(law, law.content)
+def lane_function(law: UserLaw) -> CommandFunction:
+    """The law as one function for many plants together, the same while its file is.
+
+    Raises
+    ------
+    UsageError
+        If it is told of its plant.
+    """
+    return _lane_function(law, law.content)
 
 
 @cache
-def _function(law: UserLaw, _content: str) -> CommandFunction:
-    return lane_function(law)
-
-
-def lane_function(law: UserLaw) -> CommandFunction:
-    """The law as one function for many plants together; a UsageError if it is told of its plant."""
+def _lane_function(law: UserLaw, _content: str) -> CommandFunction:
     function, setup = law.load()
     if setup is not None:
         message = f"the law {law.name} is told of its plant, and cannot run on many plants together"

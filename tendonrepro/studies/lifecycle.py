@@ -130,9 +130,8 @@ def _answer(study: Study, result: Result, manifest: Json) -> Answer[Result]:
     target = study.target
     text = f"{result}\n\nResults are in {target}"
     data = {**result.data, "out": str(target), "manifest": str(target / MANIFEST)}
-    told = {**data, **result.beside, "text": text}
-    if study.lists_files:
-        told["files"] = [str(target / file) for file in manifest["outputs"]]
+    files = [str(target / file) for file in manifest["outputs"]]
+    told = {**data, **result.beside, "files": files, "text": text}
     value = result
     if result.traces is None:
         value = replace(result, data=data, parts=[str(result)], manifest=manifest, folder=target)
@@ -170,8 +169,6 @@ def _tell_remarks(study: Study, talk: Talk) -> None:
 
 
 def remarks(loaded: LoadedConfig) -> Iterator[str]:
-    """Name keys that change nothing or are unusual, and shipped files that stand in for absent ones."""
+    """Name keys that change nothing, and values that are unusual."""
     yield from loaded.unread
     yield from unusual(loaded.config)
-    for path in loaded.stand_ins:
-        yield f"no {path.name} in {loaded.folder}, so the shipped one is taken: {path}"

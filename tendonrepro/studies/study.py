@@ -59,8 +59,6 @@ class Study:
         Whether results are written from Python, too, though no folder is named: they took long.
     shown : bool
         Whether results are only shown, and nothing is written.
-    lists_files : bool
-        Whether ``--json`` names every file.
     command : str
         Its name, which the registry gives.
     again : str, optional
@@ -75,7 +73,6 @@ class Study:
     stays: bool = False
     stored: bool = False
     shown: bool = False
-    lists_files: bool = False
     place: Path | None = None
     numbers: str | None = ""
     plan: Mapping[str, object] = field(default_factory=dict)

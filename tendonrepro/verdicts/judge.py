@@ -265,7 +265,7 @@ def claims_study(
         return _with_influences(replace(told, parts=parts), sources.ensemble)
 
     # Whatever lies under the results, the ledger is the same command's.
-    return Study(None, run, folder, place=above / FOLDER, shown=bool(ids), lists_files=True)
+    return Study(None, run, folder, place=above / FOLDER, shown=bool(ids))
 
 
 def _with_influences(told: Result, data: EnsembleData | None) -> Result:

@@ -20,7 +20,6 @@ from typer.testing import CliRunner
 
 import tendonrepro as tr
 from tendonrepro.cli.app import app, main
-from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
@@ -374,17 +373,6 @@ def test_what_is_shown_is_a_configuration_for_standard_input(tmp_path: Path) -> 
     text = run("config", "show", "mine/compare.yaml", cwd=tmp_path).stdout
     checked = json.loads(run("config", "check", "-", "--json", cwd=tmp_path, stdin=text).stdout)
     assert checked["config_sha256"] == answer("config", "check", "compare", cwd=tmp_path)["config_sha256"]
-
-
-def test_a_shipped_arm_that_stands_in_is_named(tmp_path: Path) -> None:
-    text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
-    done = run("config", "check", "-", cwd=tmp_path, stdin=text)
-    assert done.returncode == 0
-    assert done.stderr.endswith(f"so the shipped one is taken: {shipped_folder() / 'lumidouce_ii.yaml'}\n")
-    assert run("config", "check", "compare", cwd=tmp_path).stderr == ""
-    # A base without its ending is a shipped one on purpose.
-    init_arm(1, tmp_path)
-    assert run("config", "check", "compare.yaml", cwd=tmp_path).stderr == ""
 
 
 @pytest.mark.slow
