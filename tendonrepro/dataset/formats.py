@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +80,7 @@ def read_lvm(path: Path) -> Tables:
     Unreadable
         If it is no table, or has several segments.
     """
-    header, headers = _header(path)
+    settings, headers = _header(path)
     if headers > _HEADERS:
         raise Unreadable(
             "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
@@ -90,31 +89,24 @@ def read_lvm(path: Path) -> Tables:
     columns = Columns()
     columns.notes = recorded.notes
     times = [name for name in recorded if re.match(r"X[_ ]Value", name)]
-    start, step = (_number(header.get(key, [])) for key in ("X0", "Delta_X"))
+    step = settings.get("Delta_X", 0.0)
     if step and not times:
         samples = len(next(iter(recorded.values()), []))
-        columns.add("time", (start or 0.0) + step * np.arange(float(samples)), "s")
+        columns.add("time", settings.get("X0", 0.0) + step * np.arange(float(samples)), "s")
         columns.notes.append(f"times are made from Delta_X, {step:g} s")
     for name, values in recorded.items():
         columns.add("time" if name in times else name, values, "s" if name in times else "")
     return Tables({"": columns})
 
 
-def _header(path: Path) -> tuple[dict[str, list[str]], int]:
-    """Settings of all headers by name, and how many headers there are."""
+def _header(path: Path) -> tuple[dict[str, float], int]:
+    """Start and step of the samples, by their names in the headers, and how many headers there are."""
     with path.open(encoding="latin-1") as stream:
         head, _, _ = stream.read(2**16).rpartition(_END)
         stream.seek(0)
         headers = sum(line.startswith(_END) for line in stream)
-    rows = (line.split("\t") for line in head.splitlines())
-    return {name: values for name, *values in rows if name}, headers
-
-
-def _number(cells: list[str]) -> float | None:
-    try:
-        return float(cells[0].replace(",", "."))
-    except (IndexError, ValueError):
-        return None
+    told = re.findall(r"^(X0|Delta_X)\t([-+\d.,eE]+)", head, re.MULTILINE)
+    return {name: float(number.replace(",", ".")) for name, number in told}, headers
 
 
 def read_tdms(path: Path) -> Tables:
@@ -153,18 +145,19 @@ def read_tdms(path: Path) -> Tables:
     return tables
 
 
-def packaged(path: Path) -> dict[Path, dict[str, object]]:
-    """Paths and descriptions of the tables of a frictionless data package; none of other files."""
+def packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
+    """Name, and units of the fields, of each table of a frictionless data package; none of other files."""
+    tables = {}
     try:
-        tree = json.loads(path.read_text(encoding="utf-8-sig"))
-        resources = tree["resources"] if isinstance(tree, dict) else []
-        return {
-            path.parent / resource["path"]: resource
-            for resource in resources
-            if (path.parent / resource["path"]).is_file()
-        }
-    except (ValueError, KeyError, TypeError, OSError):
+        for resource in json.loads(path.read_text(encoding="utf-8-sig"))["resources"]:
+            table = path.parent / resource["path"]
+            fields = resource.get("schema", {}).get("fields", [])
+            units = {field["name"]: field.get("unit") or "" for field in fields}
+            if table.is_file():
+                tables[table] = resource.get("name") or table.stem, units
+    except (ValueError, KeyError, TypeError, AttributeError, OSError):
         return {}
+    return tables
 
 
 def read_package(path: Path) -> Tables:
@@ -179,22 +172,13 @@ def read_package(path: Path) -> Tables:
     if not resources:
         raise Unreadable("a JSON file that is no data package with a table beside it")
     tables = Tables()
-    for table, resource in resources.items():
-        fields = _fields(resource)
+    for table, (name, units) in resources.items():
         cells = read_text_table(table)[""]
-        name = str(resource.get("name") or table.stem)
         columns = Columns()
         columns.notes = cells.notes
         for column, values in cells.items():
             # A curve is called y where its figure does not say more; then the table's name tells.
             said = name if column.casefold() in ("y", "value") else column
-            columns.add(said, values, fields.get(column, ""))
+            columns.add(said, values, units.get(column, ""))
         tables["" if len(resources) == 1 and name == path.stem else name] = columns
     return tables
-
-
-def _fields(resource: dict[str, object]) -> dict[str, str]:
-    schema = resource.get("schema")
-    listed: Sequence[object] = schema.get("fields", []) if isinstance(schema, dict) else []
-    named = (field for field in listed if isinstance(field, dict) and "name" in field)
-    return {str(field["name"]): str(field.get("unit") or "") for field in named}

@@ -63,8 +63,8 @@ class Assembly:
     def _absent(self) -> list[str]:
         """Columns of the mapping that no table has, as after a slip of the pen."""
         runs = self.mapping.runs.values()
-        found = {column for table in self.contents.tables for run in runs for column in _named(table, run)}
         asked = dict.fromkeys(column for run in runs for column in run.columns or {})
+        found = {name for table in self.contents.tables for name in table.named(asked)}
         return [f"the mapping: no table has a column {column!r}" for column in asked if column not in found]
 
     def _run(self, name: str, run: RunMapping) -> Trace:
@@ -212,19 +212,8 @@ def _refuse_twins(table: Columns, uses: dict[str, Use]) -> None:
 
 def _uses(table: Columns, run: RunMapping) -> dict[str, Use]:
     """What columns of a table are to a run."""
-    return {column: run.columns[name] for name, column in _named(table, run).items()} if run.columns else {}
-
-
-def _named(table: Columns, run: RunMapping) -> dict[str, str]:
-    """Columns of a table by the names of a run's mapping, with or without the table's."""
-    named = {}
-    for name in run.columns or {}:
-        # A name with a line break stands in the table with a blank.
-        plain = " ".join(name.split())
-        place, _, column = plain.rpartition(":") if plain not in table else ("", "", plain)
-        if column in table and place in ("", table.name, table.last):
-            named[name] = column
-    return named
+    columns = run.columns or {}
+    return {column: columns[name] for name, column in table.named(columns).items()}
 
 
 def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:

@@ -210,8 +210,7 @@ def _uses(lines: Lines) -> dict[str, str]:
 
 def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
     """Lines that a run would take, from any of its tables."""
-    names = {name for table in run.tables for name in table}
-    names |= {f"{table.last}:{name}" for table in run.tables for name in table}
+    names = {name for table in run.tables for name in table.named(lines)}
     return {name: use for name, use in _uses(lines).items() if name in names}
 
 

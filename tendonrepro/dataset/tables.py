@@ -62,6 +62,17 @@ class Columns(dict[str, Column]):
         file, _, inner = self.name.partition(":")
         return inner.rpartition(".")[2] or file.rpartition("/")[2]
 
+    def named(self, names: Iterable[str]) -> dict[str, str]:
+        """Columns by their names in a mapping, which may have that of the table before them."""
+        named = {}
+        for name in names:
+            # A name with a line break stands in the table with a blank.
+            plain = " ".join(name.split())
+            place, _, column = plain.rpartition(":") if plain not in self else ("", "", plain)
+            if column in self and place in ("", self.name, self.last):
+                named[name] = column
+        return named
+
     def add(self, name: str, values: Column, unit: str = "") -> None:
         """Add a column; a second of its name is numbered."""
         name = " ".join(name.split())
@@ -348,37 +359,26 @@ def by_joint(columns: Columns) -> Columns | None:
     times = [name for name in columns if meaning_of(name).says == {"time"}]
     if len(names) != 1 or not times:
         return None
-    numbers = columns[names[0]]
-    joints = _joints(numbers)
-    if not 2 <= len(joints) <= _MOST_JOINTS:
+    of_row = columns[names[0]]
+    is_whole = of_row.dtype.kind != "f" or np.array_equal(of_row, np.round(of_row))
+    joints, counts = np.unique(of_row, return_counts=True)
+    if not is_whole or not 2 <= len(joints) <= _MOST_JOINTS:
         return None
-    rows = {joint: numbers == joint for joint in joints}
-    most = max(int(taken.sum()) for taken in rows.values())
     wide = Columns()
     wide.angle_unit = columns.angle_unit
     clocks: list[Column] = []
-    for joint, taken in rows.items():
+    for joint in dict.fromkeys(of_row.tolist()):
+        rows = of_row == joint
         said = joint if isinstance(joint, str) else f"joint {joint:g}"
         for name, values in columns.items():
-            column = _lengthened(values[taken], most)
-            if name == times[0]:
-                if any(np.array_equal(column, clock, equal_nan=True) for clock in clocks):
-                    continue
+            if name in (names[0], *times[1:]) or values.dtype.kind != "f":
+                continue
+            # A joint with fewer rows has gaps behind them.
+            column = np.full(counts.max(), np.nan)
+            column[: rows.sum()] = values[rows]
+            if name != times[0]:
+                wide.add(f"{said} {name}", column)
+            elif not any(np.array_equal(column, clock, equal_nan=True) for clock in clocks):
                 clocks.append(column)
-            if name not in (names[0], *times[1:]) and values.dtype.kind == "f":
-                wide.add(name if name == times[0] else f"{said} {name}", column)
+                wide.add(name, column)
     return wide
-
-
-def _joints(numbers: Column) -> list[str | float]:
-    """Different words or whole numbers of a column, in order; none if it has others."""
-    if numbers.dtype.kind == "f" and not np.array_equal(numbers, np.round(numbers)):
-        return []
-    return list(dict.fromkeys(numbers.tolist()))
-
-
-def _lengthened(values: Column, rows: int) -> Column:
-    """Values with gaps behind them."""
-    if values.dtype.kind != "f":
-        return values
-    return np.concatenate([values, np.full(rows - len(values), np.nan)])

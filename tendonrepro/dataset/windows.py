@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -51,15 +51,15 @@ class Tried:
 
 @dataclass(frozen=True)
 class PrintedTables:
-    """All ways of averaging, the whole motion as it is first.
+    """All ways of averaging, the whole motion as it is first; without more, that nothing can be compared.
 
     `left_out` counts missing samples by run; `chance` is that of as many agreements by accident in as many
     tries. `held` names all runs of the file.
     """
 
-    tried: tuple[Tried, ...]
-    left_out: Mapping[str, int]
-    chance: float
+    tried: tuple[Tried, ...] = (Tried("whole", False, {}, ()),)
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    chance: float = 1.0
     held: tuple[str, ...] = ()
 
     @property
@@ -121,10 +121,6 @@ class PrintedTables:
         )
 
 
-NO_TABLES = PrintedTables((Tried("whole", False, {}, ()),), {}, 1.0)
-"""Where nothing can be compared."""
-
-
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in RUNS if name in file.runs and "e" in file.runs[name]}
@@ -133,7 +129,7 @@ def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing])
         for way_tried in (_tried(runs, paper, *way) for way in _ways(runs, timing))
         if way_tried.sizes
     ]
-    tried = tried or [*NO_TABLES.tried]
+    tried = tried or [*PrintedTables.tried]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
     most = max(len(way_tried.agree) for way_tried in tried)
     chance = min(1.0, len(tried) * chance_of_at_least(paper, tried[0].sizes, most))

@@ -22,7 +22,7 @@ from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, METRICS, Published
 from tendonrepro.dataset.motion import Reference, derivatives, recover_reference, timing_of
-from tendonrepro.dataset.windows import NO_TABLES, PrintedTables, Timing, try_windows
+from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
@@ -159,7 +159,7 @@ def measurement_of(file: TraceFile, paper: Published | None, joints: Sequence[in
     except DataMissingError as error:
         unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
     timing = timing_of(file, reference)
-    tables = try_windows(file.part("compare"), paper, timing) if paper else NO_TABLES
+    tables = try_windows(file.part("compare"), paper, timing) if paper else PrintedTables()
     return Measurement(file, tables, reference, unrecovered, timing)
 
 
