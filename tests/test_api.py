@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 import importlib
-import inspect
 import re
 import shutil
 import subprocess
@@ -15,18 +14,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from PIL import Image
 from support import ROOT
 
 import tendonrepro as tr
-from tendonrepro.commands import COMMANDS, FORMER_FUNCTIONS
+from tendonrepro.commands import FORMER_FUNCTIONS
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.results.figures.style import NOTEBOOK_DPI
 from tendonrepro.results.store import read_manifest, replaced
 from tendonrepro.results.traces import read_traces
-from tendonrepro.studies.command import CONFIG
 
 PAGE = ROOT / "docs" / "python.md"
 SHORT = {"reference.periods": 1, "reference.period": 1, "reference.blend": 0.5, "control.gains.lam": 6}
@@ -171,24 +168,6 @@ def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.Monkey
     for block in re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.S | re.M):
         exec(block, names)
     assert (tmp_path / "reports" / "mine" / "manifest.json").exists()
-
-
-def test_every_command_of_the_command_line_is_a_function() -> None:
-    from tendonrepro.cli.app import app
-
-    shell: Any = typer.main.get_command(app)
-    functions = {name: command for name, command in COMMANDS.items() if command.under != CONFIG}
-    assert len(functions) > 20
-    for name, command in functions.items():
-        held = shell
-        for word in name.split():
-            held = held.commands[word]
-        options = {option.name: option.default for option in held.params}
-        own = inspect.signature(getattr(tr, command.word)).parameters
-        for key, parameter in own.items():
-            if key in options and isinstance(parameter.default, int | float):
-                # An option takes away what holds by default: --no-figures.
-                assert parameter.default == (options[key] or parameter.default is True), (name, key)
 
 
 @pytest.mark.parametrize("name", FORMER_FUNCTIONS)

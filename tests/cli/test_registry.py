@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import pytest
-from support import ROOT
 from support.command import SMALL, answer, run
 from support.synthetic import FEW, make_compare_file
 from typer.main import get_command
@@ -73,18 +72,10 @@ def test_every_parameter_is_an_option_with_help_and_a_parameter_of_python(name: 
     if command.under != CONFIG:
         function = getattr(tr, command.word)
         assert inspect.signature(function).parameters.keys() == command.signature.parameters.keys()
+        assert all(re.search(rf"\n{key} : .+\n    \S", function.__doc__) for key in given)
     for key, parameter in given.items():
         is_argument = word_of(parameter.annotation).positional or parameter.kind is parameter.VAR_POSITIONAL
         assert is_argument == (options[key].param_type_name == "argument")
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_docstring_of_python_tells_of_every_parameter(name: str) -> None:
-    if COMMANDS[name].under == CONFIG:
-        return
-    text = getattr(tr, COMMANDS[name].word).__doc__
-    for key, parameter in COMMANDS[name].signature.parameters.items():
-        assert parameter.annotation == Telling or re.search(rf"\n{key} : .+\n    \S", text)
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -190,12 +181,3 @@ def test_a_diverged_run_is_told_by_the_exit_code(tmp_path: Path, name: str) -> N
     """`diverged` of a Result says so."""
     limit = ["--set", "status.divergence_limit=1e-6", "--no-figures"]
     answer(*name.split(), *SMALL.get(name, []), *limit, cwd=tmp_path, code=DIVERGED)
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_page_of_the_documentation_shows_it(name: str) -> None:
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
-    if not pages[1:]:
-        pytest.skip("no docs folder beside the package")
-    shown = any(f"tendonrepro {name}" in page.read_text(encoding="utf-8") for page in pages)
-    assert shown, "`make pages` writes docs/cli.md again, with every command"

@@ -120,13 +120,6 @@ def test_friction_band_holds_the_frictionless_tension(found):
     assert maps.band[0] == pytest.approx(maps.least["motor"])
 
 
-def test_courses_that_differ(found):
-    per_newton = {row["course"]: row["tension_per_newton"] for row in found.courses}
-    assert min(per_newton["negative"]) > 0.0
-    assert np.sign(per_newton["distal_only"]).tolist() == [-1.0, 1.0, 1.0]
-    assert per_newton["alternating"] == pytest.approx([0.0, 0.0, 1.0])
-
-
 def test_files(tmp_path):
     text = str(tr.statics(out=tmp_path))
     stored = json.loads((tmp_path / "statics.json").read_text())
