@@ -18,7 +18,6 @@ from datetime import UTC, datetime
 from importlib import metadata
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import TypedDict
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import LoadedConfig
@@ -340,33 +339,15 @@ def table_files(folder: Path, manifest: Json, ending: str) -> list[Path]:
     return sorted(path for path in paths if path.is_file())
 
 
-class GitState(TypedDict):
-    """Commit of a checkout, and whether it has been changed."""
-
-    commit: str
-    dirty: bool
-
-
-class Environment(TypedDict):
-    """Python, machine, library versions and the state of the checkout, if this is one."""
-
-    python: str
-    platform: str
-    cpu: str | None
-    cpu_count: int | None
-    versions: dict[str, str]
-    git: GitState | None
-
-
-def environment() -> Environment:
-    """Python, machine, library versions and the state of the checkout, if this is one."""
+def environment() -> Json:
+    """Python, machine, library versions and the state of the checkout, if this is one, for JSON."""
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cpu": cpu_name(),
         "cpu_count": os.cpu_count(),
         "versions": {name: metadata.version(name) for name in _LIBRARIES},
-        "git": git_state(),
+        "git": _git_state(),
     }
 
 
@@ -378,8 +359,8 @@ def cpu_name() -> str | None:
     return next(iter(names), platform.processor() or None)
 
 
-def git_state() -> GitState | None:
-    """Commit of the checkout the package runs from, and whether it has been changed; None elsewhere."""
+def _git_state() -> Json | None:
+    """``commit`` of the checkout the package runs from, and whether it is ``dirty``; None elsewhere."""
     folder = Path(__file__).resolve().parent
 
     def git(*words: str) -> str:

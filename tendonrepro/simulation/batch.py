@@ -30,15 +30,7 @@ from tendonrepro.simulation.codegen.machine import (
     sweep_code,
 )
 from tendonrepro.simulation.kernel import CompiledPart, experiment_part
-from tendonrepro.simulation.loop import (
-    Loop,
-    TimeDelayController,
-    is_noisy,
-    noise_source,
-    recorded_columns,
-    trace_variables,
-    unit_noise,
-)
+from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import TOLERANCE, PreparedLoop, prepared_loops
 
 PACK = 1536
@@ -217,7 +209,7 @@ def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Limits)
     for (place, loop), count, trace in zip(loops.items(), ended.count, ended.trace, strict=True):
         batch.status_time[place] = loop.reference.time[count - 1]
         if batch.traces is not None:
-            batch.traces[place] = trace_variables(trace[:count], loop)
+            batch.traces[place] = loop.trace(trace[:count])
 
 
 def _block(L: float, frequency: float) -> int:
@@ -268,7 +260,7 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, recor
     signals = Signals([*loops.values()])
     kept = {"block": TraceBuffer(named["block"], n, block)}
     if record:
-        kept["trace"] = TraceBuffer(named["trace"], recorded_columns(first), 1)
+        kept["trace"] = TraceBuffer(named["trace"], first.recorded_columns, 1)
     inputs = [Signal(named[name], 3 * n) for name in signals.names]
     (address,) = assembled(sweep_code(named["live"], inputs, [*kept.values()]), "sweep")
     sweep, codes = callable_sweep(address), (part.code["sample"], part.code["advance"])
@@ -328,13 +320,13 @@ class Signals:
         # The same motion may be fed to some laws late.
         key = [(id(loop.reference), loop.reference_lag) for loop in loops]
         motions = {name: loop.fed for name, loop in dict(zip(key, loops, strict=True)).items()}
-        seeds = {noise_source(loop): loop for loop in loops if is_noisy(loop)}
-        self._motions, self._noises = [*motions.values()], [unit_noise(loop) for loop in seeds.values()]
+        seeds = {loop.noise_source: loop for loop in loops if loop.is_noisy}
+        self._motions, self._noises = [*motions.values()], [loop.unit_noise() for loop in seeds.values()]
         number = {name: k for k, name in enumerate(motions)}
         self._motion = np.array([number[name] for name in key])
         # The last noise is none.
         place = {source: k for k, source in enumerate(seeds)}
-        self._noise = np.array([place.get(noise_source(loop), len(place)) for loop in loops])
+        self._noise = np.array([place.get(loop.noise_source, len(place)) for loop in loops])
         self.names = ("desired", "noise") if seeds else ("desired",)
 
     def starts(self, first: int, span: int) -> NDArray[np.int64]:

@@ -39,15 +39,11 @@ from tendonrepro.simulation.loop import (
     Rest,
     SampledState,
     Three,
-    hardware_of,
     longest,
     measure,
-    noise_source,
     recorded,
     sample,
     start,
-    torque_before,
-    unit_noise,
 )
 from tendonrepro.simulation.resolution import HIGHEST, PACES, PreparedLoop, demand
 
@@ -350,7 +346,7 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int
         [
             LawNumbers(
                 law=loop.controller.law,
-                hardware=hardware_of(loop, rest),
+                hardware=loop.hardware(rest),
                 phases=phases[id(loop.reference)],
                 samples=np.array(float(loop.reference.time.size)),
                 block=np.array(float(block(loop.L))),
@@ -362,10 +358,10 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int
 
 def _first_rows(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str, Array]:
     """First values of rows, (rows, N), by the start-up rule."""
-    sources = {noise_source(loop): loop for loop, _ in loops}
-    noise = {source: unit_noise(loop)(1)[0] for source, loop in sources.items()}
+    sources = {loop.noise_source: loop for loop, _ in loops}
+    noise = {source: loop.unit_noise()(1)[0] for source, loop in sources.items()}
     at_start = [
-        (rest.state, noise[noise_source(loop)], torque_before(loop, rest), loop.reference.q_d[0])
+        (rest.state, noise[loop.noise_source], loop.torque_before(rest), loop.reference.q_d[0])
         for loop, rest in loops
     ]
     state, first, tau, q_d = stacked(at_start)

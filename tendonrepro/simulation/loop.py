@@ -136,6 +136,63 @@ class Loop:
         dq_d, ddq_d = (late(rates, self.L, self.reference_lag) for rates in (motion.dq_d, motion.ddq_d))
         return replace(motion, dq_d=dq_d, ddq_d=ddq_d)
 
+    def hardware(self, rest: Rest) -> Hardware:
+        """Encoders, drives and coupling."""
+        drive, encoders = self.plant.drive, (self.joint_encoder, self.motor_encoder)
+        limit = np.float64(self.divergence_limit)
+        return Hardware(*encoders, rest.zero, self.actuator, drive.S, drive.S_inv, limit)
+
+    def torque_before(self, rest: Rest) -> Array:
+        """Torque (n,) that the law has seen before its start."""
+        return np.zeros_like(rest.tau) if self.cold else rest.tau
+
+    @property
+    def noise_source(self) -> tuple[int, bool, bool, bool]:
+        """What noise depends on: the seed, and which instruments have any."""
+        instruments = self.joint_encoder, self.motor_encoder, self.actuator
+        joint, motor, torque = (part.noise > 0.0 for part in instruments)
+        return self.seed, joint, motor, torque
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether any instrument has noise."""
+        return any(self.noise_source[1:])
+
+    def unit_noise(self) -> Callable[[int], Array]:
+        """Unscaled noise, (samples, 3 n), of the next samples at each call; zeros where there is none."""
+        n, (seed, *noisy) = self.plant.preload.size, self.noise_source
+        streams = [np.random.default_rng([seed, k]) if acts else None for k, acts in enumerate(noisy)]
+        return lambda samples: np.hstack(
+            [
+                np.zeros((samples, n)) if stream is None else stream.standard_normal((samples, n))
+                for stream in streams
+            ]
+        )
+
+    @property
+    def recorded_columns(self) -> int:
+        """Numbers that are recorded at a sample."""
+        return (4 + len(RECORDED) + len(self.controller.signals)) * self.plant.preload.size
+
+    def trace(self, record: Array) -> dict[str, Array]:
+        """Time (T,) and variables (T, n) of a trace, from a record (T, columns)."""
+        plant, reference, done = self.plant, self.reference, len(record)
+        names = RECORDED + tuple(self.controller.signals)
+        state, rest = np.split(record.T, [4 * plant.preload.size])
+        seen = dict(zip(names, map(np.transpose, np.split(rest, len(names))), strict=True))
+        q, dq, theta, dtheta = np.split(state, 4)
+        tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, plant.drive), plant.drive)
+        ddq = link_acceleration(reference.time[:done], q, dq, tau_s, plant)
+        variables = {
+            "q": q.T, "dq": dq.T, "ddq": ddq.T, "theta": theta.T, "dtheta": dtheta.T, "tau_s": tau_s.T,
+        }  # fmt: skip
+        desired = {name: getattr(reference, name)[:done] for name in ("q_d", "dq_d", "ddq_d")}
+        error = {"e": desired["q_d"] - seen["q_encoder"]}
+        derived = self.controller.derived(variables | seen, plant)
+        time = {"time": reference.time[:done]}
+        trace = time | variables | desired | error | seen | derived
+        return {name: np.ascontiguousarray(values) for name, values in trace.items()}
+
 
 class Rest(NamedTuple):
     """State (4 n,) in which an arm waits, motor torque (n,) that holds it, and motor angles read as zero."""
@@ -166,42 +223,6 @@ class Hardware(NamedTuple):
     S: Array
     S_inv: Array
     limit: float
-
-
-def hardware_of(loop: Loop, rest: Rest) -> Hardware:
-    """Encoders, drives and coupling."""
-    drive, encoders = loop.plant.drive, (loop.joint_encoder, loop.motor_encoder)
-    limit = np.float64(loop.divergence_limit)
-    return Hardware(*encoders, rest.zero, loop.actuator, drive.S, drive.S_inv, limit)
-
-
-def torque_before(loop: Loop, rest: Rest) -> Array:
-    """Torque (n,) that the law has seen before its start."""
-    return np.zeros_like(rest.tau) if loop.cold else rest.tau
-
-
-def is_noisy(loop: Loop) -> bool:
-    """Whether any instrument has noise."""
-    return any(noise_source(loop)[1:])
-
-
-def noise_source(loop: Loop) -> tuple[int, bool, bool, bool]:
-    """What a loop's noise depends on: its seed, and which instruments have any."""
-    instruments = loop.joint_encoder, loop.motor_encoder, loop.actuator
-    joint, motor, torque = (part.noise > 0.0 for part in instruments)
-    return loop.seed, joint, motor, torque
-
-
-def unit_noise(loop: Loop) -> Callable[[int], Array]:
-    """Unscaled noise, (samples, 3 n), of the next samples at each call; zeros of instruments without any."""
-    n, (seed, *noisy) = loop.plant.preload.size, noise_source(loop)
-    streams = [np.random.default_rng([seed, k]) if acts else None for k, acts in enumerate(noisy)]
-    return lambda samples: np.hstack(
-        [
-            np.zeros((samples, n)) if stream is None else stream.standard_normal((samples, n))
-            for stream in streams
-        ]
-    )
 
 
 class SampledState(NamedTuple):
@@ -309,26 +330,3 @@ def recorded(state: Array, sampled: SampledState) -> Array:
     """What is recorded at a sample, (columns,)."""
     parts = *sampled.measured, sampled.tau, sampled.tau_m, *sampled.signals
     return np.concatenate([state, *parts])
-
-
-def recorded_columns(loop: Loop) -> int:
-    """Numbers that are recorded at a sample."""
-    return (4 + len(RECORDED) + len(loop.controller.signals)) * loop.plant.preload.size
-
-
-def trace_variables(record: Array, loop: Loop) -> dict[str, Array]:
-    """Time (T,) and variables (T, n) of a trace, from a record (T, columns)."""
-    plant, reference, done = loop.plant, loop.reference, len(record)
-    names = RECORDED + tuple(loop.controller.signals)
-    state, rest = np.split(record.T, [4 * plant.preload.size])
-    seen = dict(zip(names, map(np.transpose, np.split(rest, len(names))), strict=True))
-    q, dq, theta, dtheta = np.split(state, 4)
-    tau_s = to_joint_torque(tendon_torque(q, dq, theta, dtheta, plant.drive), plant.drive)
-    ddq = link_acceleration(reference.time[:done], q, dq, tau_s, plant)
-    variables = {"q": q.T, "dq": dq.T, "ddq": ddq.T, "theta": theta.T, "dtheta": dtheta.T, "tau_s": tau_s.T}
-    desired = {"q_d": reference.q_d[:done], "dq_d": reference.dq_d[:done], "ddq_d": reference.ddq_d[:done]}
-    error = {"e": desired["q_d"] - seen["q_encoder"]}
-    derived = loop.controller.derived(variables | seen, plant)
-    time = {"time": reference.time[:done]}
-    trace = time | variables | desired | error | seen | derived
-    return {name: np.ascontiguousarray(values) for name, values in trace.items()}

@@ -17,21 +17,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code, callable_on_array
 from tendonrepro.simulation.kernel import single_part
-from tendonrepro.simulation.loop import (
-    Loop,
-    Solver,
-    hardware_of,
-    is_noisy,
-    measure,
-    recorded,
-    recorded_columns,
-    rest_at,
-    sample,
-    start,
-    torque_before,
-    trace_variables,
-    unit_noise,
-)
+from tendonrepro.simulation.loop import Loop, Solver, measure, recorded, rest_at, sample, start
 
 MOST_STEPS = 5000
 """Steps in one period after which a plant counts as one that cannot be resolved."""
@@ -61,7 +47,7 @@ def simulate(loop: Loop) -> dict[str, Array]:
         If the integrator cannot keep its tolerances.
     """
     time, plant = loop.reference.time, MachinePlant(loop)
-    trace = np.empty((time.size, recorded_columns(loop)))
+    trace = np.empty((time.size, loop.recorded_columns))
     law = _law_of_machine if loop.controller.command is None else _law_of_python
     set_torque = law(loop, plant, trace)
     advance = _integrator(loop.solver, plant)
@@ -72,7 +58,7 @@ def simulate(loop: Loop) -> dict[str, Array]:
         while set_torque(k):
             advance(time[k], time[k + 1])
             k += 1
-        return trace_variables(trace[: k + 1], loop)
+        return loop.trace(trace[: k + 1])
 
 
 def _integrator(solver: Solver, plant: MachinePlant) -> Callable[[float, float], None]:
@@ -140,7 +126,7 @@ def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
     """A user's own law."""
     law, command, motion = loop.controller.law, loop.controller.command, loop.fed
     assert command is not None
-    hardware, noise, tau = hardware_of(loop, plant.rest), _noise(loop), torque_before(loop, plant.rest)
+    hardware, noise, tau = loop.hardware(plant.rest), _noise(loop), loop.torque_before(plant.rest)
     measured = measure(plant.rest.state, noise[0], law, hardware)
     memory, pending = start(measured, loop.reference.q_d[0], tau, law), [tau] * loop.actuator.delay
 
@@ -157,4 +143,4 @@ def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
 
 def _noise(loop: Loop) -> Array:
     samples, n = loop.reference.q_d.shape
-    return unit_noise(loop)(samples) if is_noisy(loop) else np.zeros((samples, 3 * n))
+    return loop.unit_noise()(samples) if loop.is_noisy else np.zeros((samples, 3 * n))

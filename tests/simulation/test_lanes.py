@@ -10,11 +10,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.physics.control import command
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import LaneRows, aligned, signature, stacked
-from tendonrepro.simulation.codegen.machine import (
-    LANES,
-    assembled,
-    callable_code,
-)
+from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.kernel import advance_source, experiment_rows, runge_kutta, single_code
 from tendonrepro.simulation.resolution import demand
 

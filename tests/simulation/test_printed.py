@@ -17,11 +17,7 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import command, start_memory
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.simulation.codegen.printed import (
-    PlacesTape,
-    function_source,
-    split_by_input,
-)
+from tendonrepro.simulation.codegen.printed import PlacesTape, function_source, split_by_input
 from tendonrepro.simulation.kernel import runge_kutta
 
 NODE = shutil.which("node")

@@ -34,7 +34,7 @@ from tendonrepro.reporting.live.controls import (
 from tendonrepro.reporting.live.model import Library, comparison, model_source
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.results.summary import LOADS
-from tendonrepro.simulation.loop import Loop, is_noisy
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import STEPS, TOLERANCE, prepared_loops
 
 COARSE = 1
@@ -53,7 +53,7 @@ def preset(loaded: LoadedConfig, name: str, title: str, about: str, library: Lib
         "name": name,
         "title": title,
         "about": about,
-        "notes": ["Noise is left out here."] if any(map(is_noisy, loops.values())) else [],
+        "notes": ["Noise is left out here."] if any(loop.is_noisy for loop in loops.values()) else [],
         "model": model,
         "motion": config.reference.kind,
         "turns": turns,
