@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import accumulate, pairwise
-from typing import TypeAlias, TypedDict
+from typing import Any, TypeAlias, TypedDict
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
@@ -217,12 +216,13 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
         rates = trace["dq_d"], trace["ddq_d"]
     L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
     phases = streaming.thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
-    during: dict[str, NDArray[np.bool_] | bool] = {"": True}
+    during, signals = {"": np.array(True)}, _signals(trace, phases)
     if rates is not None:
-        rapid = np.abs(rates[1]) > phases.acceleration
-        during |= {"_up": rates[0] > phases.speed, "_down": rates[0] < -phases.speed}
-        during |= {"_rapid": rapid, "_calm": ~rapid}
-    signals = _signals(trace, rates, phases)
+        during |= {name: np.asarray(inside) for name, inside in streaming.phases_of(*rates, phases).items()}
+        during["_calm"] = ~during["_rapid"]
+    if rates is not None and "e" in signals:
+        direction = _last_direction(during["_up"], during["_down"])
+        signals["past"] = np.asarray(streaming.past(signals["e"], direction, during["still"]))
     return {
         name: _SIZES[how](signals[of], during[phase])
         for name, (how, of, phase) in streaming.MEASURES.items()
@@ -233,7 +233,7 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
 _SIZES = {"mean": mae, "rms": rmse, "peak": max_abs}
 
 
-def _signals(trace: Trace, rates: _Rates | None, phases: streaming.Thresholds) -> dict[str, Array]:
+def _signals(trace: Trace, phases: streaming.Thresholds) -> dict[str, Array]:
     """What `streaming.MEASURES` are of, as far as the run has it."""
     variables = {"e": "e", "s": "s", "epsilon": "epsilon", "tau": "tau_m", "H": "H_hat"}
     signals = {name: trace[variable] for name, variable in variables.items() if variable in trace}
@@ -246,8 +246,6 @@ def _signals(trace: Trace, rates: _Rates | None, phases: streaming.Thresholds) -
         signals |= {"epsilon": known[1:], "slow_epsilon": _slow(known, float(phases.newest))[1:]}
     if "tau" in signals:
         signals["change"] = np.diff(signals["tau"], axis=0)
-    if "e" in signals and rates is not None:
-        signals["past"] = _past(signals["e"], rates[0], phases.speed / streaming.MOVING)
     return signals
 
 
@@ -264,12 +262,12 @@ def saturated(trace: Trace, S: Array, limit: Array) -> Array:
     return np.asarray((np.abs(trace["tau_m"] @ S) >= streaming.AT_LIMIT * limit).mean(axis=0))
 
 
-def _past(e: Array, dq_d: Array, fastest: Array) -> Array:
-    """Error past the target, in the direction of the last stroke, while the reference rests; else zero."""
-    samples = np.arange(len(e))[:, np.newaxis]
-    last = np.maximum.accumulate(np.where(np.abs(dq_d) > streaming.MOVING * fastest, samples, 0), axis=0)
-    direction = np.sign(np.take_along_axis(dq_d, last, axis=0))
-    return np.where(np.abs(dq_d) <= streaming.RESTING * fastest, np.maximum(-direction * e, 0.0), 0.0)
+def _last_direction(up: Array, down: Array) -> Array:
+    """Direction in which a joint moved last, (T, n); zero before its first stroke."""
+    direction = np.where(up, 1.0, np.where(down, -1.0, 0.0))
+    samples = np.arange(len(direction))[:, np.newaxis]
+    last = np.maximum.accumulate(np.where(direction != 0.0, samples, 0), axis=0)
+    return np.take_along_axis(direction, last, axis=0)
 
 
 def _slow(values: Array, newest: float) -> Array:
@@ -282,6 +280,6 @@ def _slow(values: Array, newest: float) -> Array:
         there = np.isfinite(column)
         known = column[there].tolist()
         # scipy.signal would do the same, but takes 30 MB.
-        course = accumulate([*known[:1], *known], lambda old, new: newest * new + (1.0 - newest) * old)
+        course: Any = accumulate([*known[:1], *known], lambda old, new: streaming.slowed(old, new, newest))
         filtered[there, i] = [*course][1:]
     return filtered

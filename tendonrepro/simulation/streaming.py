@@ -147,9 +147,20 @@ def add_sample(
     joints = []
     for i in range(len(phases.speed)):
         before, of_joint = ({name: each[i] for name, each in part.items()} for part in (sums, signals))
-        joints.append(_add_joint(before, of_joint, live, k, phases, i))
+        of_rates = phases._replace(speed=phases.speed[i], acceleration=phases.acceleration[i])
+        joints.append(_add_joint(before, of_joint, live, k, of_rates))
     kind = float if isinstance(joints[0]["mae"], float) else object
     return {name: np.array([joint[name] for joint in joints], dtype=kind) for name in sums}
+
+
+def phases_of(dq_d: Numeric, ddq_d: Numeric, phases: Thresholds) -> dict[str, Numeric]:
+    """Whether a desired motion is in each phase that its rates tell; of one sample, or arrays (T, n)."""
+    return {
+        "_up": dq_d > phases.speed,
+        "_down": dq_d < -phases.speed,
+        "_rapid": abs(ddq_d) > phases.acceleration,
+        "still": abs(dq_d) <= RESTING / MOVING * phases.speed,
+    }
 
 
 def _add_joint(
@@ -158,26 +169,20 @@ def _add_joint(
     live: Numeric,
     k: Numeric,
     phases: Thresholds,
-    i: int,
 ) -> dict[str, Numeric]:
-    dq_d, tau = given["dq_d"], given["tau"]
-    inside = {
-        "_up": dq_d > phases.speed[i],
-        "_down": dq_d < -phases.speed[i],
-        "_late": k >= phases.period,
-        "_settled": k >= phases.start,
-        "_rapid": abs(given["ddq_d"]) > phases.acceleration[i],
-        "still": abs(dq_d) <= RESTING / MOVING * phases.speed[i],
-    }
+    inside = phases_of(given["dq_d"], given["ddq_d"], phases)
+    inside |= {"_late": k >= phases.period, "_settled": k >= phases.start}
     during = {"": live} | {name: choose(live > 0.0, phase, 0.0) for name, phase in inside.items()}
     up, down, still = (during[name] > 0.0 for name in ("_up", "_down", "still"))
     direction = choose(up, 1.0, choose(down, -1.0, sums["direction"]))
     signals = dict(given)
-    signals["change"] = choose(k > 0.0, tau - given["tau_before"], 0.0)
-    signals["past"] = choose(still, np.maximum(-direction * given["e"], 0.0), 0.0)
+    signals["change"] = choose(k > 0.0, given["tau"] - given["tau_before"], 0.0)
+    signals["past"] = past(given["e"], direction, still)
     for name in SLOWED:
         slow = f"slow_{name}"
-        signals[slow] = choose(live > 0.0, _slowed(sums[slow], signals[name], k, phases), sums[slow])
+        # It begins with its first sample.
+        course = choose(k > 0.0, slowed(sums[slow], signals[name], phases.newest), signals[name])
+        signals[slow] = choose(live > 0.0, course, sums[slow])
     after = {"direction": direction} | {name: signals[name] for name in SUMS if name in signals}
     after |= {name: sums[name] + during[name] for name in COUNTED}
     for name, (how, of, phase) in SUMMED.items():
@@ -190,9 +195,14 @@ def _add_joint(
     return after
 
 
-def _slowed(before: Numeric, value: Numeric, k: Numeric, phases: Thresholds) -> Numeric:
-    """A signal after the low-pass at `SLOW`, which begins with its first sample."""
-    return choose(k > 0.0, before + phases.newest * (value - before), value)
+def past(e: Numeric, direction: Numeric, still: Numeric) -> Numeric:
+    """Error past the target, in the direction of the last stroke, while the reference rests; else zero."""
+    return choose(still, np.maximum(-direction * e, 0.0), 0.0)
+
+
+def slowed(before: Numeric, value: Numeric, newest: Numeric) -> Numeric:
+    """A signal after the low-pass at `SLOW`, from what it was after it, and its newest value."""
+    return before + newest * (value - before)
 
 
 def finished(sums: Mapping[str, Array], count: ArrayLike, fast_share: Array) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Streamed statistics equal those of the whole signals."""
+"""Statistics gathered sample by sample, and those of a trace, equal those of whole signals by hand."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.simulation.streaming import (
-    STATISTICS,
-    SUMS,
-    add_sample,
-    finished,
-    thresholds,
-)
+from tendonrepro.results.records import Trace
+from tendonrepro.results.summary import statistics
+from tendonrepro.simulation.streaming import STATISTICS, SUMS, add_sample, finished, thresholds
 
 T, N, PERIOD, L = 400, 2, 150, 10e-3
 START = 200  # samples of 2 s
@@ -115,6 +111,15 @@ def test_statistics_are_those_of_the_signals(signals: dict[str, Array], sign: fl
     assert set(expected) == set(STATISTICS)
     for name, values in expected.items():
         assert found[name] == pytest.approx(values, rel=1e-12), name
+    variables = {"tau_m" if name == "tau" else name: values for name, values in signals.items()}
+    of_trace = statistics(Trace("mine", np.arange(T) * L, (2, 3), variables, {}))
+    # What is after the start is a window of the table; the others need more than signals.
+    assert set(expected) - set(of_trace) == {*AFTER_THE_START, "rate_max", "saturated", "fast_share"}
+    for name, values in of_trace.items():
+        assert values == pytest.approx(expected[name], rel=1e-9), name
+
+
+AFTER_THE_START = [name for name in STATISTICS if name.endswith(("_late", "_settled"))]
 
 
 def test_a_run_that_ended_adds_nothing_even_when_it_is_not_finite(signals: dict[str, Array]) -> None:
