@@ -161,13 +161,14 @@ def test_mistake_on_another_line(files: Files, name: str, old: str, new: str, at
     assert first.startswith(f"{name}.yaml:{line}: {message}")
 
 
-@pytest.mark.parametrize(
-    "reading", ["error_rate=low_pass", "estimate_filter=acceleration", "estimate_filter=estimate"]
-)
-def test_a_filter_needs_its_cutoff(files: Files, reading: str) -> None:
+@pytest.mark.parametrize(("key", "reading"), [
+    ("filter_cutoff", "error_rate=low_pass"), ("filter_cutoff", "estimate_filter=acceleration"),
+    ("filter_cutoff", "estimate_filter=estimate"), ("reference_lag", "reference_acceleration=late"),
+])  # fmt: skip
+def test_a_reading_needs_its_number(files: Files, key: str, reading: str) -> None:
     text, path, changed = TEXTS["compare"], files.path("compare"), [f"control.readings.{reading}"]
     assert load_config(path, "compare", overrides=changed)
-    start = text.index("  filter_cutoff:")
+    start = text.index(f"  {key}:")
     files.replace("compare", text[start : text.index("\n\n", start)], "")
     assert load_config(path, "compare")
     with pytest.raises(ConfigError):
@@ -181,15 +182,6 @@ def test_runs_that_are_no_mapping(files: Files, runs: str) -> None:
     )
     with pytest.raises(ConfigError, match=r"own\.yaml:4: runs"):
         load_config(files.path("own"), "compare")
-
-
-def test_late_rates_need_their_lag(files: Files) -> None:
-    text, path = TEXTS["compare"], files.path("compare")
-    start = text.index("  reference_lag:")
-    files.replace("compare", text[start : text.index("\n\n", start)], "")
-    assert load_config(path, "compare")
-    with pytest.raises(ConfigError):
-        load_config(path, "compare", overrides=["control.readings.reference_acceleration=late"])
 
 
 def test_a_ramp_takes_time(files: Files) -> None:

@@ -103,17 +103,6 @@ def test_each_joint_of_an_arm_of_four_is_drawn() -> None:
     assert (values(calculated).min(), values(calculated).max()) == pytest.approx((angle.min(), angle.max()))
 
 
-@every_figure
-def test_every_panel_with_a_time_says_its_unit_and_a_figure_is_as_wide_as_a_column_or_page(name: str) -> None:
-    artists = drawn(name)
-    labels = [panel.get_ylabel() for panel in artists.axes.values() if panel.axison]
-    assert labels
-    assert [label for label in labels if not re.search(r"\(.+\)$", label)] == []
-    assert artists.figure.get_figwidth() * 25.4 == pytest.approx(85.0) or (
-        artists.figure.get_figwidth() * 25.4 == pytest.approx(175.0)
-    )
-
-
 @pytest.mark.parametrize("name", UNITS)
 def test_panels_say_their_units_and_have_the_size_of_a_column_or_page(name: str) -> None:
     artists = drawn(name)

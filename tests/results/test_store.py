@@ -238,16 +238,6 @@ def test_where_no_lock_can_be_had_nothing_is_left(tmp_path: Path, monkeypatch: p
     assert not [*tmp_path.iterdir()]
 
 
-def test_what_is_new_comes_what_is_old_goes_and_what_is_the_users_stays(folder: Path) -> None:
-    (folder / "notes.txt").write_text("mine")
-    (folder / "figures" / "mine.svg").write_text("mine")
-    make(folder, "new", force=True)
-    own = {"notes.txt": "mine", "figures/mine.svg": "mine"}
-    assert files(folder) == {"numbers.json": "new", "tables/table2.csv": "new"} | own
-    assert read_manifest(folder)["outputs"].keys() == {"numbers.json", "tables/table2.csv"}
-    assert [one.name for one in folder.parent.iterdir()] == ["mine"]
-
-
 def test_own_files_give_their_names_and_stay(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One of the name of a new file, twice, and one of the name of a new folder."""
     for text in ("mine", "mine too"):
@@ -278,13 +268,6 @@ def test_a_name_that_no_manifest_lists_is_kept_too(tmp_path: Path) -> None:
     (path / "numbers.json").write_text("mine")
     make(path, "new", force=True, talk=QUIET)
     assert files(path) == {"numbers.json": "new", "tables/table2.csv": "new", "numbers.json.own": "mine"}
-
-
-def test_a_failed_run_leaves_the_old_result(folder: Path) -> None:
-    before = files(folder)
-    with pytest.raises(ZeroDivisionError):
-        begin(folder, ZeroDivisionError())
-    assert files(folder.parent) == {f"mine/{name}": text for name, text in before.items()}
 
 
 @pytest.fixture
@@ -386,7 +369,9 @@ def test_a_folder_that_is_not_writable_is_an_error_before_the_run(
     assert [one.name for one in tmp_path.iterdir()] == ["mine"]
 
 
-def test_where_an_interrupted_study_lies_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupted_study_goes_on_and_where_it_lies_is_said(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(KeyboardInterrupt):
         begin(folder, KeyboardInterrupt(), "blocks/0", keep="blocks")
     (kept,) = (path for path in folder.parent.rglob("blocks") if path.is_dir())
@@ -397,19 +382,14 @@ def test_where_an_interrupted_study_lies_is_said(folder: Path, capsys: pytest.Ca
         begin(folder, UsageError("of others"), keep="blocks")
     assert str(kept) not in capsys.readouterr().err
     assert files(kept) == {"0": "begun"}
+    with replaced(folder, "a", command="compare", keep="blocks") as result:
+        assert files(result.path) == {"blocks/0": "begun"}
+        result.manifest = read_manifest(folder)
+    assert files(folder) == {"blocks/0": "begun"}
     with pytest.raises(KeyboardInterrupt):
         begin(folder, KeyboardInterrupt(), keep="other")
     assert "kept" not in capsys.readouterr().err
-
-
-def test_what_is_kept_outlives_a_failure(tmp_path: Path) -> None:
-    folder = tmp_path / "mine"
-    with pytest.raises(KeyboardInterrupt):
-        begin(folder, KeyboardInterrupt(), "shards/0", keep="shards")
-    with replaced(folder, "a", command="compare", keep="shards") as result:
-        assert files(result.path) == {"shards/0": "begun"}
-        result.manifest = {"config": {"sha256": "a"}}
-    assert files(folder) == {"shards/0": "begun"}
+    assert not (folder / PARTIAL).exists()
 
 
 def test_a_study_that_an_earlier_version_began_beside_its_folder_goes_on(tmp_path: Path) -> None:
