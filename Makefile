@@ -66,7 +66,7 @@ report: $(VENV)/.run  ## one HTML file for a reviewer, of what lies under report
 data: $(VENV)/.run  ## the paper's data set from its repository, into data/zenodo; uses the network
 	$(BIN)/tendonrepro data fetch $(ARGS)
 
-findings: $(VENV)/.run  ## docs/results, and from it the made parts of findings.md and tables.md, and their pictures
+findings: $(VENV)/.test  ## docs/results, and from it the made parts of findings.md and tables.md, and their pictures
 	$(BIN)/python docs/generate.py reports
 
 pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands

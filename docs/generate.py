@@ -23,6 +23,7 @@ from harvest import take
 from pages import fresh
 from stored_results import DOCS, nearest, stored
 
+from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.reporting import contents
@@ -34,7 +35,8 @@ from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts.ledger import read_ledger
 
 README = DOCS.parent / "README.md"
-PAGES = (README, DOCS / "findings.md", DOCS / "predictions.md", DOCS / "tables.md", DOCS / "theory.md", DOCS / "tune.md")
+PAGES = (README, *(DOCS / f"{name}.md" for name in
+                  ("findings", "how_often_wrong", "predictions", "tables", "theory", "tune")))
 
 
 def write_pages() -> None:
@@ -88,6 +90,7 @@ def context() -> dict[str, Any]:
     return {
         **of_searches(stored("identify")),
         **of_tables(stored("given")),
+        **of_papers(stored("planted")),
         "laws": LAWS,
         "stored": stored,
         "verdicts": verdicts,
@@ -100,23 +103,31 @@ def deciding(ranking: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [row for row in ranking["rows"] if row["index"] > max(row["half_width"], floor)][:3]
 
 
-def likely(probability: float) -> str:
-    """A probability; of a small one it counts that it is small."""
-    return contents.percent(probability) if probability >= 1e-4 else "below 0.01 %"
-
-
 def off(misfit: float) -> str:
     """A misfit in per cent; one above 1 is of no stable plant."""
     return f"{100.0 * misfit:.1f} %" if misfit < 1.0 else "none stable"
 
 
+def extent(rows: Sequence[Mapping[str, Any]], key: str) -> str:
+    """The least and the greatest share of some interpretations."""
+    return reach([row[key]["share"] for row in rows if row["papers"]])
+
+
+def reach(shares: Sequence[float]) -> str:
+    """The least and the greatest of some shares; a small one counts only as small."""
+    ends = (contents.percent(end) if end >= 1e-4 else "0 %" for end in (min(shares), max(shares)))
+    low, *high = dict.fromkeys(ends)
+    return f"{low.removesuffix(' %')} to {high[0]}" if high else low
+
+
 FILTERS: Mapping[str, Callable[[Any], Any]] = {
     "cell": lambda text: text.replace("|", r"\|"),
     "deciding": deciding,
-    "likely": likely,
+    "extent": extent,
     "named": contents.named,
     "off": off,
     "ours": contents.ours,
+    "range": reach,
 }
 
 
@@ -139,37 +150,41 @@ def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def of_groups(given: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Interpretations of each group, their probability, and the share of their plants that is named as one of them."""
-    plants, confused = np.array(given["plants"]), np.array(given["confused"])
-    found = []
-    for title, names in GROUPS.items():
-        own = np.array([name in names for name in given["names"]])
-        right = np.average(confused[own][:, own].sum(axis=1), weights=plants[own]) if own.any() else math.nan
-        together = float(np.array(given["probability"])[own].sum())
-        found.append({"title": title, "count": int(own.sum()), "probability": together, "right": float(right)})
-    return found
-
-
 def of_tables(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The probability of each interpretation and group, given the tables, and how well such a naming does."""
-    columns = zip(given["names"], given["plants"], given["probability"], np.diag(given["confused"]), strict=True)
-    keys = ("name", "plants", "probability", "right")
-    named = sorted((dict(zip(keys, row, strict=True)) for row in columns), key=lambda row: -row["probability"])
-    groups = of_groups(given)
-    return {
-        "given": given,
-        "named": named,
-        "probable": max(named, key=lambda row: (row["probability"], row["name"])),
-        "groups": groups,
-        "group": max(groups, key=lambda group: group["probability"]),
+    """How probable a changed equation is, given the tables: by what is compared and by which estimator."""
+    ends: dict[str, dict[str, list[float]]] = {}
+    for row in given["rows"]:
+        kind = "kernel" if row["estimator"].startswith("kernel") else row["estimator"]
+        own = ends.setdefault(f"{row['numbers']} {row['compared']}", {}).setdefault(kind, [])
+        own += [row["probability"], row["low"], row["high"]]
+    estimators = [*dict.fromkeys(kind for kinds in ends.values() for kind in kinds)]
+    cells = {
+        compared: [reach(kinds[kind]).removesuffix(" %") if kind in kinds else "" for kind in estimators]
+        for compared, kinds in ends.items()
     }
+    between, *_, every = (sum(kinds.values(), []) for kinds in ends.values())
+    return {"given": given, "estimators": estimators, "compared": cells.items(), "between": between, "all": every}
+
+
+def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
+    """Made-up papers: as published by each noise, then those of each group of interpretations."""
+    first = [row for row in planted["readings"] if row["noise"] == planted["noise"]]
+    papers = [
+        (f"the published equations, noise {100 * row['noise']:.0f} %", [row])
+        for row in planted["readings"]
+        if row["reading"] == PRINTED
+    ]
+    titles = ("equations kept, a detail unsaid", "other references and starts", "equations changed")
+    for title, names in zip(titles, GROUPS.values(), strict=True):
+        papers.append((title, [row for row in first if row["reading"] in names and row["reading"] != PRINTED]))
+    unsaid = max(row["false_contradicted"]["share"] for row in papers[-3][1] if row["papers"])
+    return {"planted": planted, "papers": papers, "unsaid": unsaid}
 
 
 PARTS = (
     "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
     "claims", "numbers", "deciding unknowns", "questions", "at their best", "experiments on starts", "given the tables",
-    "the bound", "the least misfits",
+    "planted papers", "how probable", "the bound", "the least misfits",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""
 MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}

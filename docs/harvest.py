@@ -6,14 +6,13 @@ import math
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from bounds import bounds
-from given_tables import FOLDS, NOISE, SURE, given_tables
+from planted_papers import store_errors, store_rates, stored_errors
 from stored_results import DOCS, nearest, read, rounded, store, store_table, stored, write
 
 from tendonrepro.configuration.load import load_config
@@ -26,6 +25,7 @@ from tendonrepro.identification.misfit import nearest_draw
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
 from tendonrepro.reporting.readings import COLUMNS, head_of, rows_of
 
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
@@ -42,7 +42,8 @@ def take(reports: Path) -> None:
     store_ensemble(summary)
     ensemble = read_ensemble(reports / "ensemble")
     write("sample.json", sample_of(ensemble))
-    store("given.json", given_record(ensemble, summary["draws"]))
+    store_errors(stable_errors(ensemble, [name for name in SHOWN if name in ensemble.readings], MOST_PLANTS))
+    store_rates(stored_errors())
     store("draws.json", nearest_draws(ensemble))
     store("bounds.json", bounds(ensemble))
     store("claims.json", ledger)
@@ -115,13 +116,6 @@ def sample_of(ensemble: EnsembleData) -> dict[str, Any]:
         "draws": {name: values[chosen].tolist() for name, values in of_row.items()},
         "runs": {name: run_of(name) for name in RUNS},
     }
-
-
-def given_record(ensemble: EnsembleData, draws: int) -> dict[str, Any]:
-    """How probable each interpretation shown is, given Tables 2 and 3, as plain values."""
-    found = given_tables(ensemble, [name for name in SHOWN if name in ensemble.readings])
-    plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(found).items()}
-    return {"draws": draws, "noise": NOISE, "folds": FOLDS, "sure_from": SURE} | plain
 
 
 def nearest_draws(ensemble: EnsembleData) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from functools import cache
@@ -158,6 +158,15 @@ class Published:
             shares = (quotient(*map(self.interval, pair)) for pair in entry.parts)
             return quotient(*((1 - high, 1 - low) for low, high in shares))
         return rounding(self.quantity(identifier))
+
+    def with_numbers(self, values: Mapping[str, float], decimals: int | None = None) -> Published:
+        """The same print with other values, by id, rounded to the printed digits or to so many `decimals`."""
+        changed = {}
+        for name, value in values.items():
+            digits = self.digits(name).decimals if decimals is None else decimals
+            update = {"value": round(float(value), digits), "decimals": digits}
+            changed[name] = self.digits(name).model_copy(update=update)
+        return replace(self, entries={**self.entries, **changed})
 
     def per_joint(self, identifier: str, joints: Iterable[int]) -> list[float]:
         """Values of ``<identifier>.joint_<number>``; NaN where none is."""

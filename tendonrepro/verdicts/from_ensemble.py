@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import Published
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
-from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
+from tendonrepro.monte_carlo.shares import FEW, LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, formula_of
@@ -40,11 +40,22 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> Statement:
-    """What a percentage claims besides its size."""
-    (part, metric, joint), (whole, *_) = formula_of(paper, identifier).errors
-    runs = (part, whole) if part == FIRST else (whole, part)
-    return smaller(plants, metric, *runs, metric.upper())[plants.joints.index(joint)]
+def _direction(plants: Plants, paper: Published, identifier: str) -> Statement | None:
+    """What a percentage claims besides its size; nothing of errors that are printed alike."""
+    part, whole = formula_of(paper, identifier).errors
+    sizes = [paper.number(error.id) for error in (part, whole)]
+    if sizes[0] == sizes[1]:
+        return None
+    runs = (part.run, whole.run) if sizes[0] < sizes[1] else (whole.run, part.run)
+    return smaller(plants, part.metric, *runs, part.metric.upper())[plants.joints.index(part.joint)]
+
+
+def _all_reversed(plants: Plants, paper: Published, identifier: str, judged: Mask) -> bool:
+    """Whether the directions of all percentages between the same runs are reversed."""
+    compared = re.split(r"mae|rmse", identifier)[0]
+    directions = [_direction(plants, paper, name) for name in paper.entries if name.startswith(compared)]
+    shares = [plants.share(part.holds, judged).share for part in directions if part is not None]
+    return len(shares) == len(directions) and max(shares) <= FEW
 
 
 def judge_plants(plants: Plants, paper: Published, identifier: str) -> Ruling:
@@ -72,12 +83,13 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
-    direction = None
-    if identifier.startswith(PERCENTAGES):
-        statement = _direction(plants, paper, identifier)
+    statement = _direction(plants, paper, identifier) if identifier.startswith(PERCENTAGES) else None
+    direction, whole = None, False
+    if statement is not None:
         direction = plants.share(statement.holds, judged)
+        whole = _all_reversed(plants, paper, identifier, judged)
         evidence["direction"] = {"statement": statement.text, **asdict(direction)}
-    ruling = rules.of_number((low, high), box, direction, power)
+    ruling = rules.of_number((low, high), box, direction, power, all_reversed=whole)
     return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, [])})
 
 

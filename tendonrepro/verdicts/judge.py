@@ -46,6 +46,7 @@ from tendonrepro.verdicts.ledger import (
     with_shipped,
 )
 from tendonrepro.verdicts.measurement import judge_measured, measurement_of, read_measured
+from tendonrepro.verdicts.planted import false_contradicted
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.report import changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES, Evidence, Ruling, Rulings, not_testable
@@ -297,6 +298,8 @@ def _judged(
     with talk.bar("judging", 0 if ensemble is None else len(ensemble.readings)) as progress:
         verdicts = judge_all(sources, only=ids, decided_by=bool(ids), progress=progress)
     if ensemble is not None:
+        rates = false_contradicted(ensemble, published(), [verdict.id for verdict in verdicts])
+        verdicts = [replace(verdict, false_contradicted=rates.get(verdict.id)) for verdict in verdicts]
         known = {"draws": len(ensemble.draws), "rules_edition": EDITION}
         return sources, verdicts, origin_of("local", read_manifest(out / ENSEMBLE) | known)
     shipped = shipped_ledger()

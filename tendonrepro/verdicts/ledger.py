@@ -9,6 +9,7 @@ from operator import attrgetter
 from typing import TypedDict, cast
 
 from tendonrepro.files import Json, read_json, shipped
+from tendonrepro.monte_carlo.shares import Share
 from tendonrepro.verdicts.rules import VERDICTS, Evidence
 
 SCHEMA_VERSION = 1
@@ -35,7 +36,8 @@ class Verdict:
 
     `ours` is a claim's share, or the number of the nominal run, else its median over the box. What `repeats`
     another entry is not counted. `shipped` is from the package's ensemble. `by_choice` has the verdict under
-    each other choice of motion, starts, reference and friction of a run that was run.
+    each other choice of motion, starts, reference and friction of a run that was run. `false_contradicted`
+    is the share of made-up papers, right and as published, that this rule contradicts.
     """
 
     id: str
@@ -53,6 +55,7 @@ class Verdict:
     repeats: str | None = None
     shipped: bool = False
     by_choice: tuple[ByChoice, ...] = ()
+    false_contradicted: Share | None = None
 
     @property
     def is_shown(self) -> bool:
@@ -111,7 +114,9 @@ def _read_verdict(entry: Json) -> Verdict:
     known = {field.name: entry[field.name] for field in fields(Verdict) if field.name in entry}
     lists = {name: tuple(known[name]) for name in ("depends_on", "readings_that_change_it")}
     choices = tuple(ByChoice(**choice) for choice in entry.get("by_choice", ()))
-    return Verdict(**(known | lists | {"by_choice": choices}))
+    rate = entry.get("false_contradicted")
+    held = None if rate is None else Share(rate["share"], tuple(rate["interval"]), rate["plants"])
+    return Verdict(**(known | lists | {"by_choice": choices, "false_contradicted": held}))
 
 
 def summary(verdicts: Iterable[Verdict]) -> dict[str, int]:
@@ -164,5 +169,6 @@ def _taken(waiting: Verdict, stored: Verdict, origin: Origin) -> Verdict:
         evidence={name: value for name, value in evidence.items() if value is not None},
         readings_that_change_it=stored.readings_that_change_it,
         by_choice=stored.by_choice,
+        false_contradicted=stored.false_contradicted,
         shipped=True,
     )

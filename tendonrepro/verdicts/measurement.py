@@ -33,7 +33,7 @@ from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, ErrorOf, cut, formula_of
 from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
-from tendonrepro.verdicts.statements import Claim, claim_on, larger_with_load, together
+from tendonrepro.verdicts.statements import Claim, claim_on, together, with_load
 
 _THE_WAY = "make it by tendonrepro data fetch, data inspect --suggest, and data ingest"
 RATE_WINDOW = 0.05
@@ -270,7 +270,7 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
 def _payload(measurement: Measurement, paper: Published) -> Ruling:
     """P1: it needs Controller 1 and the loaded run alone, and its percentages besides."""
     arm = Plants(measurement, PRINTED)
-    claim = Claim(larger_with_load(arm), arm.ok(FIRST, LOADED))
+    claim = Claim(with_load(arm, paper), arm.ok(FIRST, LOADED))
     _check_ok(claim, measurement.compare.runs, (FIRST, LOADED))
     increases = {
         name: _number(measurement, paper, name).verdict

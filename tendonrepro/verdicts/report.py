@@ -81,6 +81,7 @@ def _row(verdict: Verdict) -> dict[str, object]:
     row |= {name: box.get(name) for name in ("low", "high")}
     row |= {name: evidence.get(name) for name in ("also_passing", "missing")}
     row["by_choice"] = unless_text(verdict)
+    row["false_contradicted"] = verdict.false_contradicted and verdict.false_contradicted.share
     return row | {"measured": _measured(verdict)}
 
 
@@ -89,10 +90,10 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
     by_id = {verdict.id: verdict for verdict in verdicts}
     shown = [by_id[name] for name in MAIN if name in by_id]
     shown += [verdict for verdict in verdicts if every and verdict.id not in MAIN]
-    rows = [["claim", "ours", "verdict", "id", "on the measurement"]]
+    rows = [["claim", "ours", "verdict", "right papers contradicted", "id", "on the measurement"]]
     for heading, names in HEADINGS.items():
         under = [verdict for verdict in shown if verdict.verdict in names]
-        rows += [[f"{heading}:", "", "", "", ""]] if under else []
+        rows += [[f"{heading}:", *[""] * 5]] if under else []
         for claim in under:
             verdict = f"{VERDICTS[claim.verdict]}{_marks(claim)}"
             rows.append(
@@ -100,12 +101,13 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
                     f"  {claim_in_words(claim.id)}",
                     _ours(claim),
                     verdict,
+                    _rate(claim),
                     f"{claim.id} (counts with {claim.repeats})" if claim.repeats else claim.id,
                     _measured(claim) or NOTHING,
                 ]
             )
             rows += [
-                [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], "", ""]
+                [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], *[""] * 3]
                 for choice in claim.unless
             ]
     if not any(_measured(verdict) for verdict in verdicts):
@@ -199,6 +201,7 @@ def details_text(verdict: Verdict) -> str:
         f"verdict: {verdict.verdict}{_marks(verdict)}",
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
+        f"made-up right papers that this rule contradicts: {_rate(verdict)}",
         *_of_the_headline(verdict),
         f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
         *_under_choices(verdict),
@@ -260,6 +263,12 @@ def _ours(verdict: Verdict) -> str:
     # Of a fraction of two lengths the value has no unit.
     ours = f"{verdict.ours:.4g}{'' if '/' in verdict.printed else unit}"
     return f"{ours}{ranged}, printed {verdict.printed}{unit}"
+
+
+def _rate(verdict: Verdict) -> str:
+    """How often the rule contradicts a right paper."""
+    rate = verdict.false_contradicted
+    return NOTHING if rate is None else f"{100.0 * rate.share:.2g} % of {rate.plants}"
 
 
 def _measured(verdict: Verdict) -> str | None:

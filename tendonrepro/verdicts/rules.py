@@ -39,7 +39,7 @@ INSIDE = frozenset({"compatible", "no_power"})
 FAILURES = frozenset({"not_reproduced", "contradicted", "not_met", "outside_model"})
 """Verdicts for which ``claims --check`` ends with exit code 3."""
 
-EDITION = 4
+EDITION = 5
 """Of the rules."""
 
 SIMILAR = 0.05
@@ -82,8 +82,13 @@ def meets(first: Bounds, second: Bounds) -> bool:
     return first[0] <= second[1] and second[0] <= first[1]
 
 
-def of_number(printed: Ends, spread: Spread, direction: Share | None, power: float) -> Ruling:
-    """Judge a printed interval by the spread over plants, else by direction."""
+def of_number(
+    printed: Ends, spread: Spread, direction: Share | None, power: float, *, all_reversed: bool = True
+) -> Ruling:
+    """Judge a printed interval by the spread over plants, else by direction.
+
+    `all_reversed` tells whether the other numbers between the same runs are contradicted, too.
+    """
     near = any(edge and meets(printed, edge) for edge in (spread.low_interval, spread.high_interval))
     if meets(printed, (spread.low, spread.high)):
         return Ruling("no_power" if power >= NO_POWER else "compatible", near)
@@ -91,17 +96,24 @@ def of_number(printed: Ends, spread: Spread, direction: Share | None, power: flo
         return Ruling("outside_model", near)
     by_direction = of_share(direction)
     verdict = "direction_only" if by_direction.verdict == "compatible" else by_direction.verdict
+    if verdict == "contradicted" and not all_reversed:
+        verdict = "depends_on_plant"
     return Ruling(verdict, near or by_direction.borderline)
 
 
 def power_of(printed: Ends, spread: Spread, least: float = 0.0) -> float:
     """Share of the decade around a printed number that would also be inside, 0 to 1.
 
-    The decade is of what exceeds `least`, the smallest possible number.
+    The decade is of what exceeds `least`, the smallest possible number. That of a negative number is
+    negative, and 0 has none.
     """
     low, high = printed
     value, half = 0.5 * (low + high) - least, 0.5 * (high - low)
     ends = np.array([spread.low - half, spread.high + half]) - least
+    if value <= 0.0:
+        value, ends = -value, -ends[::-1]
+    if value == 0.0:
+        return 0.0
     decades = np.log10(np.clip(ends, value / 10**0.5, value * 10**0.5) / value)
     return float(decades[1] - decades[0])
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
 from tendonrepro.configuration.models.readings import PRINTED, reading
-from tendonrepro.configuration.published import Published
+from tendonrepro.configuration.published import Published, row_of
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
@@ -25,6 +25,8 @@ IDEAL_SHORTER, IDEAL_LONGER = (reading(dict(IDEAL.settings + way.settings)) for 
 
 RIVALS = CONTROLLERS[1:]
 ERRORS: Mapping[str, str] = {"mae": "MAE", "rmse": "RMSE"}
+ORDERED: Mapping[str, Mapping[str, str]] = {"order": ERRORS, "rising_shape": {SHAPE: "RMSE/MAE"}}
+"""Statistics by which rules put controllers in order."""
 SIZES: Mapping[str, str] = {"rms": "RMS", "peak": "peak", "slow": "course below 3 Hz"}
 """What a reader of a plot may mean by the size of a signal, by words in names of statistics."""
 
@@ -98,17 +100,18 @@ def stable(plants: Plants, _: Published) -> Claim:
     return Claim(statements, resolved, untestable=untestable)
 
 
-def order(plants: Plants, _: Published) -> Claim:
-    """C2: controllers 1 < 2 < 3 in both metrics."""
-    return _in_order(plants, ERRORS)
+def order(plants: Plants, paper: Published) -> Claim:
+    """C2: controllers 1 < 2 < 3 in both metrics, or what other order is printed."""
+    return _in_order(plants, paper, ORDERED["order"])
 
 
-def rising_shape(plants: Plants, _: Published) -> Claim:
-    """F1: RMSE/MAE of controllers 1 < 2 < 3."""
-    return _in_order(plants, {SHAPE: "RMSE/MAE"})
+def rising_shape(plants: Plants, paper: Published) -> Claim:
+    """F1: RMSE/MAE of controllers 1 < 2 < 3, or what other order is printed."""
+    return _in_order(plants, paper, ORDERED["rising_shape"])
 
 
-def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
+def _in_order(plants: Plants, paper: Published, statistics: Mapping[str, str]) -> Claim:
+    printed = printed_order(paper, plants.joints, statistics) or CONTROLLERS
     published, reverse = (
         [
             statement
@@ -116,24 +119,38 @@ def _in_order(plants: Plants, statistics: Mapping[str, str]) -> Claim:
             for name, what in statistics.items()
             for statement in smaller(plants, name, first, second, what)
         ]
-        for runs in (CONTROLLERS, CONTROLLERS[::-1])
+        for runs in (printed, printed[::-1])
     )
-    n = len(plants.joints)
+    n, best = len(plants.joints), printed[0]
     last = [
         statement
-        for rival in RIVALS
+        for rival in printed[1:]
         for name, what in statistics.items()
-        for statement in smaller(plants, name, rival, FIRST, what)
+        for statement in smaller(plants, name, rival, best, what)
     ]
     beside = [
         Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)
         for text, statements in (("complete order", published), ("complete reverse order", reverse))
     ]
-    largest = f"{FIRST} has the largest {' and '.join(statistics.values())} on all joints"
+    largest = f"{best} has the largest {' and '.join(statistics.values())} on all joints"
     beside.append(Statement(largest, together(last)))
     opposite = Statement("the complete reverse order on all joints", together(reverse))
     return Claim(published, plants.ok(*CONTROLLERS), opposite=opposite, beside=beside)
+
+
+def printed_order(
+    paper: Published, joints: Sequence[int], statistics: Iterable[str]
+) -> tuple[str, ...] | None:
+    """Controllers in the one order that all columns of some printed statistics have, the smallest first."""
+
+    def sizes(run: str) -> list[Array]:
+        mae, rmse = (np.array(paper.per_joint(f"{row_of(run)}.{metric}", joints)) for metric in ERRORS)
+        printed = {"mae": mae, "rmse": rmse, SHAPE: rmse / mae}
+        return [printed[name] for name in statistics]
+
+    orders = permutations(CONTROLLERS)
+    return next((runs for runs in orders if (np.diff([sizes(run) for run in runs], axis=0) > 0).all()), None)
 
 
 def joints_alike(plants: Plants, paper: Published) -> Claim:
@@ -208,15 +225,23 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
     return statements
 
 
-def payload(plants: Plants, _: Published) -> Claim:
-    """P1: the payload makes errors of Controller 1 larger."""
+def payload(plants: Plants, paper: Published) -> Claim:
+    """P1: the payload makes errors of Controller 1 larger, or smaller where that is printed."""
     runs = (*CONTROLLERS, LOADED)
-    return Claim(larger_with_load(plants), plants.ok(*runs))
+    return Claim(with_load(plants, paper), plants.ok(*runs))
 
 
-def larger_with_load(plants: Plants) -> list[Statement]:
-    """Statements of P1, which need no other controller."""
-    return [part for name, what in ERRORS.items() for part in smaller(plants, name, FIRST, LOADED, what)]
+def with_load(plants: Plants, paper: Published) -> list[Statement]:
+    """Statements of P1, which need no other controller; none of an error that is printed unchanged."""
+    statements = []
+    for name, what in ERRORS.items():
+        before, after = (paper.per_joint(f"{row_of(run)}.{name}", plants.joints) for run in (FIRST, LOADED))
+        larger, less = (smaller(plants, name, *runs, what) for runs in ((FIRST, LOADED), (LOADED, FIRST)))
+        for row in zip(before, after, larger, less, strict=True):
+            statements += [row[2]] if row[0] < row[1] else [row[3]] if row[0] > row[1] else []
+    if not statements:
+        raise DataMissingError("a change with the payload in the print")
+    return statements
 
 
 def better_estimate(plants: Plants, _: Published) -> Claim:

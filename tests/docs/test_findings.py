@@ -127,7 +127,7 @@ def test_the_headline_names_its_conditions_before_its_shares() -> None:
             assert [words for words in held if words not in told] == []
 
 
-def test_numbers_in_the_words(readings: dict[str, Row], claims: dict[str, Any], makers: list[Any]) -> None:
+def test_numbers_in_the_words(readings: dict[str, Row], claims: dict[str, Any]) -> None:
     """Each number that a sentence of README or findings has, and its place in the stored results."""
     errors = {k: published().number(f"table2.controller_{k}.mae.joint_2") for k in (1, 2)}
     shape = stored("identify")["readings"][0]["best_shape"][0]
@@ -147,8 +147,6 @@ def test_numbers_in_the_words(readings: dict[str, Row], claims: dict[str, Any], 
         for metric in ("mae", "rmse")
         for joint in (2, 3)
     ]
-    given = makers[1].of_groups(stored("given"))
-    named_right = [group["right"] for group in given]
     assert percent(absent["last"]) == percent(ramp["last"])
     pairs = [
         ("docs/findings.md", f"ratios are {min(published_shares):.2f} to {max(published_shares):.2f}"),
@@ -184,9 +182,6 @@ def test_numbers_in_the_words(readings: dict[str, Row], claims: dict[str, Any], 
         ("docs/findings.md", f"closest`) misses them by {100 * min(misfits.values()):.1f} %"),
         ("docs/findings.md", f"the {len(readings)} interpretations"),
         ("docs/findings.md", f"differ by {errors[2] - errors[1]:.3f}° on joint 2"),
-        ("docs/findings.md", f"each of {len(stored('given')['names'])} interpretations"),
-        ("docs/findings.md", f"a changed equation have {percent(given[-1]['probability'])} [given"),
-        ("docs/findings.md", f"right on {100 * min(named_right):.0f} to {100 * max(named_right):.0f} %"),
     ]
     closest = {
         "as published": "printed",

@@ -110,36 +110,41 @@ def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatte
     assert "16,080" in text
 
 
-def given(probability, typical=0.4, confused=None):
-    """Two interpretations as published and one changed."""
+def row(compared, estimator, probability, low, high, loss):
     return {
-        "names": ["printed", "encoder=ideal", "weights=extrapolating"],
-        "probability": probability,
-        "plants": [100, 300, 200],
-        "confused": confused or [[0.5, 0.3, 0.2], [0.1, 0.5, 0.4], [0.0, 0.1, 0.9]],
-        "typical": typical,
-        "sure_from": 0.9,
+        **{"compared": compared, "numbers": 12, "estimator": estimator, "log_loss": loss},
+        **{"probability": probability, "low": low, "high": high, "recalibrated": 0.5, "right": 0.9},
     }
 
 
-def test_groups_of_interpretations_add_up(generate):
-    """Of 400 plants as published 80 and 60 per cent are named as one of the two; of the others 90."""
-    found = {
-        group["title"]: [group[key] for key in ("count", "probability", "right")]
-        for group in generate.of_groups(given([0.2, 0.1, 0.7]))
+def test_the_range_is_over_all_estimators_and_kernels_have_one_column(generate):
+    rows = [
+        row("ratios between runs", "kernel of 2 %", 0.9, 0.8, 0.99, 0.6),
+        row("ratios between runs", "kernel of 10 %", 0.7, 0.6, 0.75, 0.2),
+        row("ratios between runs", "extra trees", 0.5, 0.4, 0.55, 0.1),
+        row("all ratios", "extra trees", 1e-9, 1e-9, 0.3, 0.1),
+    ]
+    found = generate.of_tables({"rows": rows})
+    assert found["estimators"] == ["kernel", "extra trees"]
+    assert dict(found["compared"]) == {
+        "12 ratios between runs": ["60 to 99", "40 to 55"],
+        "12 all ratios": ["", "0 to 30"],
     }
-    assert found["Equations as published"] == pytest.approx([2, 0.3, 0.65])
-    assert found["Equations changed"] == pytest.approx([1, 0.7, 0.9])
-    assert found["Equations as published, other references and runs"][:2] == [0, 0.0]
+    assert (generate.reach(found["between"]), generate.reach(found["all"])) == ("40 to 99 %", "0 to 30 %")
 
 
-def test_the_tables_name_one_or_a_group_or_none(generate):
-    asked = (([0.0, 0.05, 0.95],), ([0.5, 0.45, 0.05],), ([0.5, 0.1, 0.4],), ([0.0, 0.05, 0.95], 0.01))
-    one, group, neither, unlike = (
-        generate.made("named_by_the_tables", **generate.of_tables(given(*numbers))) for numbers in asked
-    )
-    assert "`weights=extrapolating`" in one
-    assert "Equations as published" in group
-    assert "`printed`" in group
-    assert "Equations" not in neither
-    assert "`" not in unlike
+def test_a_group_of_made_up_papers_has_its_lowest_and_highest_rate(generate):
+    def of(reading, share, papers=200, noise=0.02):
+        return {"reading": reading, "noise": noise, "papers": papers, "false_contradicted": {"share": share}}
+
+    rows = [
+        of("printed", 0.01),
+        of("encoder=ideal", 0.02),
+        of("feedback=motor", 0.26),
+        of("starts=apart", 0.1),
+    ]
+    rows += [of("weights=extrapolating", 1.0), of("printed", 0.03, noise=0.05)]
+    found = generate.of_papers({"readings": rows, "noise": 0.02})
+    cells = [generate.extent(group, "false_contradicted") for _, group in found["papers"]]
+    assert cells == ["1 %", "3 %", "2 to 26 %", "10 %", "100 %"]
+    assert found["unsaid"] == 0.26

@@ -7,6 +7,7 @@ docs/results.md says how.
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,11 @@ def test_every_reading_was_drawn_and_searched() -> None:
         assert readings.keys() == today, name
     assert {reading["name"] for reading in stored("identify")["readings"]} == SHOWN.keys()
     assert stored("draws")["misfit_log"].keys() == SHOWN.keys()
-    given = stored("given")
+    given, planted = stored("given"), stored("planted")
     assert {*given["names"], *given["left_out"]} == SHOWN.keys()
-    assert {given["draws"], stored("draws")["draws"]} == {stored("ensemble")["draws"]}
+    assert {row["reading"] for row in planted["readings"]} == SHOWN.keys()
+    drawn = {found["draws"] for found in (given, planted, stored("draws"))}
+    assert drawn == {stored("ensemble")["draws"]}
 
 
 @pytest.mark.release
@@ -123,3 +126,20 @@ def test_results_were_made_by_the_physics_of_today() -> None:
 
 def test_no_tuned_law_lost_to_its_special_case() -> None:
     assert stored("tune")["lost_to_special_case"] == []
+
+
+def test_right_papers_as_published_are_seldom_contradicted() -> None:
+    """The rules have to change where more than one in twenty is, upper end of the interval included."""
+    planted = stored("planted")
+    assert planted["papers"] >= 200
+    assert planted["false_contradicted"]["high"] <= 0.05
+
+
+@pytest.mark.slow
+def test_rates_follow_from_the_stored_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS)
+    module = importlib.import_module("planted_papers")
+    rows = [row for row in stored("planted")["readings"] if row["reading"] == "printed"]
+    for row in rows:
+        made = module.outcomes(module.stored_errors(), "printed", row["noise"])
+        assert {name: row[name] for name in made} == importlib.import_module("stored_results").rounded(made)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from support.other_print import with_numbers
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.errors import DataMissingError
@@ -129,7 +128,7 @@ def paper_of(data, plant=KNOWN):
                 values[f"share.controller_1_of_{k}.{place}"] = share
             increase = 100.0 * (found["controller_1_payload"][i] / found["controller_1"][i] - 1.0)
             values[f"increase.with_load.{place}"] = increase
-    return with_numbers(published(), values)
+    return published().with_numbers(values)
 
 
 def verdicts(data, paper, *only):

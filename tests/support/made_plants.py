@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 
-from support.other_print import with_numbers
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published, row_of
@@ -67,7 +66,7 @@ def paper_with(errors, decimals=None):
     names = [
         f"{row_of(run)}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in (2, 3)
     ]
-    return with_numbers(published(), dict(zip(names, np.ravel(errors), strict=True)), decimals)
+    return published().with_numbers(dict(zip(names, np.ravel(errors), strict=True)), decimals)
 
 
 MADE_UP_ERRORS = np.einsum("r,m,j->rmj", [0.9, 1.0, 1.0, 0.9], [1.0, 1.25], [0.2, 0.2])
@@ -76,4 +75,4 @@ MADE_UP_ERRORS = np.einsum("r,m,j->rmj", [0.9, 1.0, 1.0, 0.9], [1.0, 1.25], [0.2
 
 def made_up_paper(**changed):
     """The paper with these numbers, but for some."""
-    return with_numbers(paper_with(MADE_UP_ERRORS), changed)
+    return paper_with(MADE_UP_ERRORS).with_numbers(changed)

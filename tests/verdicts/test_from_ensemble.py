@@ -5,7 +5,6 @@ from itertools import product
 import numpy as np
 import pytest
 from support.made_claims import ESTIMATES, RUNS, MadeEnsemble, paper_of, sizes_of, spoil, verdict_on, verdicts
-from support.other_print import with_numbers
 
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, default_readings
 from tendonrepro.configuration.published import published
@@ -41,7 +40,7 @@ class TestKnownAnswers:
         ],
     )
     def test_one_falsified_number_is_caught(self, data, paper, name, value, verdict, others):
-        before, after = (verdicts(data, print_) for print_ in (paper, with_numbers(paper, {name: value})))
+        before, after = (verdicts(data, print_) for print_ in (paper, paper.with_numbers({name: value})))
         assert before[name].verdict in OK_NAMES
         assert after[name].verdict == verdict
         assert {claim: after[claim].verdict for claim in others} == others
