@@ -24,6 +24,7 @@ from tendonrepro.configuration.models.readings import (
     OFFSETS,
     UNDER_READINGS,
     as_printed,
+    of_row,
 )
 from tendonrepro.configuration.models.reference import ReferenceConfig
 from tendonrepro.configuration.published import COMPARED
@@ -207,7 +208,7 @@ def _copied(tree: Mapping[str, Node]) -> Section:
 
 
 def _drawn(value: object, unit: str, row: str) -> Section:
-    return {"value": value, "unit": unit, "source": f"assumed: draw from the box, {row}"}
+    return {"value": value, "unit": unit, "source": of_row(row)}
 
 
 def _word(draw: Draw, row: str) -> str:

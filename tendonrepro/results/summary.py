@@ -131,7 +131,7 @@ def torque_sizes(file: TraceFile, trace: Trace) -> Sizes:
     if "tau_m" not in trace:
         return {}
     torque = trace["tau_m"]
-    sizes = {"rms_Nm": rmse(torque), "peak_Nm": max_abs(torque), "step_rms_Nm": step_rms(torque)}
+    sizes = {"rms_Nm": rmse(torque), "peak_Nm": max_abs(torque), "step_rms_Nm": rmse(np.diff(torque, axis=0))}
     limit = file.plant.values.get("actuator_torque_limit")
     if limit is not None:
         S = file.plant.matrix("S", trace.joint)
@@ -247,11 +247,6 @@ def _signals(trace: Trace, phases: streaming.Thresholds) -> dict[str, Array]:
     if "tau" in signals:
         signals["change"] = np.diff(signals["tau"], axis=0)
     return signals
-
-
-def step_rms(torque: Array) -> Array:
-    """RMS of a torque's steps from sample to sample, (n,)."""
-    return rmse(np.diff(torque, axis=0))
 
 
 def saturated(trace: Trace, S: Array, limit: Array) -> Array:

@@ -193,14 +193,15 @@ def replaced(model: _M, path: str, value: object) -> _M:
 
 
 def _scalar(value: float, unit: str, row: str = "") -> Scalar:
-    return Scalar.model_construct(value=value, unit=unit, source=_of_row(row) if row else _SOURCE)
+    return Scalar.model_construct(value=value, unit=unit, source=of_row(row) if row else _SOURCE)
 
 
 def _angles(values: Sequence[float], row: str) -> Vector:
-    return Moving.model_construct(value=tuple(values), unit="rad", source=_of_row(row))
+    return Moving.model_construct(value=tuple(values), unit="rad", source=of_row(row))
 
 
-def _of_row(row: str) -> str:
+def of_row(row: str) -> str:
+    """Source of a value that is drawn, of a row of the box."""
     return f"assumed: draw from the box, {row}"
 
 
