@@ -91,7 +91,6 @@ def context() -> dict[str, Any]:
         **of_searches(stored("identify")),
         **of_tables(stored("given")),
         **of_papers(stored("planted")),
-        "laws": LAWS,
         "stored": stored,
         "verdicts": verdicts,
     }
@@ -183,7 +182,7 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
 
 PARTS = (
     "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
-    "claims", "numbers", "deciding unknowns", "questions", "at their best", "experiments on starts", "given the tables",
+    "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
     "planted papers", "how probable", "the bound", "the least misfits",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""

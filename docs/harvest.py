@@ -27,6 +27,7 @@ from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
 from tendonrepro.reporting.readings import COLUMNS, head_of, rows_of
+from tendonrepro.tuning.bench import PUBLISHED
 
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"
 
@@ -78,7 +79,7 @@ def store_ensemble(summary: Mapping[str, Any]) -> None:
 
 def tuned_over_published(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Controller 2 tuned, over itself as published on the same arm: median error and roughness, by cap."""
-    plain = [row for row in rows if row["stable"] and not row["filtered"] and row["knows"] == "none" and "alpha" not in row]
+    plain = [row for row in rows if row["stable"] and row["condition"] == PUBLISHED and not row["alone"] and "alpha" not in row]
     published = {row["draw"]: row for row in plain if row["law"] == "controller_2"}
     found = {}
     for cap in ("none", "1/3"):

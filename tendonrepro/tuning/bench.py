@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,15 @@ from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant, load_at_rest
 from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.physics.trajectory import Motion, Shape, minimum_jerk, motion, smooth_sine
+from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, smooth_sine
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
 from tendonrepro.tuning.laws import LAWS, Gains, TunedLaw
 
-# What is known beforehand along the desired motion: nothing, the weight, or all but dry friction.
-CLASSES = ("none", "gravity", "full")
+# As published a law knows nothing of the arm, and differences positions for its velocity. Where all is known
+# it is given the torque of all but dry friction along the desired motion, and velocities are filtered.
+CONDITIONS = PUBLISHED, KNOWN = "as published", "all known"
 
 PAYLOAD = 0.2  # kg, as in section 5.4, where no run has one
 HELD_OUT_SHARE = 0.5  # of the payload, in the held-out run
@@ -39,70 +40,46 @@ COUNTS = 2.0  # fast error, RMS in encoder counts, up to which a run is not ring
 TUNED, ALL_RUNS = 3, 4  # loops of a plant that are tuned on, and all; the last is the held-out one
 
 # Up and down by 33 deg as the plain arm, a fifth faster than the box allows, so that a run is short.
-_STROKE = np.radians(33.0)
+_STROKE, _PERIOD = np.radians(33.0), 2.4
 # Held out is another shape: a sine between 0 and 40 deg that begins softly.
-_HALF_SINE = np.radians(20.0)
+_HALF_SINE, _SINE_PERIOD = np.radians(20.0), 2.5
 
 
-def _tuning(most: float) -> Shape:
-    return minimum_jerk(min(_STROKE, most), 1.2, 0.0)
-
-
-def _held_out(most: float) -> Shape:
+def _motions(config: CompareConfig) -> Iterator[DesiredMotion]:
+    """Yield the motion of tuning and the held-out one, with strokes by which no link comes near upright."""
+    n, L = len(config.joints), config.sampling_period.si
+    most = float(0.9 * (np.pi - start_angles(config).max()) / n)
     half = min(_HALF_SINE, most / 2.0)
-    return smooth_sine(half, half, 2.5, 1.25)
-
-
-# Shape for the largest stroke that an arm allows, rad, and period, s.
-TUNING: tuple[Callable[[float], Shape], float] = (_tuning, 2.4)
-HELD_OUT: tuple[Callable[[float], Shape], float] = (_held_out, 5.0)
-
-
-def _largest_stroke(config: CompareConfig) -> float:
-    """Stroke of every joint with which no link comes near upright, rad."""
-    return float(0.9 * (np.pi - start_angles(config).max()) / len(config.joints))
-
-
-def _motion(shape: Shape, period: float, L: float, n: int) -> DesiredMotion:
-    time: Array = L * np.arange(round(period / L) + 1.0)
-    return DesiredMotion(time, *motion(time, [Motion((shape,), period)] * n), period)
-
-
-# By class and whether the motion is the held-out one: torque, N m (T, n), and map of the law's torques.
-Known: TypeAlias = Mapping[tuple[str, bool], tuple[Array, Array]]
+    for shape, period in (
+        (minimum_jerk(min(_STROKE, most), _PERIOD / 2.0, 0.0), _PERIOD),
+        (smooth_sine(half, half, _SINE_PERIOD, _SINE_PERIOD / 2.0), 2.0 * _SINE_PERIOD),
+    ):
+        time: Array = L * np.arange(round(period / L) + 1.0)
+        yield DesiredMotion(time, *motion(time, [Motion((shape,), period)] * n), period)
 
 
 class TrialPlants(NamedTuple):
     """One draw as loops to run in, and what laws are made of.
 
     Loops are without payload, with it, and without it at `LESS_DAMPING`; then with the held-out payload and
-    motion. `controllers` are 1 to 3 with the gains and readings of the configuration, `law` is the second of
-    them and `alpha` (n,) the weight of the first; `newest` is the weight of the newest value where velocities
-    are filtered.
+    motion. `controllers` are 1 to 3 with the gains and readings of the configuration, `alpha` (n,) is the
+    weight of the first; `newest` is the weight of the newest value where velocities are filtered. `known` is
+    what `known_along` gives for the motion of tuning and for the held-out one.
     """
 
     loops: tuple[Loop, ...]
     controllers: Mapping[str, Law]
     alpha: Array
     newest: float
-    known: Known
+    known: Sequence[tuple[Array, Array]]
     limits: StatusLimits
-
-    @property
-    def law(self) -> Law:
-        """Controller 2."""
-        return self.controllers["controller_2"]
 
 
 class Candidate(NamedTuple):
-    """A law with gains and knowledge, its velocities filtered or not.
-
-    Where it is one of the configuration, `given` is all of it.
-    """
+    """A law with gains, under a condition; where it is one of the configuration, `given` is all of it."""
 
     law: TunedLaw
-    knows: str
-    filtered: bool
+    condition: str
     gains: Gains
     given: Law | None = None
 
@@ -124,10 +101,7 @@ def posed(config: CompareConfig) -> TrialPlants:
     Nor is its ``errors_from``, which speaks of that motion: errors are of the whole of these.
     """
     config = config.model_copy(update={"errors_from": None})
-    n, most = len(config.joints), _largest_stroke(config)
-    motions = [
-        _motion(shape(most), period, config.sampling_period.si, n) for shape, period in (TUNING, HELD_OUT)
-    ]
+    motions = [*_motions(config)]
     own = run_loop(config, next(iter(config.runs)), motions[0], Once())
     payload = max(run.payload.si for run in config.runs.values()) or PAYLOAD
     bare, carrying, other = (build_plant(config, mass) for mass in (0.0, payload, HELD_OUT_SHARE * payload))
@@ -139,24 +113,15 @@ def posed(config: CompareConfig) -> TrialPlants:
         controllers={name: build_law(config, name) for name in CONTROLLERS},
         alpha=config.control.gains.alpha.si,
         newest=build_law(filtering, SECOND).rate_filter,
-        known=known_along(bare, motions),
+        known=[known_along(bare, along) for along in motions],
         limits=config.status,
     )
 
 
-def known_along(plant: Plant, motions: Sequence[DesiredMotion]) -> Known:
-    """What each class knows along the motion of tuning, and along the held-out one."""
-    return {
-        (name, bool(k)): _known(name, plant, along) for name in CLASSES for k, along in enumerate(motions)
-    }
-
-
-def _known(name: str, plant: Plant, along: DesiredMotion) -> tuple[Array, Array]:
+def known_along(plant: Plant, along: DesiredMotion) -> tuple[Array, Array]:
+    """What is known along a motion: torque, N m (T, n), and map of the law's torques (n, n)."""
     q, dq, ddq = along.q_d.T, along.dq_d.T, along.ddq_d.T
-    weight, unit = load_at_rest(q, plant), np.eye(len(q))
-    if name != "full":
-        return weight.T * (name == "gravity"), unit
-    drive = plant.drive
+    weight, drive = load_at_rest(q, plant), plant.drive
     inertia = to_joint_matrix(drive.inertia, drive.S_inv)
     viscous = to_joint_matrix(drive.friction.viscous, drive.S_inv) + np.diag(plant.link_friction.viscous)
     moving = bias_torque(q, dq, plant.arm) - bias_torque(q, 0.0 * dq, plant.arm)
@@ -171,9 +136,9 @@ def loops_of(plants: TrialPlants, candidate: Candidate, runs: int = TUNED) -> li
     law, command = _law_of(plants, candidate), candidate.law.command
     controller = TimeDelayController(law, command, on_lanes=command is not None)
     given = [plants.loops[0].reference, plants.loops[-1].reference]
-    if candidate.knows != "none":
+    if candidate.condition == KNOWN:
         for place, reference in enumerate(given[: 1 + (runs == ALL_RUNS)]):
-            torque, _ = plants.known[candidate.knows, bool(place)]
+            torque, _ = plants.known[place]
             extra = _entering(torque, law, increments=command is None) @ law.from_joint.T / law.M_bar
             given[place] = replace(reference, ddq_d=reference.ddq_d + extra)
     return [
@@ -183,9 +148,10 @@ def loops_of(plants: TrialPlants, candidate: Candidate, runs: int = TUNED) -> li
 
 
 def _law_of(plants: TrialPlants, candidate: Candidate) -> Law:
-    law = candidate.given or candidate.law.law(plants.law, candidate.gains, plants.alpha)
-    weight = plants.newest if candidate.filtered else 1.0
-    _, to_joint = plants.known[candidate.knows, False]
+    law = candidate.given or candidate.law.law(plants.controllers[SECOND], candidate.gains, plants.alpha)
+    weight, to_joint = 1.0, np.eye(plants.alpha.size)
+    if candidate.condition == KNOWN:
+        weight, (_, to_joint) = plants.newest, plants.known[0]
     from_joint = np.asarray(np.linalg.inv(to_joint), dtype=np.float64)
     return law._replace(rate_filter=weight, ddq_filter=weight, to_joint=to_joint, from_joint=from_joint)
 
@@ -220,13 +186,13 @@ def measure(plants: TrialPlants, candidates: Sequence[Candidate], runs: int = TU
     return Performance(mae, np.sqrt(np.mean(steps[:, :2] ** 2, axis=2)).max(axis=1), stable)
 
 
-def as_published(plants: TrialPlants, knows: str = "none", filtered: bool = False) -> dict[str, Candidate]:
+def as_published(plants: TrialPlants, condition: str = PUBLISHED) -> dict[str, Candidate]:
     """Controllers 1 to 3 with the gains and readings of the configuration, as published or a user's."""
     candidates = {}
     for name, kind in zip(CONTROLLERS, ("alpha_published", "ntsm", "tsm"), strict=True):
         law, given = LAWS[kind], plants.controllers[name]
         gains = {gain: getattr(given, gain) for gain in law.gains}
-        candidates[name] = Candidate(law, knows, filtered, gains, given)
+        candidates[name] = Candidate(law, condition, gains, given)
     return candidates
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 
 from matplotlib.axes import Axes
 
 from tendonrepro.results.figures import style
+from tendonrepro.tuning.bench import KNOWN, PUBLISHED
 from tendonrepro.tuning.search import TunedRow
 
-KNOWN = {"none": "nothing known", "gravity": "weight known", "full": "model known"}
-VELOCITY = {False: "velocity as measured", True: "velocity filtered"}
+PANELS = {PUBLISHED: "nothing known, velocity as measured", KNOWN: "model known, velocity filtered"}
 LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
 MARKERS = "osD^vP"
 FEW = 0.5  # share of plants below which a median is not drawn
@@ -21,47 +20,38 @@ FEW = 0.5  # share of plants below which a median is not drawn
 def draw_tuning(
     laws: Sequence[TunedRow], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
 ) -> style.Drawing:
-    """Draw medians of error against torque roughness: a column for what is known, a row for the velocity.
+    """Draw medians of error against torque roughness, a panel for each condition.
 
     `on` says of which plants, for whoever made the picture, and `gains` whose the untuned ones are.
     """
-    figure = style.open_figure(style.PAGE_MM, 134.0)
-    grid = figure.subplots(len(VELOCITY), len(KNOWN), sharex=True, sharey=True)
+    figure = style.open_figure(style.PAGE_MM, 88.0)
+    panels = figure.subplots(1, len(PANELS), sharex=True, sharey=True)
     drawn = {law: title for law, title in titles.items() if law not in LEFT_OUT}
-    conditions = list(product(VELOCITY, KNOWN))
-    for panel, (filtered, knows) in zip(grid.flat, conditions, strict=True):
-        condition = (knows, filtered)
-        rows = [row for row in laws if (row["knows"], row["filtered"]) == condition]
+    for panel, condition in zip(panels, PANELS, strict=True):
+        rows = [row for row in laws if row["condition"] == condition and not row["alone"]]
         _draw(panel, [row for row in rows if row["share_stable"] >= FEW], drawn, gains)
-    for panel, name in zip(grid[:, 0], VELOCITY.values(), strict=True):
-        panel.set_ylabel(f"{name}\nmean absolute error (deg)")
-    for panel in grid[-1]:
         panel.set_xlabel("torque roughness (N m)")
-    style.letter_panels(grid.flat, [KNOWN[knows] for _, knows in conditions])
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    panels[0].set_ylabel("mean absolute error (deg)")
+    style.letter_panels(panels, [*PANELS.values()])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     caption = (
         "Mean absolute error against torque roughness of every law at its best. Medians over the plants on "
         "which it has gains that are stable with half the tendon damping. Along a curve the cap on roughness "
-        "changes. What is known is the arm's weight, its model, or nothing. "
-        f"Stars have the {gains} gains, and along the grey line α changes. "
+        f"changes. Stars have the {gains} gains, and along the grey line α changes. "
         "Each is over its own stable plants, so they do not rank each other."
     )
-    return style.Drawing(
-        "tune", figure, list(grid.flat), caption, origin=f"Simulated, tendonrepro tune, {on}"
-    )
+    return style.Drawing("tune", figure, list(panels), caption, origin=f"Simulated, tendonrepro tune, {on}")
 
 
 def _draw(panel: Axes, rows: Sequence[TunedRow], titles: Mapping[str, str], gains: str) -> None:
     def plot(own: Sequence[TunedRow], look: style.Look) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
+    best = [row for row in rows if row["alpha"] is None and row["cap"] != "published"]
     for number, (law, title) in enumerate(titles.items(), start=1):
-        front = [row for row in rows if row["law"] == law and row["cap"] != "published"]
-        look = style.stroke_of(number).line | {
-            "marker": MARKERS[(number - 1) % len(MARKERS)],
-            "markersize": 3.2,
-        }
-        plot(front, {"label": title, **look})
+        mark = {"marker": MARKERS[(number - 1) % len(MARKERS)], "markersize": 3.2}
+        front = [row for row in best if row["law"] == law]
+        plot(front, {"label": title, **style.stroke_of(number).line, **mark})
     published = [row for row in rows if row["cap"] == "published"]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
     star = {"linestyle": "", "marker": "*", "color": "black", "markersize": 6}

@@ -6,7 +6,7 @@ why. Gains in `PER_JOINT` have a value for each joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -222,10 +222,6 @@ EQUIVALENCES: tuple[Equivalence, ...] = (
 _TUNABLE = frozenset({"M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p"})
 
 
-def _is_range(bounds: Sequence[float]) -> bool:
-    return np.size(bounds) == 2 and 0.0 < bounds[0] < bounds[1]
-
-
 def _mistake_in(bounds: object) -> str:
     """What is wrong with a law's bounds, if anything is."""
     if not isinstance(bounds, dict) or not bounds:
@@ -233,12 +229,12 @@ def _mistake_in(bounds: object) -> str:
     for name, ends in bounds.items():
         if name not in _TUNABLE:
             return f"has bounds of {name!r}, which is no gain{did_you_mean(name, sorted(_TUNABLE))}"
-        if not _is_range(ends):
+        if np.size(ends) != 2 or not 0.0 < ends[0] < ends[1]:
             return f"has bounds of {name} that are no range: {ends}"
     return ""
 
 
-def user_law(own: UserLaw) -> TunedLaw:
+def tuned_user_law(own: UserLaw) -> TunedLaw:
     """A user's law, refused without bounds or if it asks for the plant."""
     function, _ = own.load()
     bounds = getattr(function, "bounds", {})

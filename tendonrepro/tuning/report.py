@@ -13,10 +13,11 @@ from tendonrepro.console import count_of
 from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
-from tendonrepro.tuning.laws import LAWS
-from tendonrepro.tuning.search import CAPS, CONDITIONS, TunedRow, TuningTask
+from tendonrepro.tuning.bench import CONDITIONS
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS
+from tendonrepro.tuning.search import CAPS, SAME, TunedRow, TuningTask
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 # Pairs of laws whose errors are compared, the first over the second.
 QUESTIONS: tuple[tuple[str, str], ...] = (
@@ -25,17 +26,19 @@ QUESTIONS: tuple[tuple[str, str], ...] = (
     ("alpha_free", "ntsm"),
     ("ntsm", "tsm"),
     ("ntsm", "tdc"),
-    ("tdc", "pid"),
+    ("ntsm", "pid"),
     ("alpha_free", "pid"),
     ("dob", "pid"),
     ("super_twisting", "pid"),
 )
-VERDICTS = "smaller error", "no difference", "larger error", "undecided", "too few plants"
-SMALLER, NONE, LARGER, UNDECIDED, TOO_FEW = VERDICTS
-ALIKE = 0.1  # a difference below this, in logs, is none; a wider interval that shows none leaves it undecided
-FEWEST = 8  # draws on which both laws must have gains, for a verdict
+VERDICTS = SMALLER, NONE, LARGER, UNDECIDED = "smaller error", "no difference", "larger error", "undecided"
+ALIKE = 0.1  # a difference below this, in logs, counts as none
+FEWEST = 8  # draws on which both laws must have gains, else all is undecided
 
-_HEAD = "law", "over", "knows", "filtered", "cap", "draws"
+_COUNTED = *(name.replace(" ", "_") for name in VERDICTS), "agree"
+_SHOWN = "law", "over", "median_ratio", "low", "high", "alone_median_ratio", *_COUNTED
+_KEY = "law", "condition", "alone", "cap", "draw"
+_COMPARED = "draws", "ratio", "low", "high", "scatter", "held_out", "verdict"
 
 
 def comparisons(rows: Sequence[TunedRow], pairs: Sequence[tuple[str, str]], seed: int) -> Iterator[TunedRow]:
@@ -43,44 +46,79 @@ def comparisons(rows: Sequence[TunedRow], pairs: Sequence[tuple[str, str]], seed
 
     ``ratio`` is the median over draws with its 95 % bootstrap interval, ``scatter`` the ratio by which the
     second best search misses the best, ``held_out`` the median ratio on the held-out payload and motion.
+    Names that begin with ``alone`` are of searches without gains handed on. The verdict is that of searches
+    with them, undecided where those alone do not agree.
     """
-    by_key = {tuple(row[name] for name in ("law", "knows", "filtered", "cap", "draw")): row for row in rows}
-    draws = sorted({row["draw"] for row in rows})
-    for (law, over), (knows, filtered), cap in product(pairs, CONDITIONS, CAPS):
-        both = [[by_key[which, knows, filtered, cap, draw] for which in (law, over)] for draw in draws]
-        kept = [(a, b) for a, b in both if a["stable"] and b["stable"]]
-        head = dict(zip(_HEAD, (law, over, knows, filtered, cap, len(kept)), strict=True))
-        none = dict.fromkeys(("ratio", "low", "high", "scatter", "held_out"), np.nan) | {"verdict": TOO_FEW}
-        yield head | (_compared(kept, seed) if len(kept) >= FEWEST else none)
+    at, draws = _by_place(rows), sorted({row["draw"] for row in rows})
+    for (law, over), condition, cap in product(pairs, CONDITIONS, CAPS):
+        places = [[(condition, alone, cap, draw) for draw in draws] for alone in (False, True)]
+        handed, own = (_compared([(at[law, *k], at[over, *k]) for k in way], seed) for way in places)
+        agree = _agree(handed, own)
+        head = {"law": law, "over": over, "condition": condition, "cap": cap}
+        more = {f"alone_{name}": value for name, value in own.items()}
+        yield head | handed | more | {"agree": agree, "verdict": handed["verdict"] if agree else UNDECIDED}
 
 
-def _compared(kept: Sequence[tuple[TunedRow, TunedRow]], seed: int) -> TunedRow:
+def _by_place(rows: Sequence[TunedRow]) -> dict[tuple[object, ...], TunedRow]:
+    """Rows of laws at their best by law, condition, whether alone, cap, and draw."""
+    return {tuple(row[name] for name in _KEY): row for row in rows if row.get("alpha") is None}
+
+
+def _compared(both: Sequence[tuple[TunedRow, TunedRow]], seed: int) -> TunedRow:
+    kept = [(a, b) for a, b in both if a["stable"] and b["stable"]]
+    if len(kept) < FEWEST:
+        return dict.fromkeys(_COMPARED, np.nan) | {"draws": len(kept), "verdict": UNDECIDED}
     logs = np.log([a["error"] / b["error"] for a, b in kept])
     errors = [(a["held_out_error"], b["held_out_error"]) for a, b in kept]
     held_out = [a / b for a, b in errors if a and b]
     samples = np.random.default_rng(seed).choice(logs, (2000, logs.size))
     middle, (low, high) = np.median(logs), np.quantile(np.median(samples, axis=1), [0.025, 0.975])
-    scatter = max(np.median([_miss(pair[k]["errors"]) for pair in kept]) for k in (0, 1))
+    scatter = max(np.median([_miss(pair[k]) for pair in kept]) for k in (0, 1))
     if low >= -ALIKE and high <= ALIKE:
-        verdict = NONE
+        verdict = NONE if scatter <= ALIKE else UNDECIDED
     elif low <= 0.0 <= high or abs(middle) <= scatter:
         verdict = UNDECIDED
     else:
         verdict = SMALLER if middle < 0.0 else LARGER
-    names = ("ratio", "low", "high", "scatter")
-    numbers = dict(zip(names, np.exp([middle, low, high, scatter]).tolist(), strict=True))
-    return numbers | {"held_out": float(np.median(held_out)) if held_out else np.nan, "verdict": verdict}
+    numbers = np.exp([middle, low, high, scatter]).tolist()
+    other = float(np.median(held_out)) if held_out else np.nan
+    return dict(zip(_COMPARED, (len(kept), *numbers, other, verdict), strict=True))
 
 
-def _miss(errors: Sequence[float | None]) -> float:
+def _agree(handed: TunedRow, own: TunedRow) -> bool:
+    """Whether both ways of searching have one verdict, or ratios that differ by less than their scatter."""
+    scatter = float(np.log(max(handed["scatter"], own["scatter"])))
+    same_winner = handed["verdict"] == own["verdict"] != UNDECIDED
+    return same_winner or _apart(handed["ratio"], own["ratio"]) <= scatter
+
+
+def _apart(first: float, second: float) -> float:
+    return abs(float(np.log(first / second)))
+
+
+def _errors(row: TunedRow) -> list[float]:
+    """Of each search that found gains, in logs, the least first."""
+    return sorted(error for error in row.get("errors", ()) if error is not None)
+
+
+def _miss(row: TunedRow) -> float:
     """By how much the second best search misses the best, in logs."""
-    sizes = sorted(error for error in errors if error is not None)
-    return sizes[1] - sizes[0] if len(sizes) > 1 else np.inf
+    best, *others = _errors(row)
+    return others[0] - best if others else np.inf
+
+
+def lost_to_special_case(rows: Sequence[TunedRow]) -> Iterator[TunedRow]:
+    """Yield where a law does worse than its own special case, handed on to it: a failure of the search."""
+    errors = {key: [*_errors(row), np.inf][0] for key, row in _by_place(rows).items() if not row["alone"]}
+    for equal, key in product(EQUIVALENCES, errors):
+        general = (equal.target, *key[1:])
+        if equal.exact and key[0] == equal.source and errors.get(general, -np.inf) > errors[key] + SAME:
+            yield dict(zip(_KEY, general, strict=True)) | {"to": equal.source}
 
 
 def law_rows(rows: Sequence[TunedRow], joints: Sequence[int]) -> Iterator[TunedRow]:
-    """Yield errors, roughness and share of stable draws, by law, condition and cap."""
-    names = ("law", "knows", "filtered", "cap", "alpha")
+    """Yield errors, roughness and share of stable draws, by law, condition, whether alone, and cap."""
+    names = ("law", "condition", "alone", "cap", "alpha")
     groups: dict[tuple[object, ...], list[TunedRow]] = {}
     for row in rows:
         groups.setdefault(tuple(map(row.get, names)), []).append(row)
@@ -97,20 +135,60 @@ def law_rows(rows: Sequence[TunedRow], joints: Sequence[int]) -> Iterator[TunedR
         yield summary
 
 
+def alpha_rows(rows: Sequence[TunedRow]) -> Iterator[TunedRow]:
+    """Yield what the free α was tuned to, by condition and whether alone; a case is a draw under a cap.
+
+    α is without effect where it is 0 or where, set to 0 beside the same gains, it changes the error by less
+    than `SAME`. ``ratio_with_effect`` is the median error over that of TDE in the other cases.
+    """
+    tuned = _by_place(rows)
+    zeroed = {tuple(row[name] for name in _KEY): row for row in rows if row.get("alpha") == 0.0}
+    for condition, alone in product(CONDITIONS, (False, True)):
+        keys = [key for key in zeroed if key[:3] == ("alpha_free", condition, alone) and tuned[key]["stable"]]
+        if not keys:
+            continue
+        same = [key for key in keys if _apart(zeroed[key]["error"], tuned[key]["error"]) <= SAME]
+        acting = [key for key in keys if key not in same or not zeroed[key]["stable"]]
+        beside = [(tuned[key], tuned.get(("ntsm", *key[1:]))) for key in acting]
+        ratios = [free["error"] / tde["error"] for free, tde in beside if tde and tde["stable"]]
+        alphas = np.array([tuned[key]["gains"]["alpha"] for key in keys])
+        quantiles = np.quantile(alphas, [0.1, 0.5, 0.9]).tolist()
+        yield {
+            "condition": condition,
+            "alone": alone,
+            "cases": len(keys),
+            "share_zero": float((alphas == 0.0).all(axis=1).mean()),
+            "share_without_effect": 1.0 - len(acting) / len(keys),
+            **dict(zip(("alpha_10", "alpha_median", "alpha_90"), quantiles, strict=True)),
+            "ratio_with_effect": float(np.median(ratios)) if ratios else None,
+        }
+
+
 def question_rows(rows: Sequence[TunedRow], titles: Mapping[str, str]) -> Iterator[TunedRow]:
-    """Yield how often a pair has which verdict, and which it has in half of all cases."""
+    """Yield how often a pair has which verdict, and in how many cases both ways of searching agree.
+
+    Intervals are from the lowest to the highest end of the cases'.
+    """
     for (law, over), group in groupby(rows, itemgetter("law", "over")):
         own = list(group)
-        ratios = [row["ratio"] for row in own if row["verdict"] != TOO_FEW]
-        counts = {name: sum(row["verdict"] == name for row in own) for name in VERDICTS}
-        most = max(counts, key=lambda name: counts[name])
+        counts = [sum(row["verdict"] == name for row in own) for name in VERDICTS]
         yield {
             "law": titles[law],
             "over": titles[over],
-            "median_ratio": float(np.median(ratios)) if ratios else None,
-            **{name.replace(" ", "_"): count for name, count in counts.items()},
-            "verdict": most if 2 * counts[most] >= len(own) else "depends on the condition",
+            **_over_cases(own, ""),
+            **_over_cases(own, "alone_"),
+            **dict(zip(_COUNTED, (*counts, sum(row["agree"] for row in own)), strict=True)),
         }
+
+
+def _over_cases(rows: Sequence[TunedRow], way: str) -> TunedRow:
+    """Median ratio of the cases that have one, and the ends of their intervals."""
+    names = [f"{way}{name}" for name in ("ratio", "low", "high")]
+    judged = np.array([[row[name] for name in names] for row in rows if row[f"{way}draws"] >= FEWEST])
+    if not judged.size:
+        return dict.fromkeys((f"{way}median_ratio", *names[1:]))
+    middle, low, high = np.median(judged[:, 0]), judged[:, 1].min(), judged[:, 2].max()
+    return {f"{way}median_ratio": float(middle), names[1]: float(low), names[2]: float(high)}
 
 
 def pairs_among(laws: KeysView[str]) -> list[tuple[str, str]]:
@@ -123,60 +201,45 @@ def pairs_among(laws: KeysView[str]) -> list[tuple[str, str]]:
     return pairs
 
 
-def tuning_result(task: TuningTask, drawn: Sequence[TunedRow]) -> Result:
+def tuning_result(task: TuningTask, rows: Sequence[TunedRow]) -> Result:
     """Numbers, tables and figure."""
     from tendonrepro.tuning.figure import draw_tuning
 
-    joints = task.loaded.compare.joints
-    gains = task.gains_told
+    joints, gains = task.loaded.compare.joints, task.gains_told
     titles = {name: law.title.replace("published", gains) for name, law in task.laws.items()}
-    rows, lost = (
-        [{"draw": plant["draw"], **row} for plant in drawn for row in plant[part]]
-        for part in ("rows", "lost")
-    )
     compared, at_best = [*comparisons(rows, pairs_among(titles.keys()), task.seed)], [*law_rows(rows, joints)]
-    questions = [*question_rows(compared, titles)]
-    scattered = count_scattered(compared)
+    questions, alphas = [*question_rows(compared, titles)], [*alpha_rows(rows)]
+    lost, plants = [*lost_to_special_case(rows)], len({row["draw"] for row in rows})
     around = task.loaded.around
-    on = count_of(len(drawn), "plant") + (f" {around.told}" if around else "")
+    on = count_of(plants, "plant") + (f" {around.told}" if around else "")
     data = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "tune",
         "effort": asdict(task.effort),
         "seed": task.seed,
         "physics_sha256": code_digest("physics"),
-        "draws_looked_at": drawn[-1]["draw"] + 1,
-        "plants": len(drawn),
+        "draws_looked_at": rows[-1]["draw"] + 1,
+        "plants": plants,
+        "any_plant": task.any_plant,
         "joints": list(joints),
         "around": around and around.as_data(),
         "questions": questions,
         "comparisons": compared,
         "laws": at_best,
+        "alpha": alphas,
         "lost_to_special_case": lost,
-        "without_difference_but_scattered": scattered,
         "by_plant": rows,
     }
-    about = f"Two laws at their best on {on}: the first one's error under so many conditions."
+    chosen = "" if task.any_plant else f", chosen because {gains} gains are stable there"
+    about = f"Two laws at their best on {on}{chosen}: the first one's error under so many conditions."
+    shown = () if questions else None
     tables = [
-        Table("questions", about, questions),
+        Table("questions", about, questions, terminal=_SHOWN if questions else ()),
         Table("comparisons", "Error over error, paired by plant.", compared, terminal=()),
-        Table("laws", f"Every law at its best, and with {gains} gains.", at_best, terminal=()),
+        Table("alpha", "What the free α of α-TDE was tuned to.", alphas, terminal=None if alphas else ()),
+        Table("laws", f"Every law at its best, and with {gains} gains.", at_best, terminal=shown),
     ]
-    told = [*_warnings(len(lost), scattered)]
+    cases = count_of(len(lost), "case")
+    warning = f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."
+    told = [warning] if lost else []
     return Result(data, [*told, *tables], {"tune": lambda: draw_tuning(at_best, titles, on, gains)})
-
-
-def count_scattered(rows: Sequence[TunedRow]) -> int:
-    """In how many cases without a difference two searches of one law differ by more than counts as none."""
-    return sum(row["verdict"] == NONE and bool(np.log(row["scatter"]) > ALIKE) for row in rows)
-
-
-def _warnings(lost: int, scattered: int) -> Iterator[str]:
-    if lost:
-        cases = count_of(lost, "case")
-        yield f"NOT TO BE TRUSTED: in {cases} a law lost to its own special case; search longer."
-    if scattered:
-        yield (
-            f"In {count_of(scattered, 'case')} without a difference, searches of one controller differ by "
-            f"more than the {ALIKE:.0%} that count as none: search longer before you believe it."
-        )

@@ -1,7 +1,7 @@
 """Search for the gains of every law on one draw, by CMA-ES.
 
-A search works under every cap on roughness at once: what one cap finds serves the others. Halfway and at the
-end laws hand on their best gains (`laws.EQUIVALENCES`).
+A search works under every cap on roughness at once: what one cap finds serves the others. Each law is
+searched alone, and again with laws handing on their best gains (`laws.EQUIVALENCES`), halfway and at the end.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +24,12 @@ from tendonrepro.configuration.models.control import SECOND
 from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
-from tendonrepro.tuning.bench import (
-    ALL_RUNS,
-    CLASSES,
-    Candidate,
-    TrialPlants,
-    as_published,
-    measure,
-    posed,
-)
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Conversion, TunedLaw
+from tendonrepro.tuning import bench
+from tendonrepro.tuning.bench import ALL_RUNS, CONDITIONS, Candidate, TrialPlants
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
 CAPS: Mapping[str, float] = {"none": np.inf, "1/3": 1 / 3, "1/10": 1 / 10, "1/30": 1 / 30}
-
-# What is known, and whether velocities are filtered.
-CONDITIONS = tuple(product(CLASSES, (False, True)))
 
 # Weights of the older estimate along the curve over alpha; all other gains as published.
 ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
@@ -56,6 +46,7 @@ FIRST, FIRST_WIDTH = 32, 0.15
 WIDTHS = 0.08, 0.04
 _OVER_CAP = 3.0  # how many times the excess over the cap counts, in logs: more than the error gains by it
 _UNSTABLE = 10.0  # what an unstable run costs, in logs: more than any error
+_SEED_WORDS = dict(zip(CONDITIONS, ("none False", "full True"), strict=True))  # so seeds stay what they were
 _HERE = 1e-9  # distance in the unit cube up to which a place is the same
 
 
@@ -63,8 +54,8 @@ class SearchKey(NamedTuple):
     """What a search belongs to."""
 
     law: str
-    knows: str
-    filtered: bool
+    condition: str
+    alone: bool
     seed: int
 
 
@@ -92,7 +83,7 @@ def best(seen: Sequence[Seen], cap: float) -> Seen | None:
 
 @dataclass(frozen=True)
 class TuningEffort:
-    """How hard to search: searches of each law and condition, generations of each, members of these."""
+    """How hard to search: searches of each law, condition and way, generations of each, members of these."""
 
     searches: int
     generations: int
@@ -114,10 +105,10 @@ class Tuning:
     path: Path | None = None
     places: dict[SearchKey, list[Seen]] = field(default_factory=dict)
 
-    def run(self, conditions: Sequence[tuple[str, bool]]) -> dict[SearchKey, list[Seen]]:
-        """Search under conditions: what is known, and whether velocities are filtered."""
-        for law, condition, k in product(self.laws, conditions, range(self.effort.searches)):
-            self.places[SearchKey(law, *condition, k)] = []
+    def run(self, conditions: Sequence[str]) -> dict[SearchKey, list[Seen]]:
+        """Search under conditions, with gains handed on and alone."""
+        for key in product(self.laws, conditions, (False, True), range(self.effort.searches)):
+            self.places[SearchKey(*key)] = []
         self._look([(key, unit) for key in self.places for unit in self._spread(key)])
         self._exchange()
         for half in (0, 1):
@@ -133,7 +124,8 @@ class Tuning:
 
     def _seed(self, key: SearchKey, *half: int) -> list[int]:
         """Numbers that are a search's own whatever other searches there are."""
-        return [*self.seed, *half, zlib.crc32(f"{key.law} {key.knows} {key.filtered}".encode()), key.seed]
+        words = f"{key.law} {_SEED_WORDS[key.condition]}" + " alone" * key.alone
+        return [*self.seed, *half, zlib.crc32(words.encode()), key.seed]
 
     def _generations(self, half: int, count: int) -> None:
         size, strategies = self.effort.population, {}
@@ -170,30 +162,25 @@ class Tuning:
             key = keys[int(place)]
             law = self.laws[key.law]
             gains = law.values(np.array(unit[: sum(law.sizes(n))]), n)
-            candidates.append(Candidate(law, key.knows, key.filtered, gains))
-        measured = measure(self.plants, candidates)
+            candidates.append(Candidate(law, key.condition, gains))
+        measured = bench.measure(self.plants, candidates)
         errors = np.log(measured.mae[:, :2]).mean(axis=(1, 2))
         return np.column_stack([errors, measured.roughness, measured.stable])
 
     def _exchange(self) -> None:
-        for before, after in pairwise(CLASSES):
-            self._hand_on("knows", before, after)
         for equal in EQUIVALENCES:
-            self._hand_on("law", equal.source, equal.target, equal.change)
+            self._hand_on(equal)
 
-    def _hand_on(
-        self, axis: Literal["knows", "law"], source: str, target: str, change: Conversion | None = None
-    ) -> None:
+    def _hand_on(self, equal: Equivalence) -> None:
         """Have searches look at the best places of others, if these are new to them."""
         alpha, asked = self.plants.alpha, []
         for key, seen in self.places.items():
-            to = key._replace(knows=target) if axis == "knows" else key._replace(law=target)
-            if getattr(key, axis) != source or to not in self.places:
+            to = key._replace(law=equal.target)
+            if key.alone or key.law != equal.source or to not in self.places:
                 continue
-            units, law, other = self._best_units(seen), self.laws[key.law], self.laws[to.law]
-            if change:
-                gains = [change(law.values(unit, alpha.size), alpha) for unit in units]
-                units = [other.unit(place, alpha.size) for place in gains]
+            law, other = self.laws[key.law], self.laws[to.law]
+            gains = [law.values(unit, alpha.size) for unit in self._best_units(seen)]
+            units = [other.unit(equal.change(each, alpha), alpha.size) for each in gains]
             there = np.array([place.unit for place in self.places[to]])
             asked += [(to, unit) for unit in units if (np.abs(there - unit).max(axis=1) >= _HERE).all()]
         self._look(asked)
@@ -205,10 +192,6 @@ class Tuning:
         return [place.unit for place in seen if any(place is other for other in least)]
 
 
-# Best of each search, by law, what is known, whether velocities are filtered, and cap.
-BestSeen: TypeAlias = dict[tuple[str, str, bool, str], list[Seen | None]]
-
-
 @dataclass(frozen=True)
 class TuningTask:
     """All that a tuning depends on; its seed is the searches', draws have the box's."""
@@ -217,6 +200,7 @@ class TuningTask:
     laws: Mapping[str, TunedLaw]
     effort: TuningEffort
     seed: int
+    any_plant: bool = False
 
     @property
     def gains_told(self) -> str:
@@ -228,45 +212,51 @@ class TuningTask:
         """Draw of a number from the box, or around a user's arm."""
         population, seed = population_of(self.loaded), int(self.loaded.config.seed.si)
         config = population.configured(population.sample(seed, 0, number, 1)[0])
-        return posed(config)
+        return bench.posed(config)
 
-    def tuned(self, states: Path, number: int) -> TunedRow:
+    def tuned(self, states: Path, number: int) -> list[TunedRow]:
         """Tune every law on one draw, as plain values; what was looked at is kept in the folder `states`."""
         plants = self.draw(number)
-        scale = measure(plants, [as_published(plants)[SECOND]]).roughness[0]
+        scale = bench.measure(plants, [bench.as_published(plants)[SECOND]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
         tuning = Tuning(
             self.laws, [*caps.values()], plants, self.effort, (self.seed, number), states / f"{number}.npy"
         )
-        best_seen: BestSeen = {}
-        for (key, seen), (name, cap) in product(tuning.run(CONDITIONS).items(), caps.items()):
-            best_seen.setdefault((*key[:3], name), []).append(best(seen, cap))
-        kept = [*self._best(best_seen, plants.alpha.size), *_published_rows(plants)]
+        tuning.run(CONDITIONS)
+        kept = [*_best_rows(tuning, caps), *_published_rows(plants)]
         rows = _measured(plants, kept, states / f"{number}-best.npy")
-        return {"draw": number, "rows": rows, "lost": [*lost_to_special_case(best_seen)]}
-
-    def _best(self, best_seen: BestSeen, n: int) -> Iterator[TunedRow]:
-        for (name, knows, filtered, cap), own in best_seen.items():
-            row = _row(name, knows, filtered, cap, errors=[place.error if place else None for place in own])
-            if top := min(filter(None, own), key=lambda place: place.error, default=None):
-                law = self.laws[name]
-                row["candidate"] = Candidate(law, knows, filtered, law.values(top.unit, n))
-            yield row
+        return [{"draw": number, **row} for row in rows]
 
 
-def _row(law: str, knows: str, filtered: bool, cap: str, **more: object) -> TunedRow:
-    return {"law": law, "knows": knows, "filtered": filtered, "cap": cap, **more}
+def _best_rows(tuning: Tuning, caps: Mapping[str, float]) -> Iterator[TunedRow]:
+    """Yield the best of all searches of a law, and the same gains with α = 0."""
+    n, searches = tuning.plants.alpha.size, dict.fromkeys(key[:3] for key in tuning.places)
+    for (name, condition, alone), (cap, most) in product(searches, caps.items()):
+        own = [best(seen, most) for key, seen in tuning.places.items() if key[:3] == (name, condition, alone)]
+        row = _row(name, condition, alone, cap, errors=[place.error if place else None for place in own])
+        if top := min(filter(None, own), key=lambda place: place.error, default=None):
+            law = tuning.laws[name]
+            gains = law.values(top.unit, n)
+            row["candidate"] = Candidate(law, condition, gains)
+            if "alpha" in gains:
+                without = Candidate(law, condition, {**gains, "alpha": np.zeros(n)})
+                yield _row(name, condition, alone, cap, alpha=0.0, candidate=without)
+        yield row
+
+
+def _row(law: str, condition: str, alone: bool, cap: str, **more: object) -> TunedRow:
+    return {"law": law, "condition": condition, "alone": alone, "cap": cap, **more}
 
 
 def _published_rows(plants: TrialPlants) -> Iterator[TunedRow]:
     """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
     for condition in CONDITIONS:
-        for name, candidate in as_published(plants, *condition).items():
-            yield _row(name, *condition, "published", candidate=candidate)
-    for knows, alpha in product(CLASSES, ALPHAS):
-        gains = {**as_published(plants)[SECOND].gains, "alpha": np.full_like(plants.alpha, alpha)}
-        moved = Candidate(LAWS["alpha_free"], knows, False, gains)
-        yield _row(SECOND, knows, False, "published", alpha=alpha, candidate=moved)
+        for name, candidate in bench.as_published(plants, condition).items():
+            yield _row(name, condition, False, "published", candidate=candidate)
+    for condition, alpha in product(CONDITIONS, ALPHAS):
+        gains = {**bench.as_published(plants)[SECOND].gains, "alpha": np.full_like(plants.alpha, alpha)}
+        moved = Candidate(LAWS["alpha_free"], condition, gains)
+        yield _row(SECOND, condition, False, "published", alpha=alpha, candidate=moved)
 
 
 def _measured(plants: TrialPlants, rows: Sequence[TunedRow], path: Path) -> list[TunedRow]:
@@ -274,7 +264,7 @@ def _measured(plants: TrialPlants, rows: Sequence[TunedRow], path: Path) -> list
     candidates, n = [row["candidate"] for row in rows if "candidate" in row], plants.alpha.size
 
     def at(places: Array) -> Array:
-        measured = measure(plants, [candidates[int(place)] for (place,) in places], ALL_RUNS)
+        measured = bench.measure(plants, [candidates[int(place)] for (place,) in places], ALL_RUNS)
         return np.column_stack([measured.mae.reshape(len(places), -1), measured.roughness, measured.stable])
 
     values = Kept(at, path)(np.arange(len(candidates), dtype=float)[:, np.newaxis])
@@ -289,12 +279,3 @@ def _measured(plants: TrialPlants, rows: Sequence[TunedRow], path: Path) -> list
             row["mae"], row["error"] = mae[:2].tolist(), float(gmean(mae[:2], axis=None))
             row["held_out_error"] = float(gmean(mae[-1])) if stable[-1] else None
     return [*rows]
-
-
-def lost_to_special_case(best_seen: BestSeen) -> Iterator[TunedRow]:
-    """Yield where a law does worse than its own special case: a failure of the search."""
-    errors = {key: min(place.error if place else np.inf for place in own) for key, own in best_seen.items()}
-    for equal, (key, special) in product(EQUIVALENCES, errors.items()):
-        general = (equal.target, *key[1:])
-        if equal.exact and key[0] == equal.source and errors.get(general, -np.inf) > special + SAME:
-            yield _row(*general, to=key[0])

@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import islice
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
-from tendonrepro.experiments.user_law import (
-    UserLaw,
-    refuse_memory,
-    refused_on_lanes,
-    with_user_laws,
-)
+from tendonrepro.experiments import user_law
 from tendonrepro.files import digest_of
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.parallel import as_ready, check_jobs
@@ -29,8 +25,8 @@ from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.tuning.bench import Candidate, loops_of, measure, usable
-from tendonrepro.tuning.laws import LAWS, TunedLaw, user_law
+from tendonrepro.tuning.bench import PUBLISHED, Candidate, loops_of, measure, usable
+from tendonrepro.tuning.laws import LAWS, TunedLaw, tuned_user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, tuning_result
 from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
 
@@ -43,7 +39,7 @@ LEAST = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
 
 def tuning_study(
     loaded: LoadedEnsemble,
-    users: Sequence[UserLaw],
+    users: Sequence[user_law.UserLaw],
     plants: int,
     effort: TuningEffort,
     *,
@@ -65,28 +61,26 @@ def tuning_study(
         if asked[name] < least:
             raise UsageError(f"must be at least {least}, found {asked[name]}", where=f"--{name}")
     check_jobs(jobs)
-    own = [user_law(user) for user in users]
+    own = [tuned_user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
-    task = TuningTask(loaded, _chosen(only, own), effort, seed)
+    task = TuningTask(loaded, _chosen(only, own), effort, seed, any_plant)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
-    base = with_user_laws(loaded.base, users)
+    base = user_law.with_user_laws(loaded.base, users)
     made_by = SCHEMA_VERSION, __version__, code_digest(*ROOMS, "tuning")
-    others = [sorted(task.laws)] if only else []
-    inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, *others]
+    inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, sorted(task.laws)]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
     states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
 
     def run(site: Site) -> Result:
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
-        numbers = _usable(task, plants, every=any_plant)
-        drawn = _tuned(task, numbers, site.files / states, jobs, site.talk)
+        rows = _tuned(task, _usable(task, plants), site.files / states, jobs, site.talk)
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "tune", "seed": seed, "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(tuning_result(task, drawn), manifest=head)
+        return replace(tuning_result(task, rows), manifest=head)
 
     base = replace(base, sha256=identity, origin=loaded.origin)
     return Study(base, run, folder, keep=states, stored=True)
@@ -104,23 +98,23 @@ def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:
     return {name: law for name, law in LAWS.items() if name in names} | users
 
 
-def _try(task: TuningTask, user: UserLaw, law: TunedLaw) -> None:
+def _try(task: TuningTask, user: user_law.UserLaw, law: TunedLaw) -> None:
     """Refuse a user's law that cannot run on lanes, before hours of work."""
     plants = task.draw(0)
     n = plants.alpha.size
     middle = law.values(np.full(sum(law.sizes(n)), 0.5), n)
-    candidate = Candidate(law, "none", False, middle)
+    candidate = Candidate(law, PUBLISHED, middle)
     try:
         measure(plants, [candidate])
     except Exception as error:
-        raise refused_on_lanes(law.name, error) from error
-    refuse_memory(user, loops_of(plants, candidate, 1)[0])
+        raise user_law.refused_on_lanes(law.name, error) from error
+    user_law.refuse_memory(user, loops_of(plants, candidate, 1)[0])
 
 
-def _usable(task: TuningTask, wanted: int, *, every: bool) -> list[int]:
+def _usable(task: TuningTask, wanted: int) -> list[int]:
     """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
-    usable_draws = [*islice((k for k in numbers if every or usable(task.draw(k))), wanted)]
+    usable_draws = [*islice((k for k in numbers if task.any_plant or usable(task.draw(k))), wanted)]
     if len(usable_draws) < wanted:
         message = (
             f"stable with {task.gains_told} gains are only {len(usable_draws)} of {len(numbers)} plants drawn"
@@ -132,11 +126,11 @@ def _usable(task: TuningTask, wanted: int, *, every: bool) -> list[int]:
 
 
 def _tuned(task: TuningTask, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[TunedRow]:
-    """Tune on draws, from what is on disk already; in the order of their numbers."""
+    """Rows of draws, from what is on disk already; in the order of their numbers."""
     stream = as_ready(partial(task.tuned, states), numbers, jobs)
     with talk.bar("tuning on plants", len(numbers)) as progress, closing(stream):
-        drawn = {}
-        for tuned in stream:
-            drawn[tuned["draw"]] = tuned
+        rows = []
+        for of_draw in stream:
+            rows += of_draw
             progress(1)
-    return [drawn[number] for number in numbers]
+    return sorted(rows, key=itemgetter("draw"))

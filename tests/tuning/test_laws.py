@@ -20,7 +20,9 @@ from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import (
-    CLASSES,
+    CONDITIONS,
+    KNOWN,
+    PUBLISHED,
     Candidate,
     TrialPlants,
     known_along,
@@ -28,7 +30,7 @@ from tendonrepro.tuning.bench import (
     measure,
     posed,
 )
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, Gains, user_law
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, Gains, tuned_user_law
 
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
@@ -57,8 +59,8 @@ def nominal() -> TrialPlants:
     return plants._replace(loops=tuple(replace(loop, joint_encoder=ideal) for loop in plants.loops))
 
 
-def errors(law: str, gains: Gains, knows: str = "none", *, filtered: bool = False) -> Array:
-    found = measure(nominal(), [Candidate(LAWS[law], knows, filtered, gains)])
+def errors(law: str, gains: Gains, condition: str = PUBLISHED) -> Array:
+    found = measure(nominal(), [Candidate(LAWS[law], condition, gains)])
     assert found.stable[:, :2].all() or law == "super_twisting"
     return found.mae[0, :2]
 
@@ -80,7 +82,7 @@ def test_a_users_law_without_bounds_or_with_a_setup_is_refused(brought: dict[str
 
     vars(law).update(brought)
     with pytest.raises(UsageError):
-        user_law(UserLaw("mine", given=law))
+        tuned_user_law(UserLaw("mine", given=law))
 
 
 EXACT = [equal for equal in EQUIVALENCES if equal.exact]
@@ -88,10 +90,10 @@ NEAR = [equal for equal in EQUIVALENCES if not equal.exact and equal.target != "
 
 
 @pytest.mark.parametrize("equal", EXACT, ids=lambda equal: f"{equal.source}-{equal.target}")
-@pytest.mark.parametrize("filtered", [False, True])
-def test_a_special_case_gives_the_same_run(equal: Equivalence, filtered: bool) -> None:
-    general = errors(equal.target, changed(equal), "gravity", filtered=filtered)
-    special = errors(equal.source, GOOD[equal.source], "gravity", filtered=filtered)
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_a_special_case_gives_the_same_run(equal: Equivalence, condition: str) -> None:
+    general = errors(equal.target, changed(equal), condition)
+    special = errors(equal.source, GOOD[equal.source], condition)
     assert np.allclose(general, special, rtol=1e-6)
 
 
@@ -115,7 +117,7 @@ def test_every_law_keeps_its_gains_on_the_way_to_the_cube_and_back() -> None:
 
 def test_pid_is_the_textbooks() -> None:
     """An independent program: proportional, integral and derivative parts as they are taught."""
-    loop = loops_of(nominal(), Candidate(LAWS["pid"], "none", False, GOOD["pid"]))[0]
+    loop = loops_of(nominal(), Candidate(LAWS["pid"], PUBLISHED, GOOD["pid"]))[0]
     law = loop.controller.law
     total = []
 
@@ -134,7 +136,7 @@ def test_pid_is_the_textbooks() -> None:
 
 
 def test_super_twisting_on_lanes_is_the_function_itself() -> None:
-    candidate = Candidate(LAWS["super_twisting"], "gravity", True, GOOD["super_twisting"])
+    candidate = Candidate(LAWS["super_twisting"], KNOWN, GOOD["super_twisting"])
     alone = simulate(loops_of(nominal(), candidate)[1])
     assert np.allclose(np.abs(alone["e"]).mean(axis=0), measure(nominal(), [candidate]).mae[0, 1], rtol=1e-4)
 
@@ -144,8 +146,8 @@ def test_what_is_known_need_not_be_estimated(law: str) -> None:
     """Without dry friction and disturbance the model is all but the whole truth; tendons give a little."""
     plants = nominal()
     smooth = tuple(replace(loop, plant=frictionless(loop.plant)) for loop in plants.loops)
-    motions = smooth[0].reference, smooth[-1].reference
-    plants = plants._replace(loops=smooth, known=known_along(smooth[0].plant, motions))
-    found = measure(plants, [Candidate(LAWS[law], knows, False, GOOD[law]) for knows in CLASSES])
-    none, _, full = found.mae[:, 0].mean(axis=1)
-    assert full < 0.15 * none
+    known = [known_along(smooth[0].plant, loop.reference) for loop in (smooth[0], smooth[-1])]
+    plants = plants._replace(loops=smooth, known=known)
+    found = measure(plants, [Candidate(LAWS[law], condition, GOOD[law]) for condition in CONDITIONS])
+    nothing, everything = found.mae[:, 0].mean(axis=1)
+    assert everything < 0.15 * nothing

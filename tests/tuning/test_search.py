@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,10 +13,10 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 
 from tendonrepro.physics.control import Surface
-from tendonrepro.tuning import search
-from tendonrepro.tuning.bench import Candidate, Performance, TrialPlants
+from tendonrepro.tuning import bench
+from tendonrepro.tuning.bench import PUBLISHED, Candidate, Performance, TrialPlants
 from tendonrepro.tuning.laws import RANGES, TunedLaw
-from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, best, costs, lost_to_special_case
+from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, best, costs
 
 PRICE = 1e-6
 """Of the squared acceleration, against the squared error."""
@@ -39,13 +40,13 @@ def measured(_: TrialPlants, candidates: Sequence[Candidate]) -> Performance:
 
 @pytest.fixture(autouse=True)
 def _on_the_unit_mass(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "measure", measured)
+    monkeypatch.setattr(bench, "measure", measured)
 
 
 def searched(cap: float, generations: int = 40) -> list[list[Seen]]:
     plants: Any = SimpleNamespace(alpha=np.zeros(2))
     effort = TuningEffort(searches=4, generations=generations, population=8)
-    return [*Tuning({"pd": PD}, [cap], plants, effort, (1, 0)).run([("none", False)]).values()]
+    return [*Tuning({"pd": PD}, [cap], plants, effort, (1, 0)).run([PUBLISHED]).values()]
 
 
 def test_every_search_finds_the_optimum_of_riccati() -> None:
@@ -86,12 +87,15 @@ def test_an_unstable_place_is_never_the_best_and_costs_more_than_any_error() -> 
     assert cheap < rough < dear
 
 
-def test_a_law_behind_its_own_special_case_is_told() -> None:
-    def seen(error: float) -> Seen:
-        return Seen(np.zeros(1), error, 1.0, np.ones(3, dtype=bool))
-
-    case = ("none", False, "none")
-    found = {("tsm", *case): [seen(0.0), seen(1.0)], ("ntsm", *case): [None, seen(0.5)]}
-    (row,) = lost_to_special_case(found)
-    assert (row["law"], row["to"]) == ("ntsm", "tsm")
-    assert not list(lost_to_special_case(found | {("ntsm", *case): [seen(0.5), seen(-0.1)]}))
+def test_gains_are_handed_on_but_not_to_searches_alone() -> None:
+    """Of two laws that are one, the second begins farther off."""
+    far = {name: bounds._replace(start=bounds.high) for name, bounds in PD.gains.items()}
+    laws = {"pid": replace(PD, name="pid"), "tdc": replace(PD, name="tdc", gains=far)}
+    plants: Any = SimpleNamespace(alpha=np.zeros(2))
+    seen = Tuning(laws, [np.inf], plants, TuningEffort(2, 2, 4), (1, 0)).run([PUBLISHED])
+    errors = {key: min(place.error for place in places) for key, places in seen.items()}
+    for key in (key for key in errors if key.law == "tdc"):
+        source = errors[key._replace(law="pid")]
+        assert errors[key] > source + 0.1 if key.alone else errors[key] == pytest.approx(source, abs=1e-9)
+    spent = {len(places) for key, places in seen.items() if key.alone}
+    assert len(spent) == 1

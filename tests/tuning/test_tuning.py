@@ -16,8 +16,9 @@ from tendonrepro.configuration.ensemble import load_around
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
-from tendonrepro.tuning import report, search, tuning
+from tendonrepro.tuning import bench, report, search, tuning
 from tendonrepro.tuning.bench import (
+    PUBLISHED,
     Candidate,
     Performance,
     TrialPlants,
@@ -47,7 +48,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
     monkeypatch.setattr(report, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
     for module in (search, report):
-        monkeypatch.setattr(module, "CONDITIONS", (("none", False),))
+        monkeypatch.setattr(module, "CONDITIONS", (PUBLISHED,))
 
 
 def run(folder: Path, **options: Any) -> dict[str, Any]:
@@ -68,14 +69,14 @@ def test_killed_in_the_middle_of_a_plant_it_goes_on_and_ends_the_same(
         return measure(plants, candidates, *runs)
 
     deadly = 0
-    monkeypatch.setattr(search, "measure", counting)
-    whole = run(tmp_path / "whole")
+    monkeypatch.setattr(bench, "measure", counting)
+    whole = run(tmp_path / "whole", any_plant=True)
     every, looked[:], deadly = [*looked], [], len(looked) - 4
     with pytest.raises(KeyboardInterrupt):
-        run(tmp_path / "killed")
+        run(tmp_path / "killed", any_plant=True)
     assert not (tmp_path / "killed" / "tune.json").exists()
     looked[:], deadly = [], 0
-    again = run(tmp_path / "killed")
+    again = run(tmp_path / "killed", any_plant=True)
     # Each plant's cap is measured again, and what the kill left out; no candidate of a search twice.
     assert sum(looked) <= sum(every[-5:]) + 2
     assert all(again[key] == whole[key] for key in ("laws", "by_plant"))
@@ -89,7 +90,7 @@ def test_what_it_writes(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "tune" / "tune.json").read_text("utf-8"))
     assert stored["lost_to_special_case"] == []
     assert {row["law"] for row in stored["laws"]} >= {"pid", "surface", "controller_1"}
-    tables = "questions", "comparisons", "laws"
+    tables = "questions", "comparisons", "alpha", "laws"
     files = [f"tables/{name}.{kind}" for name in tables for kind in ("csv", "md", "tex")]
     assert all((tmp_path / "tune" / file).exists() for file in [*files, "figures/tune.pdf"])
     # With the same bounds and the same law, the user's finds what the package's own finds.
@@ -130,6 +131,7 @@ def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
 def test_of_a_users_law_alone(tmp_path: Path) -> None:
     found = run(tmp_path / "out", laws={"surface": surface}, only="surface", formats="png")
     assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"surface"}
+    assert found["questions"] == found["alpha"] == []
 
 
 def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None:
