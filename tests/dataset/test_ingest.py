@@ -1,7 +1,5 @@
 """From files to measured traces: layouts of labs, round trips of simulated runs, and what is refused."""
 
-import tarfile
-import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
 import h5py
@@ -106,21 +104,6 @@ def write_hdf5(folder):
                 file[f"{run}/{name}"].attrs["units"] = "s" if name == "time" else "rad"
 
 
-def write_zip(folder):
-    write_sheets(folder, ENGLISH, RUNS)
-    with zipfile.ZipFile(folder / "data.zip", "w") as archive:
-        archive.write(folder / "runs.xlsx", "record/runs.xlsx")
-    (folder / "runs.xlsx").unlink()
-
-
-def write_tar(folder):
-    write_csv(folder, ENGLISH, FILES, ",", "utf-8")
-    with tarfile.open(folder / "data.tar.gz", "w:gz") as archive:
-        for name in FILES:
-            archive.add(folder / name, f"record/{name}")
-            (folder / name).unlink()
-
-
 def write_apart(folder):
     """Desired and measured angles in files of their own, in a folder for each run."""
     for run in RUNS:
@@ -142,11 +125,8 @@ LAYOUTS = {
     "sheets, English": lambda f: write_sheets(f, ENGLISH, OF_LABS),
     "structs": lambda f: classic(f / "runs.mat", structs()),
     "timeseries": lambda f: objects(f / "runs.mat", {run: series(run) for run in RUNS}, "v7"),
-    "timeseries, 7.3": lambda f: objects(f / "runs.mat", {run: series(run) for run in RUNS}, "v7.3"),
     "scopes": lambda f: classic(f / "runs.mat", scopes()),
     "HDF5": write_hdf5,
-    "zip": write_zip,
-    "tar": write_tar,
     "folders": write_apart,
     "structs of structs": lambda f: classic(f / "runs.mat", {"exp": nested()}),
 }
@@ -353,6 +333,7 @@ DAMAGED = {
     "e.zip": b"PK\x03\x04" + b"x" * 100,
     "f.opju": b"x" * 100,
     "g.tar.gz": b"\x1f\x8b" + b"x" * 100,
+    "h.csv": b"t,q2\n0,1\n1,2\n",
 }
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tendonrepro.dataset.mapping import Use, confirmed, parse_mapping
+from tendonrepro.dataset.mapping import Use, parse_mapping
 from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError
@@ -42,11 +42,6 @@ def test_what_lines_mean():
     assert (first.sources, first.payload_mass_kg) == (["a.xlsx:C1"], 0.0)
     assert (second.sources, second.payload_mass_kg, second.from_s) == (["b.csv", "c.csv"], 0.2, 2.0)
     assert list(second.columns) == ["b.csv:q2"]
-
-
-def test_a_confirmed_guess_is_none():
-    assert len(parse_mapping(GOOD, "m.yaml").guesses) == 1
-    assert parse_mapping(confirmed(GOOD), "m.yaml").guesses == []
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ import openpyxl
 import pandas as pd
 import pytest
 from support.command import answer, run
-from support.matlab_bytes import classic, record, records
+from support.matlab_bytes import classic, record
 
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
@@ -345,6 +345,7 @@ def test_the_load_of_a_column_goes_before_that_of_its_file(tmp_path, named):
     else:
         expected = {"controller_1_payload": (1, 0.2), "controller_2_payload": (2, 0.2)}
     assert set(found["runs"]) == set(expected)
+    assert found["guesses"] == []
     for name, (size, mass) in expected.items():
         assert mae(found, name) == [size * MAE[0]]
         assert found["runs"][name]["payload_mass_kg"] == mass
@@ -426,17 +427,6 @@ def test_a_rate_is_not_a_reference(tmp_path):
     assert "CHECK" in next(line for line in mapping.splitlines() if '"qd2"' in line)
 
 
-def test_a_wide_table_of_all_controllers(tmp_path):
-    head = "t(s),qd2(deg)," + ",".join(f"Controller{k} q2(deg)" for k in (1, 2, 3)) + "\n"
-    rows = np.column_stack([T, DESIRED[2], *(DESIRED[2] - k * ERROR[2] for k in (1, 2, 3))])
-    path = tmp_path / "SYNTHETIC.csv"
-    path.write_text(head + lines(rows))
-    run_inspect([path], tmp_path / "m.yaml", force=True)
-    found = run_ingest([path], tmp_path / "m.yaml", tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
-    for k in (1, 2, 3):
-        assert mae(found, f"controller_{k}") == [k * MAE[0]]
-
-
 def test_a_sheet_of_errors_for_each_joint(tmp_path):
     path = tmp_path / "SYNTHETIC.xlsx"
     with pd.ExcelWriter(path) as book:
@@ -507,28 +497,11 @@ def test_a_block_without_names_asks_for_them(tmp_path, first):
     assert mae(found) == MAE
 
 
-def test_structures_of_three_dimensions_ask_for_their_joints(tmp_path):
-    blocks = np.stack([NUMBERS[:, [1, 2]], NUMBERS[:, [3, 4]]]).transpose(0, 2, 1)
-    signals = records({"values": blocks, "label": "q"})
-    with pytest.raises(ConfigError):
-        ingested(
-            tmp_path, ".mat", lambda path: classic(path, {"run": record(time=T[:, None], signals=signals)})
-        )
-    asked = [line for line in (tmp_path / "m.yaml").read_text().splitlines() if "FILL IN" in line]
-    assert all(f'"q[{i},{j}]": VARIABLE' in asked[2 * i + j - 3] for i in (1, 2) for j in (1, 2))
-
-
 def test_columns_of_an_array_that_would_be_the_same_are_not_guessed(tmp_path):
     blocks = np.stack([NUMBERS[:, [1, 2]], NUMBERS[:, [3, 4]]]).transpose(0, 2, 1)
     path = tmp_path / "SYNTHETIC_3d_joint2_c1.mat"
     classic(path, {"t": T[:, None], "q_d": blocks, "q": NUMBERS[:, 1:]})
     assert run_inspect([path], None, force=False)["runs"] == {"controller_1": 0}
-
-
-def test_three_dimensions_in_the_name_of_a_file_are_no_desired_angles(tmp_path):
-    arrays = {"t": T[:, None], "q": NUMBERS[:, [2, 4]], "q_d": NUMBERS[:, [1, 3]]}
-    found, _, _ = ingested(tmp_path, "_3d.mat", lambda path: classic(path, arrays))
-    assert mae(found) == MAE
 
 
 def test_angles_in_a_file_that_is_named_after_torque_stay_angles(tmp_path):
