@@ -7,7 +7,7 @@ the names `state`, `torque`, `ddq` and `live` alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,11 +100,18 @@ def experiment_rows(n: int) -> LaneRows:
 def experiment_code(numbers: tuple[Plant, LawNumbers], record: bool, command: CommandFunction) -> Written:
     """Source of ``advance`` and ``sample`` for experiments of a batch, and their rows."""
     plant, law = numbers
-    rows = experiment_rows(plant.preload.shape[0])
-    moved = advance_source(plant, rows)
-    code = Writer(rows)
+    moved, rows = advance_code(plant)
+    # The rows of the law follow those of the plant, which other laws share.
+    code = Writer(replace(rows, named={**rows.named}))
     write_sample(code, law, command, statistics=True, record=record)
-    return {"advance": moved, "sample": code.source("sample")}, rows
+    return {**moved, "sample": code.source("sample")}, code.rows
+
+
+@remembered
+def advance_code(plant: Plant) -> Written:
+    """Source of ``advance``, and the rows of plants."""
+    rows = experiment_rows(plant.preload.shape[0])
+    return {"advance": advance_source(plant, rows)}, rows
 
 
 @remembered
