@@ -118,8 +118,10 @@ class _Number(NamedTuple):
     half: float
 
 
-def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window) -> Goal:
+def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window, laws: Sequence[str] = ()) -> Goal:
     """Errors of a table, or of the runs of a trace file or of a folder with one.
+
+    Runs are those of the comparison, and of a user's `laws`.
 
     Raises
     ------
@@ -129,11 +131,12 @@ def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window) -> Goal:
         Where the trace file is absent or damaged.
     """
     is_log = path.is_dir() or path.suffix == ".h5"
-    numbers = list(_of_traces(path, loaded, window) if is_log else _of_table(path, loaded))
+    known = (*loaded.compare.runs, *laws)
+    numbers = list(_of_traces(path, loaded, window, known) if is_log else _of_table(path, loaded, known))
     if not numbers:
         raise UsageError("holds no errors to fit", where=str(path), hint=_HINT)
     joints = loaded.compare.joints
-    runs = tuple(run for run in loaded.compare.runs if any(number.run == run for number in numbers))
+    runs = tuple(run for run in known if any(number.run == run for number in numbers))
     values, half = (np.full((len(runs), len(METRICS), len(joints)), np.nan) for _ in range(2))
     for number in numbers:
         place = runs.index(number.run), METRICS.index(number.metric), joints.index(number.joint)
@@ -161,13 +164,13 @@ def _arm_words(loaded: LoadedEnsemble) -> Iterator[str]:
         yield from (f"--range {key}={low:g},{high:g}" for key, (low, high) in loaded.around.ranges.items())
 
 
-def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window) -> Iterator[_Number]:
+def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequence[str]) -> Iterator[_Number]:
     """Errors as `compare` computes them, of runs and joints that the comparison has."""
     file = read_traces(path).part("compare")
     seconds = START if window == "settled" else 0.0
     name = "after_first_period" if window == "late" else without_start_name(seconds)
     for run, trace in file.runs.items():
-        if run not in loaded.compare.runs or "e" not in trace:
+        if run not in runs or "e" not in trace:
             continue
         if trace.status == "diverged":
             raise UsageError(f"the run {run} diverged, and has no errors to fit", where=str(path))
@@ -181,7 +184,7 @@ def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window) -> Iterator[_
                     yield _Number(run, metric, joint, float(value), np.nan)
 
 
-def _of_table(path: Path, loaded: LoadedEnsemble) -> Iterator[_Number]:
+def _of_table(path: Path, loaded: LoadedEnsemble, runs: Sequence[str]) -> Iterator[_Number]:
     """Numbers of a table with a row for each run and joint, or for each number."""
     lines = csv.DictReader(read_text(path, "name a table of errors, or a folder with traces").splitlines())
     columns = [name.strip() for name in lines.fieldnames or ()]
@@ -194,7 +197,7 @@ def _of_table(path: Path, loaded: LoadedEnsemble) -> Iterator[_Number]:
             message = f"has more cells than the {len(columns)} of the heading"
             raise UsageError(message, where=where, hint="write 0.25 with a point, and a comma between cells")
         cells = {name: (cell or "").strip() for name, cell in row.items() if isinstance(cell, str)}
-        for number in _of_row(cells, loaded, where):
+        for number in _of_row(cells, loaded, runs, where):
             key = number[:3]
             if key in seen:
                 message = (
@@ -219,9 +222,11 @@ def _check_columns(columns: Sequence[str], path: Path) -> None:
         raise UsageError(message, where=f"{path}:1", hint=_HINT)
 
 
-def _of_row(cells: Mapping[str, str], loaded: LoadedEnsemble, where: str) -> Iterator[_Number]:
+def _of_row(
+    cells: Mapping[str, str], loaded: LoadedEnsemble, runs: Sequence[str], where: str
+) -> Iterator[_Number]:
     run, joint = cells.get("run", ""), cells.get("joint", "")
-    runs, joints = loaded.compare.runs, [str(number) for number in loaded.compare.joints]
+    joints = [str(number) for number in loaded.compare.joints]
     if run not in runs:
         message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
         raise UsageError(message, where=where, hint=f"There are: {', '.join(runs)}")

@@ -271,7 +271,8 @@ def sample(
         # A user's law may have neither rate nor estimate; its memory then holds zeros.
         own = command is not control.command
         kept = (np.nan_to_num(rate), np.nan_to_num(signals[0])) if own else (rate, signals[0])
-        memory = control.remember(memory, measured[0], desired[0], *kept, stored, law)
+        remember = getattr(command, "remember", control.remember)
+        memory = remember(memory, measured[0], desired[0], *kept, stored, law)
     bounded: Numeric = 1.0
     for i in range(n):
         error = desired[0][i] - measured[0][i]

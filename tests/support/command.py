@@ -34,6 +34,7 @@ SHORT_DECOUPLE = [
 SMALL = {
     "compare": ["--controllers", "1", *SHORT],
     "decouple": SHORT_DECOUPLE,
+    "edits": ["--plants", "1", "--jobs", "1"],
     "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
     "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
     "data ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],

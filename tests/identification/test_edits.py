@@ -1,0 +1,278 @@
+"""Every small change of the equations: what the rules make, which readings they hold, and how they rank."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import load_plants
+from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.experiment import CompareConfig
+from tendonrepro.configuration.models.readings import parse_reading, under
+from tendonrepro.console import Talk
+from tendonrepro.errors import UsageError
+from tendonrepro.experiments.loops import all_loops, build_law
+from tendonrepro.experiments.user_law import laws_of
+from tendonrepro.identification.edits import runs
+from tendonrepro.identification.edits.rank import Likelihoods, planted, ranking
+from tendonrepro.identification.edits.recorded import EditedLaw, recorded
+from tendonrepro.identification.edits.rules import NAMES, UNPRINTED, Anatomy, Rules
+from tendonrepro.identification.edits.runs import EditStudy
+from tendonrepro.identification.edits.study import goal_of
+from tendonrepro.identification.edits.variants import Variants, law_of, states, torques, variants_of
+from tendonrepro.physics import control
+from tendonrepro.physics.control import Law
+from tendonrepro.results.record_store import Records, RecordStore
+from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
+from tendonrepro.studies.study import Site
+
+CONTROLLERS = ("controller_1", "controller_2", "controller_3")
+
+
+@cache
+def config() -> CompareConfig:
+    loaded = load_config("compare", "compare").config
+    assert isinstance(loaded, CompareConfig)
+    return loaded
+
+
+@cache
+def loops() -> dict[str, Loop]:
+    of_all = all_loops(load_config("compare", "compare"))
+    return {run: of_all[run] for run in CONTROLLERS}
+
+
+@cache
+def every_edit() -> Variants:
+    return variants_of(loops())
+
+
+def of_physics(law: Law) -> Array:
+    """Torques and accelerations at the states, without a tape."""
+    memory, q, q_d, dq_d, ddq_d = states(2)
+    depth = {"q": 3 * law.lag, "tau": 2 * law.lag, "ddq": law.lag}
+    memory = memory._replace(**{name: getattr(memory, name)[:size] for name, size in depth.items()})
+    tau, *_ = control.command(memory, q, q_d, dq_d, law.feed_forward * ddq_d, law)
+    return np.concatenate([np.ravel(tau), np.ravel(control.delayed_acceleration(memory, q, law))])
+
+
+@pytest.mark.parametrize("run", CONTROLLERS)
+def test_a_law_without_an_edit_is_the_law_to_the_last_bit(run: str) -> None:
+    law = law_of(loops()[run])
+    assert np.array_equal(torques(EditedLaw(law)), of_physics(law.law), equal_nan=True)
+
+
+@pytest.mark.parametrize("run", CONTROLLERS)
+def test_every_operation_of_the_law_has_an_equation_and_every_input_its_letters(run: str) -> None:
+    """The table of equations stands beside the law, which knows nothing of it."""
+    of = Anatomy(law_of(loops()[run]))
+    assert all(not equation.startswith("line") for equation in of.equations.values())
+    inputs = {
+        each for name in of.used for each in of.lines[name][1] if isinstance(each, str) and of.is_input(each)
+    }
+    assert all(of.words(name) in {*NAMES.values(), "angle_scale"} for name in inputs)
+
+
+def test_every_printed_equation_of_the_laws_is_edited() -> None:
+    edited = {edit.equation for edit in every_edit().edits}
+    assert {f"Eq. ({number})" for number in (8, 11, 12, 13, 15, 16, 17, 18)} <= edited
+    assert UNPRINTED not in edited
+
+
+READINGS = {
+    "phi_negative=even": "everywhere: e for |e|",
+    "phi_branch=power": "everywhere: always sig(e)^b",
+    "weights=extrapolating": "everywhere: α with the other sign",
+    "weights=swapped": "Eq. (15): 1 − α and α exchanged",
+    "differencing=centred": "Eq. (16): q(t−L) − 2 q(t−2L) + q(t−3L) one L newer",
+    "gain_unit=phi_in_degrees": "Eq. (12): e in degrees",
+    "gain_unit=law_in_degrees": "everywhere: all angles in degrees",
+    "Delta_unit=deg": "everywhere: Δ in degrees",
+    "eta_in_controller_2=dropped": "Eq. (18): factor η left out, in Controller 2 alone",
+    "delay_time=two_periods": "everywhere: L of two sampling periods",
+    "delay_time=four_periods": "everywhere: L of four sampling periods",
+    "reference_acceleration=absent": "everywhere: q̈_d left out",
+}
+"""Readings that change an equation, and the edits that they are."""
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_a_reading_of_an_equation_is_one_of_the_edits(reading: str) -> None:
+    changed = under(parse_reading(reading), config(), {})
+    (edit,) = (edit for edit in every_edit().edits if edit.name == READINGS[reading])
+    for run, loop in loops().items():
+        law = edit.laws.get(run, EditedLaw(law_of(loop)))
+        np.testing.assert_allclose(torques(law), of_physics(build_law(changed, run)), rtol=1e-9, atol=1e-9)
+
+
+def test_names_tell_edits_apart_and_equal_ones_stand_once() -> None:
+    made = every_edit()
+    names = [name for edit in made.edits for name in (edit.name, *edit.others)]
+    names += [*made.unchanged, *made.no_number]
+    assert len(names) == len({*names}) == made.made
+    (dropped,) = (edit for edit in made.edits if edit.name == "Eq. (15): α left out")
+    assert "Eq. (15): factor 1 − α left out" in dropped.others
+    # The gains of both joints are equal, except α.
+    assert {name for name in made.unchanged if "λ of the other joint" in name}
+    assert not {name for name in made.unchanged if "α of the other joint" in name}
+
+
+def test_an_edit_of_eq_16_is_remembered_for_the_second_estimate() -> None:
+    """The acceleration at t − 2L is that of Eq. (16) a sample ago, whichever way it was made."""
+    (edit,) = (edit for edit in every_edit().edits if edit.name == READINGS["differencing=centred"])
+    law = edit.laws["controller_1"]
+    memory, q, q_d, *_ = states(2)
+    memory = memory._replace(q=memory.q[:3], tau=memory.tau[:2], ddq=memory.ddq[:1])
+    centred = law.base.law._replace(newest=0)
+    ours = law.remember(memory, q, q_d, q, q, q, law.base.law)
+    theirs = control.remember(memory, q, q_d, q, q, q, centred)
+    np.testing.assert_allclose(ours.ddq, theirs.ddq, rtol=1e-12)
+
+
+def short(loop: Loop) -> Loop:
+    parts = {name: getattr(loop.reference, name)[:400] for name in ("time", "q_d", "dq_d", "ddq_d")}
+    return replace(loop, reference=replace(loop.reference, **parts))
+
+
+def test_a_recorded_law_runs_as_the_law_and_an_edit_as_its_reading() -> None:
+    """In closed loop, on lanes."""
+    loop = short(loops()["controller_1"])
+    (edit,) = (edit for edit in every_edit().edits if edit.name == READINGS["weights=extrapolating"])
+    other = build_law(under(parse_reading("weights=extrapolating"), config(), {}), "controller_1")
+    law = law_of(loop)
+
+    def run(**changes: object) -> Array:
+        controller = replace(loop.controller, **changes)  # type: ignore[arg-type]
+        batch = simulate_batch([replace(loop, controller=controller)], config().status)
+        return np.concatenate([batch.statistics[name][0] for name in ("mae", "torque_step_rms")])
+
+    assert np.array_equal(run(), run(command=EditedLaw(law), on_lanes=True))
+    edited = run(command=edit.laws["controller_1"], on_lanes=True)
+    np.testing.assert_allclose(edited, run(law=other), rtol=1e-6)
+    assert not np.array_equal(edited, run())
+
+
+def made_tables(apart: float) -> Likelihoods:
+    """Six edits that move other errors, on plants that scatter by 5 %; the last is stable on few."""
+    draw = np.random.default_rng(1)
+    sizes = np.exp(0.05 * draw.standard_normal((6, 80, 3, 2, 2)))
+    for k in range(1, 6):
+        sizes[k, :, k % 3, k % 2] *= 1.0 + apart * k
+    stable = np.ones((6, 80), dtype=bool)
+    stable[5, 10:] = False
+    goal = goal_of(load_plants(None), (), None)
+    return Likelihoods(0.3 * sizes, stable, goal, False)
+
+
+def test_planted_edits_are_found_where_they_are_large_and_none_is_named_without_one() -> None:
+    shares = planted(made_tables(1.0), 40, 1)
+    assert shares["in_first_three"]["share"] == shares["named"]["share"] == 1.0  # type: ignore[index]
+    assert shares["clean_named"]["count"] <= 2  # type: ignore[index]
+
+
+def test_edits_without_effect_share_the_class_of_none_and_those_on_few_plants_have_no_rank() -> None:
+    of = made_tables(0.0)
+    assert not of.ranked[5]
+    assert not ranking(of, of.goal).named
+    same = replace(of, sizes=np.repeat(of.sizes[:1], 6, axis=0))
+    assert (same.classes[:5] == 0).all()
+    # A factor on all errors is the plant's.
+    larger = replace(of.goal, values=3.0 * of.goal.values, half=3.0 * of.goal.half)
+    np.testing.assert_allclose(ranking(of, larger).ratios[:5], ranking(of, of.goal).ratios[:5], atol=1e-9)
+
+
+@pytest.fixture
+def few_cells(monkeypatch: pytest.MonkeyPatch) -> EditStudy:
+    """Three plants, one at a time, without edits."""
+    monkeypatch.setattr(runs, "PLANTS_AT_ONCE", 1)
+    loaded = load_plants(None)
+    study = EditStudy(loaded, (), goal_of(loaded, (), None), 3)
+    study.__dict__["variants"] = Variants((), (), (), 0)
+    return study
+
+
+def test_a_study_that_is_killed_goes_on_to_the_same_bytes(
+    few_cells: EditStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def site(name: str) -> Site:
+        return Site(Talk(), tmp_path / name)
+
+    put, calls = RecordStore.put, iter(range(9))
+
+    def dying(store: RecordStore, places: Iterator[int], records: Records) -> None:
+        if next(calls) == 1:
+            raise KeyboardInterrupt
+        put(store, places, records)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RecordStore, "put", dying)
+        with pytest.raises(KeyboardInterrupt):
+            few_cells.run(site("killed"), 1, "plants")
+    for name in ("killed", "whole"):
+        few_cells.run(site(name), 1, "plants")
+    killed, whole = (
+        next((tmp_path / name / "plants").iterdir()).read_bytes() for name in ("killed", "whole")
+    )
+    assert killed == whole
+
+
+OWN = """
+import numpy as np
+from tendonrepro.physics.control import error_rate
+
+def own(memory, q, q_d, dq_d, ddq_d, law):
+    de = error_rate(memory, q, q_d, dq_d, law)
+    e = q_d - q
+    s = de + law.beta * e
+    tau = memory.tau[0] + law.M_bar * (ddq_d + law.beta * de + law.lam * s)
+    return tau, memory.tau[0], s, de
+
+def branching(memory, q, q_d, dq_d, ddq_d, law):
+    return q if q[0] > 0.0 else q_d
+"""
+
+
+@pytest.fixture
+def own_law(tmp_path: Path) -> Path:
+    path = tmp_path / "law.py"
+    path.write_text(OWN)
+    for name, run in (("errors", "own"), ("branching", "branching")):
+        lines = "run,joint,mae_deg,rmse_deg", f"{run},2,0.25,0.31", f"{run},3,0.22,0.26"
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return path
+
+
+def user_study(own_law: Path, name: str, table: str = "errors.csv") -> EditStudy:
+    loaded, laws = load_plants(None), laws_of([f"{own_law}:{name}"])
+    return EditStudy(loaded, tuple(laws), goal_of(loaded, laws, own_law.parent / table), 1)
+
+
+def test_a_users_own_law_is_edited_by_its_lines(own_law: Path) -> None:
+    edits = user_study(own_law, "own").variants.edits
+    names = {edit.name for edit in edits}
+    assert {"line 8: β with the other sign", "line 9: β and λ exchanged"} <= names
+    assert {edit.runs for edit in edits} == {("own",)}
+
+
+def test_what_cannot_be_edited_is_refused(own_law: Path) -> None:
+    with pytest.raises(UsageError, match="branches in its line 13"):
+        _ = user_study(own_law, "branching", "branching.csv").variants
+    loaded, laws = load_plants(None), laws_of([f"{own_law}:own"])
+    with pytest.raises(UsageError, match="no published errors"):
+        goal_of(loaded, laws, None)
+    (own_law.parent / "other.csv").write_text("run,joint,mae_deg\ncontroller_1,2,0.25\n")
+    with pytest.raises(UsageError, match="no errors of the run own"):
+        goal_of(loaded, laws, own_law.parent / "other.csv")
+
+
+def test_a_turned_sign_is_made_of_one_operand() -> None:
+    law = recorded(build_law(config(), "controller_3"))
+    changes = [edit.changes for edit in Rules(law).edits() if edit.name == "Eq. (17): Ĥ with the other sign"]
+    assert [[*each.values()] for each in changes] == [[("*", ("@", -1.0))] * 2]
