@@ -91,6 +91,7 @@ def context() -> dict[str, Any]:
         **of_searches(stored("identify")),
         **of_tables(stored("given")),
         **of_papers(stored("planted")),
+        "repeats": stored("repeats"),
         "stored": stored,
         "verdicts": verdicts,
     }

@@ -101,6 +101,7 @@ def given_tables(held: StableErrors, *, seed: int = 0) -> dict[str, Any]:
     # An interpretation with fewer plants has some of them again, with other noise: all count alike.
     plants, errors = (np.concatenate([np.resize(whole[name][i], (each, *whole[name][i].shape[1:])) for name in names])
                       for i in (0, 1))
+    fresh = np.concatenate([np.arange(each) < len(whole[name][0]) for name in names])
     changed = np.repeat([name in CHANGED for name in names], each)
     measured = np.log(with_noise(errors, NOISE, np.random.default_rng(seed)))
     paper = published_log_errors(held.joints)
@@ -124,7 +125,7 @@ def given_tables(held: StableErrors, *, seed: int = 0) -> dict[str, Any]:
         "plants": [len(whole[name][0]) for name in names],
         "rows": rows,
         "counted": [
-            {"what": what, "plants": int(hits.sum()), "probability": float(changed[hits].mean()) if hits.any() else None}
+            {"what": what, "plants": int((hits & fresh).sum()), "probability": float(changed[hits].mean()) if hits.any() else None}
             for what, hits in counted.items()
         ],
         "nearest": {compared: float(sizes.min()) for compared, sizes in apart.items()},

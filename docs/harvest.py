@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from bounds import bounds
-from planted_papers import store_errors, store_rates, stored_errors
+from planted_papers import scatter_of_repeats, store_errors, store_rates, stored_errors
 from stored_results import DOCS, nearest, read, rounded, store, store_table, stored, write
 
 from tendonrepro.configuration.load import load_config
@@ -45,6 +45,7 @@ def take(reports: Path) -> None:
     write("sample.json", sample_of(ensemble))
     store_errors(stable_errors(ensemble, [name for name in SHOWN if name in ensemble.readings], MOST_PLANTS))
     store_rates(stored_errors())
+    store("repeats.json", scatter_of_repeats(ensemble))
     store("draws.json", nearest_draws(ensemble))
     store("bounds.json", bounds(ensemble))
     store("claims.json", ledger)

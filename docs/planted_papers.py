@@ -10,9 +10,14 @@ from typing import Any
 import numpy as np
 from stored_results import RESULTS, store
 
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published
+from tendonrepro.monte_carlo.data import EnsembleData
+from tendonrepro.monte_carlo.ensemble import load_study
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.verdicts.planted import NOISE, StableErrors, rate_of, verdicts_on_papers
+from tendonrepro.verdicts.plants import OK
 from tendonrepro.verdicts.rules import Ruling
 
 NOISES = (NOISE, 0.05)
@@ -70,6 +75,33 @@ def outcomes(held: StableErrors, reading: str, noise: float) -> dict[str, Any]:
 def worst_on(order: Ruling) -> float:
     """Share of the plants on which the best controller of a paper is the worst in all columns; 0 without a best."""
     return order.evidence["beside"][-1]["share"] if "beside" in order.evidence else 0.0
+
+
+REPEATED, REPEATS, MOVED = 100, 4, 1e-6
+"""Stable plants whose runs are repeated, how often, and by how much their masses move, relative."""
+
+
+def scatter_of_repeats(ensemble: EnsembleData) -> dict[str, float]:
+    """Relative scatter of a run's errors as published: median, nine of ten, root mean square; and that of RMSE over MAE."""
+    study = load_study(None, (), None, PRINTED)
+    box = study.populations["box"]
+    stable = np.logical_and.reduce([ensemble.status(run, PRINTED) == OK for run in RUNS])
+    values = np.repeat(ensemble.draws[np.flatnonzero(stable)[:REPEATED]], REPEATS, axis=0)
+    masses = [place for place, name in enumerate(box.names) if "mass" in name]
+    values[:, masses] *= 1.0 + MOVED * np.random.default_rng(0).standard_normal((len(values), len(masses)))
+    cases = [study.cases[study.lookup[run, PRINTED]] for run in RUNS]
+    runs = [simulate_batch(loops, study.loaded.compare.status) for loops in zip(*box.loops(values, cases), strict=True)]
+    still = np.logical_and.reduce([run.status == OK for run in runs]).reshape(-1, REPEATS).all(axis=1)
+    errors = np.log([[run.statistics[metric] for metric in METRICS] for run in runs])
+    errors = errors.reshape(len(RUNS), len(METRICS), -1, REPEATS, errors.shape[-1])[:, :, still]
+    size, shape = errors.std(axis=3, ddof=1), (errors[:, 1] - errors[:, 0]).std(axis=2, ddof=1)
+    return {
+        "plants": int(still.sum()),
+        "median": float(np.median(size)),
+        "nine_of_ten": float(np.quantile(size, 0.9)),
+        "size": float(np.sqrt((size**2).mean())),
+        "shape": float(np.sqrt((shape**2).mean())),
+    }
 
 
 def store_rates(held: StableErrors) -> None:

@@ -268,7 +268,9 @@ def _ours(verdict: Verdict) -> str:
 def _rate(verdict: Verdict) -> str:
     """How often the rule contradicts a right paper."""
     rate = verdict.false_contradicted
-    return NOTHING if rate is None else f"{100.0 * rate.share:.2g} % of {rate.plants}"
+    if rate is None or rate.interval is None:
+        return NOTHING
+    return f"{100.0 * rate.share:.2g} % of {rate.plants}, at most {100.0 * rate.interval[1]:.2g} %"
 
 
 def _measured(verdict: Verdict) -> str | None:
