@@ -16,9 +16,8 @@ from tendonrepro.monte_carlo.shares import FEW, LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, formula_of
-from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
-from tendonrepro.verdicts.statements import Claim, Statement, claim_on, smaller, together
+from tendonrepro.verdicts.statements import Claim, Plants, Statement, claim_on, smaller, together
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."

@@ -32,25 +32,16 @@ from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.studies.parameters import MEASURED, Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
+from tendonrepro.verdicts import ledger
 from tendonrepro.verdicts.from_ensemble import COMMAND, judge_plants
 from tendonrepro.verdicts.from_print import NUMBERS, ErrorOf, formula_of, judge_print
-from tendonrepro.verdicts.ledger import (
-    SHARE,
-    ByChoice,
-    Origin,
-    Verdict,
-    as_data,
-    changed,
-    origin_of,
-    shipped_ledger,
-    with_shipped,
-)
+from tendonrepro.verdicts.ledger import SHARE, ByChoice, Origin, Verdict
 from tendonrepro.verdicts.measurement import judge_measured, measurement_of, read_measured
 from tendonrepro.verdicts.planted import false_contradicted
-from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.report import changes_text, claims_table, details_text, table_text
 from tendonrepro.verdicts.rules import EDITION, FAILURES, Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.sensitivity import deciding, rankings
+from tendonrepro.verdicts.statements import Plants
 from tendonrepro.verdicts.tension import tension
 
 if TYPE_CHECKING:
@@ -250,8 +241,8 @@ def claims_study(
 
     def run(site: Site) -> Result:
         sources, verdicts, judged_by = _judged(above, measured, ids, site.talk)
-        data = as_data(verdicts, judged_by)
-        changes = {} if before is None else changed(before, verdicts)
+        data = ledger.as_data(verdicts, judged_by)
+        changes = {} if before is None else ledger.changed(before, verdicts)
         failing = [verdict.id for verdict in verdicts if verdict.verdict in FAILURES]
         told = Result(
             data,
@@ -301,9 +292,9 @@ def _judged(
         rates = false_contradicted(ensemble, published(), [verdict.id for verdict in verdicts])
         verdicts = [replace(verdict, false_contradicted=rates.get(verdict.id)) for verdict in verdicts]
         known = {"draws": len(ensemble.draws), "rules_edition": EDITION}
-        return sources, verdicts, origin_of("local", read_manifest(out / ENSEMBLE) | known)
-    shipped = shipped_ledger()
-    return sources, with_shipped(verdicts, shipped), shipped.ensemble
+        return sources, verdicts, ledger.origin_of("local", read_manifest(out / ENSEMBLE) | known)
+    shipped = ledger.shipped_ledger()
+    return sources, ledger.with_shipped(verdicts, shipped), shipped.ensemble
 
 
 def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
@@ -338,8 +329,8 @@ def _baseline(path: Path, ids: Sequence[str]) -> dict[str, str]:
             hint="leave out either --baseline or the claims",
         )
     hint = "write one with tendonrepro claims"
-    ledger = read_json(path, hint)
+    stored = read_json(path, hint)
     try:
-        return {str(entry["id"]): str(entry["verdict"]) for entry in ledger["claims"]}
+        return {str(entry["id"]): str(entry["verdict"]) for entry in stored["claims"]}
     except (TypeError, LookupError) as error:
         raise DataMissingError("is not the JSON of tendonrepro claims", where=str(path), hint=hint) from error

@@ -31,9 +31,8 @@ from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import CONTROLLERS, statistics
 from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, ErrorOf, cut, formula_of
-from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
-from tendonrepro.verdicts.statements import Claim, claim_on, together, with_load
+from tendonrepro.verdicts.statements import Claim, Plants, claim_on, together, with_load
 
 _THE_WAY = "make it by tendonrepro data fetch, data inspect --suggest, and data ingest"
 RATE_WINDOW = 0.05

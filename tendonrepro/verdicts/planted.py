@@ -21,9 +21,8 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import judge_plants
 from tendonrepro.verdicts.from_print import PERCENTAGES, error_of, formula_of
-from tendonrepro.verdicts.plants import OK, UNRESOLVED, Plants, PlantTable
 from tendonrepro.verdicts.rules import Ruling, not_testable
-from tendonrepro.verdicts.statements import ORDERED, printed_order
+from tendonrepro.verdicts.statements import OK, ORDERED, UNRESOLVED, Plants, PlantTable, printed_order
 
 RULES = ("ratio", "increase", "order", "rising_shape", "joints_alike", "payload")
 """Rules that can contradict a print and ask for nothing but the errors of Tables 2 and 3."""

@@ -25,9 +25,8 @@ from tendonrepro.monte_carlo.shares import LEAST_PLANTS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import numbers_of
 from tendonrepro.verdicts.from_print import NUMBERS, ErrorOf
-from tendonrepro.verdicts.plants import Plants
 from tendonrepro.verdicts.rules import Mask
-from tendonrepro.verdicts.statements import claim_on, together
+from tendonrepro.verdicts.statements import Plants, claim_on, together
 
 HARMONICS = 6
 """The method's usual ten fit more of the noise of a few hundred plants."""

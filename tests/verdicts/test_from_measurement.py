@@ -15,8 +15,7 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.reporting.contents import statements
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.measurement import Measurement, decoupling, judge_measured, motor_angles
-from tendonrepro.verdicts.plants import Plants, RunUnder
-from tendonrepro.verdicts.statements import HALVED, claim_on
+from tendonrepro.verdicts.statements import HALVED, Plants, RunUnder, claim_on
 
 
 def comparison(sizes=None, **options):
