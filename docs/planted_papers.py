@@ -17,8 +17,8 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.verdicts.planted import NOISE, StableErrors, rate_of, verdicts_on_papers
-from tendonrepro.verdicts.plants import OK
 from tendonrepro.verdicts.rules import Ruling
+from tendonrepro.verdicts.statements import OK
 
 NOISES = (NOISE, 0.05)
 """Noises of a run that are tried; the first counts."""
