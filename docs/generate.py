@@ -26,6 +26,7 @@ from stored_results import DOCS, nearest, stored
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
+from tendonrepro.identification.edits.figures_edits import draw_edits
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.readings import read_shown
@@ -36,7 +37,7 @@ from tendonrepro.verdicts.ledger import read_ledger
 
 README = DOCS.parent / "README.md"
 PAGES = (README, *(DOCS / f"{name}.md" for name in
-                  ("findings", "how_often_wrong", "predictions", "tables", "theory", "tune")))
+                  ("findings", "how_often_wrong", "predictions", "slips", "tables", "theory", "tune")))
 
 
 def write_pages() -> None:
@@ -54,6 +55,7 @@ def write_pages() -> None:
 def pictures() -> dict[str, Drawing]:
     """The pictures of stored results, by name."""
     shown, found, tuned = read_shown(DOCS / "results"), stored("predict"), stored("tune")
+    edits = stored("edits")
     drawn = (
         draw_orders(shown),
         draw_map(shown, stored("closest")),
@@ -62,6 +64,7 @@ def pictures() -> dict[str, Drawing]:
             tuned["laws"], {name: law.title for name, law in LAWS.items()}, on=f"{tuned['plants']} plants"
         ),
         draw_predictions(found["experiments"], found["readings"], found["joints"]),
+        draw_edits(edits["edits"], edits["ratios"], edits["factor"], edits["plants"]),
     )
     return {drawing.stem: drawing for drawing in drawn}
 
@@ -184,7 +187,8 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
 PARTS = (
     "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
     "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
-    "planted papers", "how probable", "the bound", "the least misfits",
+    "planted papers", "how probable", "the bound", "the least misfits", "single edits",
+    "every small change",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""
 MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}

@@ -66,10 +66,27 @@ def take(reports: Path) -> None:
         store("closest.json", table2[["run", "joint", "mae_deg", "rmse_deg"]].to_dict("records"))
     if (reports / "predict").exists():
         store("predict_starts.json", read(reports / "predict" / "predict.json"))
+    if (reports / "edits").exists():
+        store("edits.json", edits_of(read(reports / "edits" / "edits.json")))
     if (reports / "tune").exists():
         found = read(reports / "tune" / "tune.json")
         kept = {key: value for key, value in found.items() if key != "by_plant"}
         store("tune.json", kept | {"tuned_over_published": tuned_over_published(found["by_plant"])})
+
+
+EDIT = ("edit", "runs", "also", "stable", "stable_share", "order_share", "ratios", "torque_steps_over_none",
+        "first_smoothest_share", "spoils", "like", "ranked", "rank", "log10_likelihood_ratio", "named")  # fmt: skip
+APART = ("stable_share", "order_share", "rank", "log10_likelihood_ratio", "named")
+
+
+def edits_of(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Keep of every edit what pages show, and the ratios of those that have a rank."""
+    rows = [
+        {name: row[name] for name in EDIT if row["ranked"] or name not in ("ratios", "spoils")}
+        | {"apart": {name: row["apart"][name] for name in APART}}
+        for row in found["edits"]
+    ]
+    return {**found, "edits": rows}
 
 
 def store_ensemble(summary: Mapping[str, Any]) -> None:

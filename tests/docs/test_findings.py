@@ -293,6 +293,20 @@ def test_numbers_of_the_tuning() -> None:
         assert phrase in text_of(page), f"{page}: {phrase}"
 
 
+def test_no_single_edit_gives_the_published_order() -> None:
+    """What findings and slips say of edits without a number."""
+    edits = stored("edits")["edits"]
+    assert edits[0]["edit"] == "no edit"
+    assert len({row["edit"] for row in edits}) == len(edits) > 300
+    assert not [row["edit"] for row in edits if row["ranked"] and row["order_share"] > 0.5]
+    medians = [[ratio["median"] for ratio in row["ratios"]] for row in edits if row["ranked"]]
+    assert not [row for row in medians if (row[0] < 1.0 and row[2] < 1.0) or (row[1] < 1.0 and row[3] < 1.0)]
+    (sign,) = (row for row in edits if row["edit"] == "everywhere: α with the other sign")
+    (degrees,) = (row for row in edits if row["edit"] == "everywhere: Δ in degrees")
+    assert sign["ratios"][0]["median"] < 1.0 < sign["ratios"][2]["median"]
+    assert degrees["ratios"][2]["median"] < 1.0 < degrees["ratios"][0]["median"]
+
+
 def test_words_for_shares(readings: dict[str, Row], claims: dict[str, Any]) -> None:
     """What stands in words: a third, two thirds, nearly all, most, almost none."""
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
