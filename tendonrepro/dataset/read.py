@@ -93,7 +93,7 @@ def _reader() -> Iterator[Callable[[Path, str], tuple[list[Columns], list[str]]]
     pools: list[ProcessPoolExecutor] = []
 
     def read(path: Path, name: str) -> tuple[list[Columns], list[str]]:
-        if not _may_crash(path):
+        if _reader_of(path) not in _MAY_CRASH:
             return read_file(path, name)
         if not pools:
             pools.append(ProcessPoolExecutor(max_workers=1))
@@ -178,7 +178,7 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     if size > MOST_BYTES:
         raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
-        tables = _tables(path)
+        tables = _reader_of(path)(path)
     except Unreadable:
         raise
     except Exception as error:
@@ -198,31 +198,32 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     return list(filled.values()), left_out
 
 
-def _tables(path: Path) -> Tables:
-    """Tables of a file by their place in it; its first bytes go before its name."""
-    head, suffix = _head(path), path.suffix.lower()
+def _reader_of(path: Path) -> Callable[[Path], Tables]:
+    """What reads a file, by its first bytes before its name."""
+    with path.open("rb") as stream:
+        head = stream.read(512)
+    suffix = path.suffix.lower()
     if suffix == ".mat" or head.startswith(b"MATLAB") or (suffix == ".fig" and head.startswith(_HDF)):
-        from tendonrepro.dataset.matlab import read_matlab
-
-        return read_matlab(path)
+        return _read_matlab
     if head.startswith(_HDF):
-        return read_hdf5(path)
+        return read_hdf5
     if suffix == ".tdms" or head.startswith(b"TDSm"):
-        return read_tdms(path)
+        return read_tdms
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        return read_workbook(path)
+        return read_workbook
     if suffix == ".json":
-        return read_package(path)
+        return read_package
     if suffix in _TEXTS | _BOOKS:
-        return read_lvm(path) if is_labview(path) else read_text_table(path)
+        return read_lvm if is_labview(path) else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")
 
 
-def _may_crash(path: Path) -> bool:
-    """Whether a library reads a file that a damaged one can crash."""
-    return path.suffix.lower() == ".mat" or _head(path).startswith((b"MATLAB", _HDF))
+def _read_matlab(path: Path) -> Tables:
+    # Its libraries take half a second to import.
+    from tendonrepro.dataset.matlab import read_matlab
+
+    return read_matlab(path)
 
 
-def _head(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return stream.read(512)
+_MAY_CRASH = {_read_matlab, read_hdf5}
+"""Readers whose libraries a damaged file can crash."""

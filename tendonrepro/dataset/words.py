@@ -14,8 +14,7 @@ from tendonrepro.configuration.strict_yaml import Section, load, read_text
 
 _FILE = Path(__file__).with_name("words.yaml")
 _TABLE: Section = load(read_text(_FILE), str(_FILE))
-_NO_GROUPS = {"units", "other_units", "phrases", "variables"}
-_GROUPS = {word: group for group, words in _TABLE.items() if group not in _NO_GROUPS for word in words}
+_GROUPS = {word: group for group, words in _TABLE["words"].items() for word in words}
 """Group of each word."""
 _CUTS = re.compile(f"({'|'.join(sorted(_GROUPS, key=len, reverse=True))})")
 FACTORS: Mapping[str, Mapping[str, float]] = {
