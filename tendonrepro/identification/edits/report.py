@@ -231,7 +231,8 @@ def edits_result(study: EditStudy, records: Records) -> Result:
         Table("edits_first", caption, every[: 1 + SHOWN], terminal=_SHOWN),
     ]
     draw = partial(draw_edits, rows, data["ratios"], factor, study.plants)
-    return Result(data, [*_sentences(data), *tables], {"edits": draw})
+    drawings = {"edits": draw} if any(row["ranked"] for row in rows[1:]) else {}
+    return Result(data, [*_sentences(data), *tables], drawings)
 
 
 _OF_EDIT = ("edit", "equation", "change", "runs", "also")
