@@ -21,7 +21,7 @@ import numpy as np
 from findings_pictures import draw_map, draw_ranges
 from harvest import take
 from pages import fresh
-from stored_results import DOCS, nearest, stored
+from stored_results import DOCS, nearest, of_joints, stored
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
@@ -107,7 +107,9 @@ def deciding(ranking: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def off(misfit: float) -> str:
-    """A misfit in per cent; one above 1 is of no stable plant."""
+    """A misfit in per cent; one above 1 is of no stable plant, and NaN where none was drawn."""
+    if math.isnan(misfit):
+        return "–"
     return f"{100.0 * misfit:.1f} %" if misfit < 1.0 else "none stable"
 
 
@@ -135,21 +137,27 @@ FILTERS: Mapping[str, Callable[[Any], Any]] = {
 
 
 def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Closest plants: whether a changed equation is closer than all that keep them, and at what budget."""
-    kept, changed = (nearest(found["readings"], names) for names in (KEPT, CHANGED))
-    scatter = float(np.std(kept["misfit_by_seed"], ddof=1)) if kept and len(kept["misfit_by_seed"]) > 1 else 0.0
-    misfits = {
-        (held["name"], held["begun_at"]): off(held["misfit_log"])
-        for held in (*found["readings"], *found.get("farther", ()))
-    }
+    """Closest plants, the nearest first, and of those whose errors are of joints that with equations kept or changed."""
+    draws, bounds = (stored(name)["misfit_log"] for name in ("draws", "bounds"))
+    searched = [
+        {
+            **held,
+            **held["searches"][0],
+            "name": held["name"],
+            "by": {one["search"]: one["misfit_log"] for one in held["searches"]},
+            "seen": min(one["seen"] for one in held["searches"]),
+            "draw": draws.get(held["name"], math.nan),
+            "bound": bounds.get(held["name"], math.nan),
+            "of_joints": bool(of_joints([held["name"]])),
+        }
+        for held in sorted(found["readings"], key=lambda held: held["misfit_log"])
+    ]
     return {
-        "identify": found,
-        "nearest": {held["name"]: held for held in found["readings"]},
-        "kept": kept,
-        "changed": changed,
-        "closer": bool(kept and changed and changed["misfit_log"] < kept["misfit_log"] - scatter),
-        "scatter": scatter,
-        "begun": lambda name, place: misfits.get((name, place), ""),
+        "budget": found.get("budget"),
+        "searched": searched,
+        "nearest": {held["name"]: held for held in searched},
+        "kept": nearest(searched, of_joints(KEPT)),
+        "changed": nearest(searched, of_joints(CHANGED)),
     }
 
 
@@ -185,7 +193,8 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 PARTS = (
-    "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "readings",
+    "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "misfits",
+    "repeats", "readings",
     "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
     "planted papers", "how probable", "the bound", "the least misfits", "single edits",
     "every small change",

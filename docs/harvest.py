@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import stored_results
 from bounds import bounds
 from planted_papers import scatter_of_repeats, store_errors, store_rates, stored_errors
-from stored_results import DOCS, nearest, read, rounded, store, store_table, stored, write
+from stored_results import DOCS, nearest, of_joints, read, rounded, store, store_table, stored, write
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
@@ -56,8 +57,6 @@ def take(reports: Path) -> None:
             shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
     for folder in sorted(reports.glob("identify_all*")):
         take_closest(folder)
-    if trials := sorted(reports.glob("trial_*")):
-        store("trials.json", [reading for folder in trials for reading in searches_of(folder)])
     if (reports / "closest").exists():
         if read(reports / "closest" / "manifest.json")["config"]["sha256"] != load_config("closest", "compare").sha256:
             sys.exit("reports/closest is of another plant; run tendonrepro compare --config closest --out reports/closest "
@@ -144,44 +143,41 @@ def nearest_draws(ensemble: EnsembleData) -> dict[str, Any]:
     return {"draws": len(ensemble), "misfit_log": {name: nearest_draw(ensemble, goal, name).misfit for name in names}}
 
 
-BUDGET = ("generations", "population", "seeds", "evaluations", "unknowns", "rows", "ensemble_sha256")
+BUDGET = ("budget", "draws", "evaluations", "rows", "ensemble_sha256")
 """What searches have to share to stand in one table: their effort, and the arm and ranges that they began with."""
 
 
 def take_closest(folder: Path) -> None:
     """Add what `tendonrepro identify --fit all` found to what is stored, and ship the closest plant.
 
-    It is the one that keeps every equation as published. Stored searches of another budget are left out; a smaller
-    budget than the stored one is refused.
+    It is the one that keeps every equation as published and has joint encoders, so that its errors are of joints.
+    Stored searches of another budget are left out; a smaller budget than the stored one is refused.
     """
     found = read(folder / "identify.json")
     found["ensemble_sha256"] = read(folder / "manifest.json")["config"]["ensemble_sha256"]
     budget = {key: found[key] for key in BUDGET}
-    fresh = searches_of(folder)
-    before = stored("identify")
+    before = stored("identify") if (stored_results.RESULTS / "identify.json").exists() else {"readings": []}
     if found["evaluations"] < before.get("budget", budget)["evaluations"]:
         sys.exit(f"the searches in {folder} are shorter than those that are stored; delete identify.json to start again")
-    earlier = [*before["readings"], *before.get("farther", [])]
+    earlier = before["readings"]
     if before.get("budget") != budget:
         print(f"leaving out {len(earlier)} stored searches of another budget or arm", file=sys.stderr)
         earlier = []
-    searches = {(search["name"], search["begun_at"]): search for search in (*earlier, *fresh)}
+    fresh = {search["name"]: search for search in searches_of(found)}
+    searches = {search["name"]: search for search in earlier} | fresh
     of_all = {key: found[key] for key in ("fit", "window")} | {"budget": budget}
-    store("identify.json", of_all | by_nearness(list(searches.values())))
-    best = nearest(stored("identify")["readings"], KEPT)
-    if best and (best["name"], best["begun_at"]) in {(search["name"], search["begun_at"]) for search in fresh}:
+    store("identify.json", of_all | {"readings": sorted(searches.values(), key=lambda search: search["misfit_log"])})
+    best = nearest(stored("identify")["readings"], of_joints(KEPT))
+    if best and best["name"] in fresh:
         text = (folder / "plants" / f"{best['name']}.yaml").read_text(encoding="utf-8")
         CLOSEST.write_text(f"# yaml-language-server: $schema=schema.json\n#\n{text}", encoding="utf-8")
 
 
-def searches_of(folder: Path) -> list[dict[str, Any]]:
-    """What is kept of each search in a folder of `tendonrepro identify`."""
-    found = read(folder / "identify.json")
-    place = "draw" if "from_draws_of" in found else "arm"
-    kept = ["name", "misfit_log", "misfit_by_seed", "seeds_agree", "rows_searched", "best_shape"]
+def searches_of(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What is kept of each interpretation in an ``identify.json``."""
     return [
-        {"physics_sha256": code_digest("physics"), "begun_at": place}
-        | {key: reading[key] for key in kept}
+        {"physics_sha256": code_digest("physics")}
+        | {key: reading[key] for key in ("name", "misfit_log", "searches", "best_shape")}
         | {
             "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
@@ -189,15 +185,3 @@ def searches_of(folder: Path) -> list[dict[str, Any]]:
         }
         for reading in found["readings"]
     ]
-
-
-def by_nearness(searches: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
-    """The nearest search of each interpretation, and the others: a search begins at the arm, or at a draw."""
-    best: dict[str, Mapping[str, Any]] = {}
-    farther = []
-    for search in sorted(searches, key=lambda search: search["misfit_log"]):
-        if search["name"] in best:
-            farther.append(search)
-        else:
-            best[search["name"]] = search
-    return {"readings": list(best.values()), "farther": farther}

@@ -56,3 +56,8 @@ def nearest(readings: Sequence[Mapping[str, Any]], names: Collection[str]) -> Ma
     """The closest plant under some interpretations."""
     held = [reading for reading in readings if reading["name"] in names]
     return min(held, key=lambda reading: reading["misfit_log"], default=None)
+
+
+def of_joints(names: Iterable[str]) -> list[str]:
+    """Interpretations whose errors are of joints: with motor encoders in the loop they are of motors."""
+    return [name for name in names if "feedback=motor" not in name.split("+")]

@@ -70,8 +70,13 @@ class FirstScreen(TyperGroup):
 
 RETIRED = {
     "device": "leave it out: everything runs on processors, and --jobs says on how many",
-    "from-draws": "leave it out: a search begins at the nearest point that it looked at, the arm among them; "
-    "for another arm name an ensemble with that base as --config",
+    "from-draws": "leave it out: searches begin at the nearest of their own samples; "
+    "for those of another arm name an ensemble with that base as --config",
+    **dict.fromkeys(
+        ("generations", "population", "seeds"),
+        "identify has --budget, the number of plants of each of its two searches",
+    ),
+    "unknowns": "leave it out: identify searches all that can vary, or what --rows names",
 }
 """Options of the last version that are gone, and what to do instead."""
 

@@ -16,7 +16,7 @@ AS_PUBLISHED = {
     "printed": "As published",
     "encoder=ideal": "Ideal encoders",
     "hardware=drawn": "Encoder, delay and filter varied",
-    "feedback=motor": "Motor encoders in the loop",
+    "feedback=motor": "Motor encoders in the loop, errors of motors",
     "Delta_unit=deg": "Δ in degrees",
     "stored_torque=applied": "Estimator stores the applied torque",
     "stored_torque=applied+output_delay=1": "… which acts one sample late",
@@ -32,14 +32,17 @@ BEYOND = {
     "reference_acceleration=absent+starts=apart": "… and acceleration not fed forward",
     "motion=ramp+starts=apart": "… on straight ramps",
     "Delta_unit=deg+motion=ramp+starts=apart": "… on straight ramps, with Δ in degrees",
-    "feedback=motor+motion=ramp+starts=apart": "… on straight ramps, with motor encoders",
+    "feedback=motor+motion=ramp+starts=apart": "… on straight ramps, errors of motors",
     "run_friction=drawn": "Friction 0.7 to 1.4 times from run to run",
 }
 CHANGED = {
     "weights=extrapolating": "Weights (1 + α, −α)",
     "weights=extrapolating+gain_unit=phi_in_degrees": "… with φ in degrees",
     BOTH: "… with Δ in degrees",
-    "weights=extrapolating+Delta_unit=deg+feedback=motor": "… with Δ in degrees and motor encoders",
+    "weights=extrapolating+Delta_unit=deg+feedback=motor": "… with Δ in degrees, errors of motors",
+    "weights=extrapolating+Delta_unit=deg+motion=ramp": "… with Δ in degrees, on straight ramps",
+    "weights=extrapolating+Delta_unit=deg+reference_acceleration=absent": "… with Δ in degrees, acceleration "
+    "not fed forward",
     "weights=extrapolating+motion=ramp+starts=apart": "… on straight ramps, with runs that start apart",
 }
 GROUPS = {
@@ -79,7 +82,7 @@ SETTINGS = {
     "delay_time=four_periods": "L is four periods",
     "estimate_filter=acceleration": "acceleration filtered",
     "estimate_filter=estimate": "estimate filtered",
-    "feedback=motor": "motor encoders in the loop",
+    "feedback=motor": "motor encoders in the loop, errors of motors",
     "reference_acceleration=absent": "acceleration not fed forward",
     "reference_acceleration=late": "acceleration fed forward late",
     "start=cold": "estimator starts empty",

@@ -26,10 +26,7 @@ def identify(
     errors: Annotated[Path | str | None, Word(metavar="FILE")] = None,
     readings: str = "printed",
     window: Literal["whole", "late"] = "whole",
-    generations: int = 60,
-    population: int = 48,
-    seeds: int = 3,
-    unknowns: int = 10,  # more than sixteen numbers could settle would be no explanation
+    budget: int = 1500,
     rows: str = "",
     config: ConfigOption = None,
     set: Changes = None,
@@ -53,29 +50,21 @@ def identify(
         printed, default, shown (in findings), or comma-separated names.
     window
         Whole run, or after the first period.
-    generations
-        Of each search.
-    population
-        Members of a generation.
-    seeds
-        Searches of each interpretation.
-    unknowns
-        Parameters that are searched at most.
+    budget
+        Plants of each of the two searches.
     rows
-        Names of the parameters to search instead, comma-separated.
+        Names of the parameters to search, comma-separated; else all.
     """
     from tendonrepro.configuration.ensemble import load_plants
-    from tendonrepro.identification.search import SearchEffort
     from tendonrepro.identification.searches import identification
 
     return identification(
         load_plants(config, spread, ranges, overrides=set, seed=seed),
-        SearchEffort(generations, population, seeds),
         fit=fit,
         errors=None if errors is None else Path(errors),
         readings=readings,
         window=window,
-        unknowns=unknowns,
+        budget=budget,
         rows=rows,
         jobs=jobs,
         folder=folder,

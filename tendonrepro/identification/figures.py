@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from tendonrepro.identification.search import SearchAnswer
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
 
 
-def draw_numbers(search: SearchAnswer, word: str, origin: str) -> Drawing:
-    """Every number over the printed or given one, of the best plant and of the seeds that come near."""
-    numbers = search["numbers"]
+def draw_numbers(numbers: Sequence[Json], word: str, caption: str, origin: str) -> Drawing:
+    """Every number over the printed or given one, of the best plant and of those that come near."""
     runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
     names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]
 
@@ -32,9 +31,4 @@ def draw_numbers(search: SearchAnswer, word: str, origin: str) -> Drawing:
         panel.margins(x=0.04)
         panel.set_xlabel(f"ours/{word}")
 
-    caption = (
-        f"Errors over the {word} ones under the reading {search['name']}: best plant (circle) and the range "
-        f"of the {search['near_count']} seeds that miss what was fitted by at most "
-        f"{search['near_limit']:.3g}."
-    )
     return rows_figure("identify_numbers", [""], names, draw, caption, f"Simulated, fitted to {origin}")

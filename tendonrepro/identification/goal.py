@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.models.control import RUNS, unloaded_run
 from tendonrepro.configuration.published import METRICS, Published, row_of
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
@@ -73,6 +73,11 @@ class Goal:
     def numbers(self) -> int:
         """How many decide."""
         return int(self.fitted.sum())
+
+    @property
+    def compared(self) -> list[int]:
+        """Places of the runs that have an order: those without payload."""
+        return [r for r, run in enumerate(self.runs) if not unloaded_run(run)]
 
     @property
     def sought(self) -> Goal:

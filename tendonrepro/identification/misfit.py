@@ -33,6 +33,10 @@ _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 PLANTS_AT_ONCE = 256
 
 
+MOVED = 1e-6
+"""Relative size of what moves the masses of a repeat: no bench knows them as well."""
+
+
 class Simulated(NamedTuple):
     """What N plants give on R runs.
 
@@ -48,6 +52,22 @@ class Simulated(NamedTuple):
     def ok(self) -> NDArray[np.bool_]:
         """Runs that ended well, (N, R)."""
         return np.asarray(self.status == STATUSES.index("ok"))
+
+
+class Repeats(NamedTuple):
+    """Of plants whose runs were repeated with masses moved by `MOVED`, (N, repeats).
+
+    Their misfits, and whether they have the order of the goal in every column. Encoder steps and friction
+    make some runs chaotic: there one run's misfit is as much luck as the plant.
+    """
+
+    misfits: Array
+    ordered: NDArray[np.bool_]
+
+    @property
+    def median(self) -> Array:
+        """Misfit of each plant, (N,)."""
+        return np.asarray(np.median(self.misfits, axis=1))
 
 
 @dataclass(frozen=True)
@@ -71,21 +91,32 @@ class Bench:
         """Of one point (P,) under a reading."""
         return self.space.config(self.box.values(unit[np.newaxis])[0], reading)
 
-    def measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
-        """Simulate points (N, P), in batches."""
-        pieces = np.split(units, range(PLANTS_AT_ONCE, len(units), PLANTS_AT_ONCE))
+    def measure(self, values: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
+        """Simulate values (N, P) of the rows, in batches."""
+        pieces = np.split(values, range(PLANTS_AT_ONCE, len(values), PLANTS_AT_ONCE))
         found = [self._measure(piece, reading, runs) for piece in pieces]
         sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return Simulated(sizes, status, lasted)
 
     def evaluated(self, units: Array, reading: Reading, goal: Goal) -> Evaluated:
         """Misfits of points (N, P) to a goal."""
-        ours = self.measure(units, reading, goal.runs)
+        ours = self.measure(self.box.values(units), reading, goal.runs)
         return Evaluated(log_misfit(ours, goal), log_residuals(ours, goal)[:, goal.fitted])
 
-    def _measure(self, units: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
-        loops = self._loops(units, reading, runs)
-        count, shape = len(loops), (len(units), len(runs))
+    def repeated(
+        self, values: Array, reading: Reading, goal: Goal, count: int, seed: Sequence[int]
+    ) -> Repeats:
+        """Misfits of values (N, P) of the rows with their masses moved by `MOVED`, so many times."""
+        moved = np.repeat(values, count, axis=0)
+        masses = [row.name.startswith("link_mass") or row.key == "links.mass" for row in self.box.rows]
+        normal = np.random.default_rng(seed).standard_normal((len(moved), sum(masses)))
+        moved[:, masses] *= 1.0 + MOVED * normal
+        ours, shape = self.measure(moved, reading, goal.runs), (len(values), count)
+        return Repeats(log_misfit(ours, goal).reshape(shape), in_order(ours, goal).reshape(shape))
+
+    def _measure(self, values: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
+        loops = self._loops(values, reading, runs)
+        count, shape = len(loops), (len(values), len(runs))
         batch = self.simulate([*loops, *self._stubs(reading, runs)], self.space.base.config.status)
         sizes = [batch.statistics[metric + SUFFIX[self.window]][:count] for metric in METRICS]
         ends = np.array([loop.reference.time[-1] for loop in loops])
@@ -95,16 +126,15 @@ class Bench:
             (batch.status_time[:count] / ends).reshape(shape),
         )
 
-    def _loops(self, units: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
-        cases = [(run, reading) for run in runs]
-        return [*chain.from_iterable(self.box.loops(self.box.values(units), cases))]
+    def _loops(self, values: Array, reading: Reading, runs: Sequence[str]) -> list[Loop]:
+        return [*chain.from_iterable(self.box.loops(values, [(run, reading) for run in runs]))]
 
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
         """Short runs in which everything acts, for each branch of the code.
 
         Code is compiled for what acts in a batch, so uniform populations need none.
         """
-        return [stub_of(loop) for loop in self._loops(self.space.acting(), reading, runs)]
+        return [stub_of(loop) for loop in self._loops(self.box.values(self.space.acting()), reading, runs)]
 
 
 def log_misfit(ours: Simulated, goal: Goal) -> Array:
@@ -125,6 +155,15 @@ def log_residuals(ours: Simulated, goal: Goal) -> Array:
         logs = np.log(ours.sizes / goal.values)
     bounded = np.clip(np.nan_to_num(logs, nan=_WORST_FIT), -_WORST_FIT, _WORST_FIT)
     return np.where(goal.fitted, bounded, 0.0)
+
+
+def in_order(ours: Simulated, goal: Goal) -> NDArray[np.bool_]:
+    """Whether the runs without payload rank as in the goal, in every column that it has whole, (N,)."""
+    theirs, sizes = goal.values[goal.compared], ours.sizes[:, goal.compared]
+    whole = np.isfinite(theirs).all(axis=0)
+    by_goal = np.take_along_axis(sizes, np.argsort(theirs, axis=0)[np.newaxis], axis=1)
+    rising = np.all((np.diff(by_goal, axis=1) > 0.0) | ~whole, axis=(1, 2, 3))
+    return np.asarray(rising & ours.ok[:, goal.compared].all(axis=1))
 
 
 def rounding_misfit(sizes: Array, goal: Goal) -> float | None:

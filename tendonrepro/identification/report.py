@@ -6,12 +6,12 @@ import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.strict_yaml import dump
@@ -19,13 +19,6 @@ from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
 from tendonrepro.identification.goal import Goal
 from tendonrepro.identification.misfit import Simulated
-from tendonrepro.identification.search import (
-    KnownRow,
-    ParameterRow,
-    SearchAnswer,
-    nearest_search,
-    switched_by,
-)
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table
@@ -43,9 +36,72 @@ AT_BOUND = 0.01
 WIDE = 0.25
 """Share of a row's range beyond which plants that fit alike do not determine it."""
 
-_OF_READINGS = ("name", "misfit_log", "misfit_rounding", "seeds_agree", "near_count")
+_SWITCHES = {
+    "reducer_loss_acts": {"reducer_efficiency"},
+    "disturbance": {"disturbance_torque", "disturbance_frequency"},
+}
+"""What a row switches where its name does not say it."""
+
+_OF_READINGS = ("name", "misfit_log", "low", "high", "in_order", "found_by")
 _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known")
 """Columns for a terminal."""
+
+
+class ParameterRow(TypedDict):
+    """A row of the ranges on the best plant, and on those that come near."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    searched: bool
+    choice: bool
+    best: float | str
+    at_bound: str | None
+    plants: list[float | str]
+
+
+class KnownRow(TypedDict):
+    """What the numbers tell of a row that was searched; `value` is that of an arm of one's own."""
+
+    name: str
+    unit: str
+    best: float | str
+    lowest: float | str
+    highest: float | str
+    of_range: float
+    determined: bool
+    known: str
+    value: NotRequired[float]
+    value_unit: NotRequired[str]
+
+
+class SearchAnswer(TypedDict):
+    """The searches of one reading, the nearer first; its misfit is the one that is told.
+
+    A row of `searches` has the median misfit of the repeats, its quartiles, the share of them with the order
+    of the goal, and the lowest misfit that was seen. Rows of `best_shape` and `numbers` have keys that name
+    whose they are.
+    """
+
+    name: str
+    search: str
+    misfit_log: float
+    misfit_rounding: float | None
+    fits: bool
+    searches: list[Json]
+    near_limit: float
+    near_count: int
+    rows_searched: list[str]
+    best_shape: list[Json]
+    numbers: list[Json]
+    parameters: list[ParameterRow]
+    known: list[KnownRow]
+
+
+def nearest_search(searches: Sequence[SearchAnswer]) -> SearchAnswer:
+    """The reading that fits best."""
+    return min(searches, key=lambda search: search["misfit_log"])
 
 
 def identification_result(
@@ -57,8 +113,11 @@ def identification_result(
     best = nearest_search(searches)
     answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
     data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
-    scalars = [{k: v for k, v in answer.items() if not isinstance(v, list)} for answer in searches]
-    caption = f"Best plant under each reading; misfit as root mean square of log(ours/{goal.word})."
+    scalars = [_scalars(answer) for answer in searches]
+    caption = (
+        f"Best plant under each reading; misfit as root mean square of log(ours/{goal.word}), the median and "
+        "quartiles of repeats with masses moved by a millionth, and the share of these in order."
+    )
     numbers = [{"reading": answer["name"], **row} for answer in searches for row in answer["numbers"]]
     parts: list[Table | str] = [
         "\n".join(answers),
@@ -66,27 +125,40 @@ def identification_result(
         _of_the_best(best, goal).text(),
         Table(
             "identify_numbers",
-            f"{goal.word.capitalize()} numbers, the best plant's, and those of the seeds that come near.",
+            f"{goal.word.capitalize()} numbers, the best plant's, and those of plants that come near.",
             numbers,
             terminal=(),
         ),
         Table(
             "identify_parameters",
-            "Every row of the box on the best plant and on the seeds' that come near; of each row that was "
+            "Every row of the box on the best plant and on those that come near; of each row that was "
             "searched what the numbers tell, by all plants that come near.",
             [{"reading": answer["name"], **row} for answer in searches for row in _parameters(answer)],
             terminal=(),
         ),
-        *([_known(best).text()] if len(searches) == 1 else []),
+        *([_known(best).text()] if len(searches) == 1 and len(best["known"]) <= goal.numbers else []),
         "\n".join(open_ends),
         f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
-    return Result(data, parts, {"identify_numbers": partial(draw_numbers, best, goal.word, goal.origin)})
+    below = (
+        f"Errors over the {goal.word} ones under the reading {best['name']}: best plant (circle) and the "
+        f"range of {best['near_count']} plants that miss what was fitted by at most {best['near_limit']:.3g}."
+    )
+    drawing = partial(draw_numbers, best["numbers"], goal.word, below, goal.origin)
+    return Result(data, parts, {"identify_numbers": drawing})
+
+
+def _scalars(answer: SearchAnswer) -> Json:
+    """Row of the table of readings: the nearer search, and the misfit of each."""
+    plain = {key: value for key, value in answer.items() if not isinstance(value, list)}
+    nearer = {key: value for key, value in answer["searches"][0].items() if key != "search"}
+    each = {f"misfit_log_{one['search']}": one["misfit_log"] for one in answer["searches"]}
+    return plain | nearer | {"found_by": answer["searches"][0]["search"]} | dict(sorted(each.items()))
 
 
 def _of_the_best(best: SearchAnswer, goal: Goal) -> Table:
     """Numbers of the best plant of all, for a terminal."""
-    title = f"Best plant, reading {best['name']}." if _under(best, goal) else "Best plant."
+    title = f"Best plant{_under(best, goal)}."
     shown = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
     return Table("identify_best", title, best["numbers"], terminal=shown)
 
@@ -115,7 +187,8 @@ def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
 
 def _under(search: SearchAnswer, goal: Goal) -> str:
     """Which interpretation of the paper, in words; none of a comparison as it is."""
-    return f" under {search['name']}" if goal.of_paper or search["name"] != PRINTED else ""
+    named = f" under {search['name']}" if goal.of_paper or search["name"] != PRINTED else ""
+    return named + ", whose errors are of motors" * ("feedback=motor" in search["name"])
 
 
 def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
@@ -151,23 +224,29 @@ def write_config(
 
 def _heading(goal: Goal, head: Json, search: SearchAnswer, within: str) -> str:
     bounds = [f"{row['name']} ({row['at_bound']})" for row in search["parameters"] if row["at_bound"]]
-    under = f" under the reading {search['name']}" if _under(search, goal) else ""
+    under = _under(search, goal)
     return f"""\
 # Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
 # by {_command(goal, head, search)}.
-# Misfit {search["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper.
+# Misfit {search["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper,
+# the median of repeats with masses moved by a millionth.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
-# Searched, the other rows of {within} kept what the arm has: {", ".join(search["rows_searched"])}.
-# At a bound of {within}: {", ".join(bounds) or "none of them"}.
+{_searched(search)}# At a bound of {within}: {", ".join(bounds) or "none of them"}.
 
 """
+
+
+def _searched(search: SearchAnswer) -> str:
+    """Which rows were searched, for a heading; nothing where all were."""
+    held = any(not row["searched"] for row in search["parameters"])
+    rows = ", ".join(search["rows_searched"])
+    return f"# Searched, the other rows kept what the arm has: {rows}.\n" if held else ""
 
 
 def _command(goal: Goal, head: Json, search: SearchAnswer) -> str:
     """What makes the search again, on lines of a heading."""
     asked = [*goal.asked, f"--window {head['window']}", f"--readings {search['name']}"]
-    names = ("generations", "population", "seeds", "unknowns")
-    effort = [f"--{name} {head[name]}" for name in names]
+    effort = [f"--budget {head['budget']}"]
     rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []
     changes = [f"--set {shlex.quote(change)}" for change in head["overrides"]]
     lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
@@ -202,13 +281,12 @@ def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
 def shape_rows(best: Simulated, goal: Goal) -> list[Json]:
     """Order of the runs without payload and RMSE over MAE, ours and those of a goal."""
     rows = []
-    compared = [r for r, run in enumerate(goal.runs) if not unloaded_run(run)]
-    names = [goal.runs[r].removeprefix("controller_") for r in compared]
+    names = [goal.runs[r].removeprefix("controller_") for r in goal.compared]
     for i, joint in enumerate(goal.joints):
         row: Json = {"joint": joint}
         for name, sizes in {"ours": best.sizes[0, ..., i], goal.word: goal.values[..., i]}.items():
             for m, metric in enumerate(METRICS):
-                order = np.argsort(sizes[compared, m], kind="stable")
+                order = np.argsort(sizes[goal.compared, m], kind="stable")
                 row[f"{name}_order_{metric}"] = " < ".join(names[k] for k in order)
             for r, run in enumerate(goal.runs):
                 row[f"{name}_rmse_over_mae_{run}"] = float(sizes[r, 1] / sizes[r, 0])
@@ -278,6 +356,11 @@ def parameter_rows(box: Population, units: Array) -> list[ParameterRow]:
             }
         )
     return rows
+
+
+def switched_by(name: str) -> set[str]:
+    """Rows that do nothing where a choice is off or none."""
+    return _SWITCHES.get(name, {name.removesuffix("_acts")})
 
 
 def _bound(unit: float) -> str | None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro import __version__
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
@@ -28,17 +28,9 @@ from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json, digest_of
 from tendonrepro.identification import report
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
-from tendonrepro.identification.misfit import Bench, rounding_misfit
-from tendonrepro.identification.search import (
-    SearchAnswer,
-    SearchEffort,
-    SearchPoints,
-    SearchResult,
-    held_unit,
-    nearest_search,
-    rows_that_explain,
-    search,
-)
+from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
+from tendonrepro.identification.report import SearchAnswer, nearest_search
+from tendonrepro.identification.search import SEARCHES, SearchPoints
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.monte_carlo.population import Population
@@ -56,10 +48,13 @@ from tendonrepro.studies.study import Site, Study, folder_of
 Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
 """Numbers and best plant by reading."""
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 SECONDS_PER_EXPERIMENT = 1e-2
-"""For estimates before a search. Measured: 10 ms, in generations of 48 plants; larger batches are faster."""
+"""For estimates before a search. Measured: 7 to 10 ms; larger batches are faster."""
+
+TRIED, REPEATS = ((24, 3), (6, 15)), 64
+"""Of the nearest points so many are repeated so often; then the one whose median is smallest, once more."""
 
 NEAR = 0.02
 """Misfit in log ratio, about 2 %, up to which a plant fits; near is up to twice the best misfit."""
@@ -72,11 +67,21 @@ class IdentificationTask:
     loaded: LoadedEnsemble
     goal: Goal
     readings: tuple[Reading, ...]
-    effort: SearchEffort
-    unknowns: int
+    budget: int
     rows: tuple[str, ...]
     seed: int
     bench: Bench
+
+    @property
+    def draws(self) -> int:
+        """Points that both searches know beforehand."""
+        return (self.budget + 1) // 2
+
+    @property
+    def evaluations(self) -> int:
+        """Points of one reading at most, repeats among them."""
+        repeats = sum(points * count for points, count in TRIED) + REPEATS
+        return self.draws + len(SEARCHES) * (self.budget + repeats)
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -95,7 +100,7 @@ class IdentificationTask:
 
     def cost(self) -> dict[str, float]:
         """Experiments at most, and about how many hours of one processor they take."""
-        plants = self.effort.evaluations * len(self.cases())
+        plants = self.evaluations * len(self.cases())
         experiments = plants * len(self.fitted)
         return {
             "experiments": experiments,
@@ -112,9 +117,9 @@ class IdentificationTask:
             **({"around": around.as_data() | {"told": around.told}} if around else {}),
             "window": self.bench.window,
             "searches": [case.name for case in self.cases()],
-            "evaluations": self.effort.evaluations,
-            **asdict(self.effort),
-            "unknowns": self.unknowns,
+            "budget": self.budget,
+            "draws": self.draws,
+            "evaluations": self.evaluations,
             "rows": list(self.rows),
             "overrides": list(self.loaded.base.overrides),
             "near_tolerance": NEAR,
@@ -142,13 +147,12 @@ class IdentificationTask:
 
 def identification(
     loaded: LoadedEnsemble,
-    effort: SearchEffort,
     *,
     fit: Target,
     errors: Path | None = None,
     readings: str,
     window: Window,
-    unknowns: int,
+    budget: int,
     rows: str,
     jobs: int,
     folder: Folder,
@@ -165,17 +169,17 @@ def identification(
         Table or log whose numbers are fitted instead.
     readings : str
         ``printed``, ``default``, those that pictures and tables show as ``shown``, or names joined by commas.
-    unknowns : int
-        Rows of the ranges that are searched at most, those that explain the fitted numbers best.
+    budget : int
+        Points of each search.
     rows : str
-        Names of the rows that are searched instead, joined by commas.
+        Names of the rows that are searched, joined by commas; without one all that can vary.
 
     Raises
     ------
     UsageError
         For an unknown reading or row, no effort, or no numbers to fit.
     """
-    check_at_least_one(**asdict(effort), unknowns=unknowns)
+    check_at_least_one(budget=budget)
     check_jobs(jobs)
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
@@ -183,8 +187,7 @@ def identification(
         loaded=loaded,
         goal=_goal(loaded, fit, errors, window),
         readings=_named(readings, loaded),
-        effort=effort,
-        unknowns=unknowns,
+        budget=budget,
         rows=_named_rows(rows, space.box),
         seed=int(loaded.config.seed.si),
         bench=Bench(space, window, simulate_batch),
@@ -303,46 +306,99 @@ def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> 
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     results: Results = {}
     talk.note(f"at most {work_text(*task.cost().values())}")
-    with talk.bar("searching", task.effort.evaluations * len(cases)) as progress:
+    with talk.bar("searching", task.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)
         with closing(as_ready(work, range(len(cases)), processes)) as stream:
             for of_case in stream:
                 results |= of_case
                 if processes > 1:
-                    progress(task.effort.evaluations)
+                    progress(task.evaluations)
     return results
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search ends with.
+
+    The lowest misfit that it saw, its points (N, P) by the `medians` (N,) of their repeats, and more repeats
+    of the first.
+    """
+
+    name: str
+    seen: float
+    points: Array
+    medians: Array
+    repeats: Repeats
+
+    @property
+    def misfit(self) -> float:
+        return float(self.repeats.median[0])
+
+    def as_data(self, goal: Goal) -> Json:
+        low, high = np.quantile(self.repeats.misfits, (0.25, 0.75)).tolist()
+        return {
+            "search": self.name,
+            "misfit_log": self.misfit,
+            "low": low,
+            "high": high,
+            "in_order": float(self.repeats.ordered.mean()) if len(goal.compared) > 1 else None,
+            "seen": self.seen,
+        }
 
 
 def _searched(
     task: IdentificationTask, states: Path, progress: Callable[[int], None] | None, place: int
 ) -> Results:
-    effort, goal = task.effort, task.goal.sought
     case, readings = list(task.cases().items())[place]
-    box = task.bench.box
+    goal, box, told = task.goal.sought, task.bench.box, progress or (lambda _: None)
+    free = np.array([name in task.rows for name in box.names]) if task.rows else box.free
+    bench = task.bench.searching(free)
 
-    def plants(bench: Bench, most: int, name: str) -> SearchPoints:
+    def plants(name: str, most: int) -> SearchPoints:
         misfit = partial(bench.evaluated, reading=case, goal=goal)
-        told = progress or (lambda _: None)
         return SearchPoints(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
-    known = None
-    if task.rows:
-        rows = np.array([name in task.rows for name in box.names])
-    else:
-        rows, known = rows_that_explain(box, plants(task.bench, sys.maxsize, "rows"), task.unknowns)
-    bench = task.bench.searching(rows)
-    starts = [box.points(task.seed, k, 0, effort.population) for k in range(effort.seeds)]
-    result = search(
-        np.where(rows, np.stack(starts), held_unit(box)),
-        rows,
-        rows & [not row.choices for row in box.rows],
-        partial(plants, bench, effort.plants),
-        effort,
-        task.seed,
-        known,
+    draws = plants("draws", task.draws)
+    points = box.points(task.seed, 0, 0, task.draws)
+    starts = points[np.argsort(draws(points).misfits, kind="stable")]
+    smooth, ends, seen = np.array([not row.choices for row in box.rows]), [], [draws.seen]
+    for name, search in SEARCHES.items():
+        look = plants(name.replace(" ", "_"), task.budget)
+        search(starts, free, smooth, look, task.seed)
+        ends.append(_repeated(name, [draws.seen, look.seen], bench, case, task, told))
+        seen.append(look.seen)
+    ends.sort(key=lambda end: end.misfit)
+    everything = (
+        np.concatenate([points for points, _ in seen]),
+        np.concatenate([misfits for _, misfits in seen]),
     )
-    return {reading.name: _reading_data(task, bench, case, reading, result) for reading in readings}
+    return {reading.name: _reading_data(task, bench, case, reading, ends, everything) for reading in readings}
+
+
+def _repeated(
+    name: str,
+    seen: Sequence[tuple[Array, Array]],
+    bench: Bench,
+    case: Reading,
+    task: IdentificationTask,
+    told: Callable[[int], None],
+) -> _Found:
+    """Repeat the nearest points of a search: one that came near by luck does so once."""
+    points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    points, first = np.unique(points, axis=0, return_index=True)
+    points = points[np.argsort(misfits[first], kind="stable")]
+    goal, medians = task.goal.sought, np.empty(0)
+    for stage, (most, count) in enumerate(TRIED):
+        medians = bench.repeated(
+            bench.box.values(points[:most]), case, goal, count, [task.seed, stage]
+        ).median
+        order = np.argsort(medians, kind="stable")
+        points, medians = points[order], medians[order]
+        told(most * count)
+    repeats = bench.repeated(bench.box.values(points[:1]), case, goal, REPEATS, [task.seed, len(TRIED)])
+    told(REPEATS)
+    return _Found(name, float(misfits.min()), points, medians, repeats)
 
 
 def _named_rows(text: str, box: Population) -> tuple[str, ...]:
@@ -360,29 +416,34 @@ def _named_rows(text: str, box: Population) -> tuple[str, ...]:
 
 
 def _reading_data(
-    task: IdentificationTask, bench: Bench, case: Reading, reading: Reading, searched: SearchResult
+    task: IdentificationTask,
+    bench: Bench,
+    case: Reading,
+    reading: Reading,
+    ends: Sequence[_Found],
+    seen: tuple[Array, Array],
 ) -> tuple[SearchAnswer, CompareConfig]:
     """Values of one reading, and its best plant."""
-    limit = max(NEAR, 2.0 * searched.misfit)
-    units = np.vstack([searched.closest, searched.points[searched.misfits <= limit]])
+    nearest = ends[0]
+    limit = max(NEAR, 2.0 * nearest.misfit)
+    units = np.vstack([nearest.points[:1], *(end.points[end.medians <= limit] for end in ends)])
     goal, config = task.goal, bench.config(units[0], reading)
-    ours, shown = bench.measure(units, reading, goal.runs), bench.space.shown(config)
+    ours, shown = bench.measure(bench.box.values(units), reading, goal.runs), bench.space.shown(config)
     of_runs = [goal.runs.index(run) for run in task.fitted]
-    near = np.vstack([searched.closest, searched.seen[searched.seen_misfits <= limit]])
-    known = report.known_rows(bench.box, near, goal.numbers, fits=searched.misfit <= NEAR)
+    near = np.vstack([nearest.points[:1], seen[0][seen[1] <= limit]])
+    known = report.known_rows(bench.box, near, goal.numbers, fits=nearest.misfit <= NEAR)
     for row in known:
         if row["name"] in shown:
             row["value"], row["value_unit"] = shown[row["name"]]
     data: SearchAnswer = {
         "name": reading.name,
         "search": case.name,
-        "misfit_log": searched.misfit,
+        "misfit_log": nearest.misfit,
         "misfit_rounding": rounding_misfit(ours.sizes[0, of_runs], goal.sought),
-        "fits": searched.misfit <= NEAR,
+        "fits": nearest.misfit <= NEAR,
+        "searches": [end.as_data(goal.sought) for end in ends],
         "near_limit": limit,
         "near_count": len(units) - 1,
-        "misfit_by_seed": searched.misfits.tolist(),
-        "seeds_agree": searched.agree,
         "rows_searched": [row.name for row in bench.box.rows if row.free],
         "best_shape": report.shape_rows(ours, goal),
         "numbers": report.number_rows(ours, goal),

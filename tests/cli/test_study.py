@@ -37,6 +37,8 @@ def test_check_with_a_baseline_fails_where_a_verdict_changed(tmp_path: Path) -> 
     [
         *((f"{name} --device gpu", "--jobs") for name in ("ensemble", "identify", "predict", "tune")),
         ("identify --from-draws reports/ensemble", "--config"),
+        *((f"identify --{name} 8", "--budget") for name in ("generations", "population", "seeds")),
+        ("identify --unknowns 8", "--rows"),
     ],
 )
 def test_an_option_that_is_gone_is_refused_with_what_to_do(tmp_path: Path, words: str, instead: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 from support.pages import DOCS, NEEDS_DOCS
 
 pytestmark = NEEDS_DOCS
-BUDGET = {"generations": 66, "population": 48, "seeds": 4, "evaluations": 16080, "unknowns": 10, "rows": []}
+BUDGET = {"budget": 600, "draws": 300, "evaluations": 1952, "rows": []}
 SHAPE = [{"joint": joint, "ours_order_mae": "1 < 2 < 3", "ours_order_rmse": "1 < 2 < 3"} for joint in (2, 3)]
 
 
@@ -30,14 +30,19 @@ def generate(monkeypatch):
     return importlib.import_module("generate")
 
 
+def repeated(search, misfit):
+    """What one search leaves of one interpretation."""
+    spread = {"low": misfit - 0.001, "high": misfit + 0.001, "in_order": 0.25, "seen": misfit - 0.002}
+    return {"search": search, "misfit_log": misfit} | spread
+
+
 def searched(folder, misfits, **budget):
     """What `identify` leaves, with a misfit by interpretation."""
     readings = [
         {
             "name": name,
             "misfit_log": misfit,
-            "misfit_by_seed": [misfit, misfit + 0.002],
-            "seeds_agree": False,
+            "searches": [repeated("CMA-ES", misfit), repeated("least squares", 1.5 * misfit)],
             "rows_searched": ["amplitude"],
             "best_shape": SHAPE,
             "numbers": [{"ratio": math.exp(misfit)}],
@@ -74,40 +79,46 @@ def test_searches_of_one_budget_add_up_and_the_closest_keeps_every_equation(harv
     assert names(harvest) == {"printed"}
 
 
-def test_of_two_beginnings_the_nearer_stands_in_the_table_and_ships(harvest, tmp_path):
-    (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
-    from_draws = {"from_draws_of": "an ensemble"}
-    harvest.take_closest(searched(tmp_path / "arm", {"printed": 0.9, "motion=ramp": 0.2}))
-    harvest.take_closest(searched(tmp_path / "draw", {"printed": 0.1, "motion=ramp": 0.3}, **from_draws))
-    stored = harvest.stored("identify")
-    assert [(held["name"], held["misfit_log"], held["begun_at"]) for held in stored["readings"]] == [
-        ("printed", 0.1, "draw"),
-        ("motion=ramp", 0.2, "arm"),
-    ]
-    assert [held["misfit_log"] for held in stored["farther"]] == [0.3, 0.9]
+def test_no_plant_ships_whose_errors_are_of_motors_nor_a_farther_one(harvest, tmp_path):
+    harvest.take_closest(searched(tmp_path / "one", {"printed": 0.2, "feedback=motor": 0.1}))
     assert "printed" in harvest.CLOSEST.read_text(encoding="utf-8")
-    # Taken over once more, nothing changes, and a farther search ships no plant.
     harvest.CLOSEST.write_text("kept", encoding="utf-8")
-    harvest.take_closest(tmp_path / "arm")
-    assert harvest.stored("identify") == stored
+    harvest.take_closest(searched(tmp_path / "two", {"motion=ramp": 0.3}))
     assert harvest.CLOSEST.read_text(encoding="utf-8") == "kept"
+    assert [held["name"] for held in harvest.stored("identify")["readings"]] == [
+        "feedback=motor",
+        "printed",
+        "motion=ramp",
+    ]
 
 
-@pytest.mark.parametrize(("misfit", "rows"), [(0.1, 1), (0.0975, 2)])
-def test_a_changed_equation_has_a_row_where_it_is_closer_by_more_than_the_scatter(
-    harvest, generate, tmp_path, misfit, rows
-):
-    """The standard deviation of two searches that end 0.002 apart is 0.0014."""
+def test_the_table_has_each_search_and_the_repeats(harvest, generate, tmp_path):
     (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
-    harvest.take_closest(searched(tmp_path / "one", {"printed": 0.1, "weights=extrapolating": misfit}))
-    drawn = {"misfit_log": dict.fromkeys(("printed", "weights=extrapolating"), 0.2)}
+    misfits = {"printed": 0.1, "feedback=motor": 0.05, "weights=extrapolating": 0.08}
+    harvest.take_closest(searched(tmp_path / "one", misfits))
+    drawn = {"misfit_log": dict.fromkeys(misfits, 0.2)}
     (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
-    text = generate.made(
-        "the_closest", **generate.of_searches(harvest.stored("identify")), stored=harvest.stored
+    (tmp_path / "results" / "bounds.json").write_text(
+        json.dumps({"misfit_log": {"printed": 0.05}}), encoding="utf-8"
     )
-    cells = [line for line in text.splitlines() if line.startswith("| ") and "`" in line.split("|")[2]]
-    assert len(cells) == rows
-    assert "16,080" in text
+    known = generate.of_searches(harvest.stored("identify"))
+    text = generate.made("the_closest", **known)
+    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ") and "`" in line]
+    assert [row[1] for row in rows] == ["`printed`", "`weights=extrapolating`"]
+    assert rows[0][2:] == [
+        "10.0 %",
+        "9.9 % to 10.1 %",
+        "25 %",
+        "15.0 %",
+        "10.0 %",
+        "9.8 %",
+        "20.0 %",
+        "5.0 %",
+        "1 |",
+    ]
+    for part in ("closest_plants", "repeats"):
+        names = [line.split("`")[1] for line in generate.made(part, **known).splitlines() if "`" in line]
+        assert names == ["feedback=motor", "weights=extrapolating", "printed"]
 
 
 def row(compared, estimator, probability, low, high, loss):

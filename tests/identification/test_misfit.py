@@ -6,8 +6,19 @@ from support.made_plants import DIVERGED, OK, PRINTED, RINGING, UNRESOLVED, load
 
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import reading
-from tendonrepro.identification.misfit import Bench, Simulated, log_misfit, rounding_misfit
+from tendonrepro.configuration.published import published
+from tendonrepro.configuration.rows import values_of
+from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.misfit import (
+    MOVED,
+    Bench,
+    Simulated,
+    in_order,
+    log_misfit,
+    rounding_misfit,
+)
 from tendonrepro.identification.space import space_of
+from tendonrepro.monte_carlo.population import population_of
 
 
 class TestMisfit:
@@ -44,6 +55,18 @@ class TestMisfit:
         mixed = Simulated(PRINTED.values[np.newaxis], status, np.full((1, 4), 0.5))
         assert log_misfit(mixed, PRINTED)[0] == pytest.approx(25.0 / 2.0)
 
+    def test_an_order_holds_in_every_column_and_of_runs_that_end_well(self):
+        """Of plants as printed, with two errors exchanged, and with a run that rings."""
+        exchanged = PRINTED.values.copy()
+        exchanged[[0, 1], 1, 1] = exchanged[[1, 0], 1, 1]
+        sizes = [PRINTED.values, exchanged, PRINTED.values]
+        status = np.full((3, 4), OK, np.int8)
+        status[2, 1] = RINGING
+        ours = Simulated(np.array(sizes), status, np.ones((3, 4)))
+        np.testing.assert_array_equal(in_order(ours, PRINTED), [True, False, False])
+        alone = printed_numbers(published(), (2, 3), "controller_2").sought
+        assert len(alone.compared) == 1
+
 
 class TestBench:
     def test_everything_acts_in_the_stubs(self):
@@ -67,7 +90,40 @@ class TestBench:
         monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
         space = space_of(loaded())
         bench = Bench(space, "whole", counting)
-        found = bench.measure(space.box.points(1, 0, 0, 20), reading({}), RUNS[1:3])
+        found = bench.measure(space.box.sample(1, 0, 0, 20), reading({}), RUNS[1:3])
         assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
         stubs = 2 * len(space.acting())
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]
+
+    def test_repeats_move_masses_by_a_millionth_and_nothing_else(self):
+        space, seen = space_of(loaded()), []
+        bench = Bench(space, "whole", made_up)
+
+        class Watched(Bench):
+            def measure(self, values, reading, runs):
+                seen.append(values)
+                return bench.measure(values, reading, runs)
+
+        plants = space.box.sample(1, 0, 0, 2)
+        repeats = Watched(space, "whole", made_up).repeated(plants, reading({}), PRINTED, 20, [3])
+        assert repeats.misfits.shape == repeats.ordered.shape == (2, 20)
+        (values,) = seen
+        before = np.repeat(plants, 20, axis=0)
+        of_masses = np.array([name.startswith("link_mass") for name in space.box.names])
+        np.testing.assert_array_equal(values[:, ~of_masses], before[:, ~of_masses])
+        assert np.std(values[:, of_masses] / before[:, of_masses]) == pytest.approx(MOVED, rel=0.3)
+        again = bench.repeated(plants, reading({}), PRINTED, 20, [3])
+        np.testing.assert_array_equal(again.misfits, repeats.misfits)
+        np.testing.assert_array_equal(repeats.median, np.median(repeats.misfits, axis=1))
+
+    def test_held_rows_keep_their_value_to_the_last_bit(self):
+        space = space_of(loaded())
+        box = population_of(loaded())
+        rows = np.array([name == "winch_viscous" for name in box.names])
+        config = Bench(space, "whole", None).searching(rows).config(np.full(len(box.names), 0.9), reading({}))
+        draw = values_of(loaded().compare, box.named(box.nominal))
+        assert config.manipulator.tensioner.force.si == draw["tensioner_force"]
+        assert config.manipulator.links.mass.value[1] == draw["link_mass_2"]
+        assert config.manipulator.winches.viscous.value[1] == pytest.approx(
+            box.values(np.full((1, len(box.names)), 0.9))[0, box.names.index("winch_viscous")]
+        )

@@ -1,29 +1,18 @@
-"""The search against known optima, killed and resumed, and what it leaves alone."""
+"""Both searches against known optima, killed and resumed, and what they leave alone."""
 
 from collections import Counter
 
 import numpy as np
 import pytest
-from support.made_plants import Killed, loaded
+from support.made_plants import Killed
 
-from tendonrepro.configuration.models.readings import reading
-from tendonrepro.configuration.rows import values_of
-from tendonrepro.identification.misfit import Bench
-from tendonrepro.identification.search import (
-    Evaluated,
-    SearchEffort,
-    SearchPoints,
-    SearchResult,
-    held_unit,
-    search,
-)
-from tendonrepro.identification.space import space_of
-from tendonrepro.monte_carlo.population import holding_base, population_of
+from tendonrepro.identification.search import SEARCHES, Evaluated, SearchPoints, cma_es, least_squares
 
-EFFORT = SearchEffort(generations=30, population=24, seeds=3)
 ROWS = 6
+BUDGET = 600
 OPTIMUM = np.array([0.3, 0.62])
 EVERY = np.ones(ROWS, dtype=bool)
+EACH = pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES)
 
 
 def two_numbers(units):
@@ -34,74 +23,96 @@ def two_numbers(units):
     return Evaluated(np.sqrt((residuals**2).mean(axis=1)), residuals)
 
 
+def one_number(residuals):
+    return Evaluated(np.abs(residuals), np.asarray(residuals)[:, np.newaxis])
+
+
 def beyond(units):
-    residuals = units[:, :1] - np.array([1.2])
-    return Evaluated(np.abs(residuals[:, 0]), residuals)
+    return one_number(units[:, 0] - 1.2)
 
 
-def searched(folder, misfit=two_numbers, effort=EFFORT, rows=EVERY):
-    starts = np.random.default_rng(5).random((effort.seeds, effort.population, ROWS))
-
-    def plants(name):
-        return SearchPoints(misfit, ROWS, effort.plants, folder / f"{name}.npy", lambda _: None)
-
-    return search(starts, rows, rows, plants, effort, 1)
-
-
-def test_finds_a_known_optimum(tmp_path):
-    found = searched(tmp_path)
-    assert found.misfit < 1e-4
-    assert two_numbers(found.closest[np.newaxis]).misfits[0] == found.misfit
-    assert found.closest[0] == pytest.approx(OPTIMUM[0], abs=2e-4)
+def searched(path, search, misfit=two_numbers, rows=EVERY, smooth=EVERY, starts=None):
+    """What was looked at, in order, and the misfits."""
+    starts = np.random.default_rng(5).random((40, ROWS)) if starts is None else starts
+    look = SearchPoints(misfit, ROWS, BUDGET, path, lambda _: None)
+    search(starts, rows, smooth, look, 1)
+    return look.seen
 
 
-def test_optimum_beyond_a_bound_ends_at_it(tmp_path):
-    found = searched(tmp_path, beyond)
-    assert found.misfit == pytest.approx(0.2, abs=0.005)
-    assert found.closest[0] > 0.99
+def nearest(seen):
+    points, misfits = seen
+    return points[np.argmin(misfits)]
 
 
-def test_a_known_point_is_polished_where_no_seed_comes_as_near(tmp_path):
-    """A valley so narrow that few points do not find it; seeds do not know of it."""
-    valley = np.full(ROWS, 0.875)
-
-    def narrow(units):
-        distance = np.abs(units - valley).max(axis=1)
-        residuals = np.where(distance < 0.02, distance, 1.0 + distance)[:, np.newaxis]
-        return Evaluated(np.abs(residuals[:, 0]), residuals)
-
-    effort = SearchEffort(generations=2, population=8, seeds=2)
-    starts = np.random.default_rng(5).random((2, 8, ROWS))
-    near = valley + 0.01
-
-    def plants(name):
-        return SearchPoints(narrow, ROWS, effort.plants, tmp_path / f"{name}.npy", lambda _: None)
-
-    found = search(starts, EVERY, EVERY, plants, effort, 1, near)
-    assert found.misfit <= narrow(near[np.newaxis]).misfits[0]
-    assert found.misfits.min() > 1.0
+@EACH
+def test_finds_a_known_optimum(tmp_path, search):
+    seen = searched(tmp_path / "kept.npy", search)
+    assert seen[1].min() < 1e-3
+    assert nearest(seen)[0] == pytest.approx(OPTIMUM[0], abs=2e-3)
 
 
-def test_points_stay_in_the_cube_and_within_the_effort_and_other_rows_stay(tmp_path):
-    rows = np.arange(ROWS) != 2
-    seen = []
+@EACH
+def test_optimum_beyond_a_bound_ends_at_it(tmp_path, search):
+    seen = searched(tmp_path / "kept.npy", search, beyond)
+    assert seen[1].min() == pytest.approx(0.2, abs=0.005)
 
-    def watched(units):
-        seen.append(units)
-        return two_numbers(units)
 
-    found = searched(tmp_path, watched, EFFORT, rows)
-    starts = np.random.default_rng(5).random((EFFORT.seeds, EFFORT.population, ROWS))
-    points = np.concatenate(seen)
-    assert found.misfit < 1e-4
+@EACH
+def test_points_stay_in_the_cube_and_within_the_effort_and_other_rows_stay(tmp_path, search):
+    rows, starts = np.arange(ROWS) != 2, np.random.default_rng(5).random((40, ROWS))
+    points, misfits = searched(tmp_path / "kept.npy", search, rows=rows, starts=starts)
+    assert misfits.min() < 1e-3
     assert points.min() >= 0.0
     assert points.max() <= 1.0
-    assert 0.9 * EFFORT.plants * EFFORT.seeds < len(points) <= EFFORT.evaluations
-    assert set(points[:, 2]) == set(starts[..., 2].ravel())
+    assert len(points) <= BUDGET
+    assert {*points[:, 2]} <= {*starts[:, 2]}
 
 
-def test_killed_and_resumed_ends_the_same(tmp_path):
-    calls, deaths = Counter(), [1, 12, 13, 51, 100]
+def test_least_squares_leave_choices_as_they_are_and_cma_es_moves_them(tmp_path):
+    """A choice that is wrong costs a half; the other five rows cannot make up for it."""
+    smooth, starts = np.arange(ROWS) != 4, np.full((3, ROWS), 0.6)
+    starts[:, 4] = 0.55
+
+    def with_choice(units):
+        wrong = np.where(units[:, 4] < 0.5, 0.0, 0.5)
+        return one_number(wrong + (units[:, 0] - OPTIMUM[0]) ** 2)
+
+    fixed, moved = (
+        searched(tmp_path / f"{search.__name__}.npy", search, with_choice, EVERY, smooth, starts)
+        for search in (least_squares, cma_es)
+    )
+    assert {*fixed[0][:, 4]} == {0.55}
+    assert fixed[1].min() == pytest.approx(0.5, abs=1e-2)
+    assert moved[1].min() < 0.05
+
+
+def test_a_slope_into_a_run_that_ends_badly_stops_no_other_row(tmp_path):
+    """One row may not be moved at all, in the direction in which its slope is asked."""
+    start = np.full((1, ROWS), 0.5)
+
+    def cliff(units):
+        found = two_numbers(units)
+        return Evaluated(np.where(units[:, 5] > 0.51, 20.0, found.misfits), found.residuals)
+
+    assert searched(tmp_path / "kept.npy", least_squares, cliff, starts=start)[1].min() < 1e-3
+
+
+def test_rows_that_do_nothing_cost_one_slope(tmp_path):
+    """Of six rows three act: the first slopes take six points, further ones three."""
+    sizes = []
+
+    def counted(units):
+        sizes.append(len(units))
+        return two_numbers(units)
+
+    searched(tmp_path / "kept.npy", least_squares, counted, starts=np.full((1, ROWS), 0.9))
+    assert sizes[:2] == [1, ROWS]
+    assert {*sizes[2:]} == {3, sizes[2]}
+
+
+@EACH
+def test_killed_and_resumed_looks_at_the_same(tmp_path, search):
+    calls, deaths = Counter(), [1, 3, 4, 12]
 
     def mortal(units):
         calls["all"] += 1
@@ -111,38 +122,9 @@ def test_killed_and_resumed_ends_the_same(tmp_path):
 
     for _ in deaths:
         with pytest.raises(Killed):
-            searched(tmp_path / "cut", mortal)
-    resumed = searched(tmp_path / "cut", mortal)
-    whole = searched(tmp_path / "whole")
-    for name in ("closest", "misfit", "points", "misfits"):
-        np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
-    searched(tmp_path / "cut", None)
-
-
-def test_seeds_agree_to_five_per_cent():
-    found = [
-        SearchResult(OPTIMUM, 1.0, OPTIMUM, np.array([1.0, most]), OPTIMUM, OPTIMUM) for most in (1.04, 1.06)
-    ]
-    assert [one.agree for one in found] == [True, False]
-
-
-BOX = population_of(loaded())
-
-
-def test_held_rows_keep_their_value_to_the_last_bit():
-    bench = Bench(space_of(loaded()), "whole", None)
-    rows = np.array([name == "winch_viscous" for name in BOX.names])
-    config = bench.searching(rows).config(np.full(len(BOX.names), 0.9), reading({}))
-    draw = values_of(loaded().compare, BOX.named(BOX.nominal))
-    assert config.manipulator.tensioner.force.si == draw["tensioner_force"]
-    assert config.manipulator.links.mass.value[1] == draw["link_mass_2"]
-    assert config.manipulator.winches.viscous.value[1] == pytest.approx(
-        BOX.values(np.full((1, len(BOX.names)), 0.9))[0, BOX.names.index("winch_viscous")]
-    )
-
-
-def test_the_point_of_what_is_held_has_its_values():
-    """As near as the ranges allow: of an effect that is off, the size is any."""
-    held = holding_base(BOX)
-    values = BOX.values(held_unit(held)[np.newaxis])[0]
-    np.testing.assert_allclose(values, np.clip(held.nominal, BOX.low, BOX.high), rtol=1e-9)
+            searched(tmp_path / "cut.npy", search, mortal)
+    resumed = searched(tmp_path / "cut.npy", search, mortal)
+    whole = searched(tmp_path / "whole.npy", search)
+    np.testing.assert_array_equal(resumed[0], whole[0])
+    np.testing.assert_array_equal(resumed[1], whole[1])
+    searched(tmp_path / "cut.npy", search, None)

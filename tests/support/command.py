@@ -36,7 +36,7 @@ SMALL = {
     "decouple": SHORT_DECOUPLE,
     "edits": ["--plants", "1", "--jobs", "1"],
     "ensemble": ["--draws", "256", "--readings", "printed", "--jobs", "1"],
-    "identify": ["--generations", "1", "--population", "4", "--seeds", "1", "--jobs", "1"],
+    "identify": ["--budget", "8", "--jobs", "1"],
     "data ingest": ["controller_1.csv", "--mapping", "mapping.yaml", "--confirm"],
     "predict": ["--draws", "20", "--readings", "printed"],
     "data recover": ["measured.h5"],
