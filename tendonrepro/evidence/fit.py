@@ -31,7 +31,7 @@ from tendonrepro.evidence.log import Log, liveliest
 BLOCK = 200
 """Samples of a block. Odd blocks are predicted from even ones."""
 GROUPS = 16
-"""Groups of blocks that are left out in turn, for intervals."""
+"""Stretches of a log that are left out in turn, for intervals: what is wrong for a while is in one."""
 SCREENED = 3000
 """Samples on which every hypothesis is tried: those of the fastest motion."""
 SAME = 1e-6
@@ -78,7 +78,8 @@ class Fit:
     condition
         Condition number of the scaled regressors.
     bias
-        How far rounding of the record may have moved a weight: regressors are taken for exact.
+        How far rounding of the record may have moved a weight: regressors are taken for exact. Intervals have
+        it, too.
     """
 
     hypothesis: Hypothesis
@@ -181,7 +182,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     if hypothesis.newest < 1.0:
         # The cutoff was fitted, too: intervals count what it moves.
         columns = np.column_stack([columns, _cutoff_slope(log, joint, hypothesis, rows, parameters)])
-    factors = [_factor(columns[group], regressed.y[group]) for group in _groups(regressed.rows // BLOCK)]
+    factors = [_factor(*part) for part in zip(*map(_stretches, (columns, regressed.y)), strict=True)]
     near = np.append(parameters, np.zeros(columns.shape[1] - regressed.X.shape[1]))
     left_out = np.stack(
         [_solved(_stacked(factors[:k] + factors[k + 1 :]), hypothesis, near) for k in range(len(factors))]
@@ -190,21 +191,29 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     torque, angle = rounding
     # Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
     errors = torque**2 / 12.0, 6.0 * angle**2 / 12.0 / log.L**4
+    residual = _held_out_error(log, joint, hypothesis, _by_parameters, rows)
+    step = float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2)))
+    if residual <= SAME * step:
+        errors = 0.0, 0.0
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
     scaled = scaled[:, scaled.any(axis=0)]
+    # Errors may sit in what the controller remembered, or not: intervals have both answers.
+    without = _without_errors(whole, parameters, hypothesis, samples, errors)
+    gain, moved = position_gain_of(parameters, hypothesis), np.abs(without - parameters)
+    gain_half = jackknife_half_width(position_gain_of(left_out, hypothesis))
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
-        half=jackknife_half_width(left_out),
-        position_gain=float(position_gain_of(parameters, hypothesis)),
-        position_gain_half=float(jackknife_half_width(position_gain_of(left_out, hypothesis))),
-        residual=_held_out_error(log, joint, hypothesis, _by_parameters, rows),
-        step=float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2))),
+        half=jackknife_half_width(left_out) + moved,
+        position_gain=float(gain),
+        position_gain_half=float(gain_half + np.abs(position_gain_of(without, hypothesis) - gain)),
+        residual=residual,
+        step=step,
         information=information,
         condition=float(np.linalg.cond(scaled)),
         samples=samples,
-        bias=_bias(whole[:, :-1], parameters, hypothesis, samples, errors),
+        bias=float(moved[:2].max()),
     )
 
 
@@ -275,22 +284,27 @@ def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
     return weights
 
 
-def _bias(
+def _without_errors(
     factor: Array, parameters: Array, hypothesis: Hypothesis, samples: int, errors: tuple[float, float]
-) -> float:
-    """Largest shift of the two weights by errors of the regressors, to first order.
+) -> Array:
+    """Parameters where errors are taken off the remembered torques and the accelerations, of given variances.
 
-    Variances D of the columns of X move the parameters by ``-(J'X'X J)^-1 N J'D c`` with the slopes J of the
-    coefficients c.
+    They are infinite where there is nothing in these but such errors.
     """
-    values, slopes = coefficients(parameters, hypothesis), coefficient_slopes(parameters, hypothesis)
-    variance = np.zeros(values.size)
+    if not any(errors):
+        return parameters
+    matrix, target = factor[:, :-1], factor[:, -1]
+    scale, variance = _sizes(matrix), np.zeros(matrix.shape[1])
     variance[:2], variance[2:4] = errors
-    moved = factor @ slopes
-    scale = _sizes(moved)
-    square = (moved / scale).T @ (moved / scale)
-    shift = np.linalg.lstsq(square, slopes.T @ (samples * variance * values) / scale, rcond=1e-14)[0] / scale
-    return float(np.abs(shift[:2]).max())
+    square = (matrix.T @ matrix - np.diag(samples * variance)) / np.outer(scale, scale)
+    # What is zero throughout is no regressor, and has any size.
+    square += np.diag((~matrix.any(axis=0)).astype(float))
+    try:
+        lower = np.linalg.cholesky(square)
+    except np.linalg.LinAlgError:
+        return np.full_like(parameters, np.inf)
+    clean = np.column_stack([lower.T * scale, np.linalg.solve(lower, matrix.T @ target / scale)])
+    return _solved(clean, hypothesis, parameters)
 
 
 def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
@@ -417,8 +431,6 @@ def _factor(X: Array, y: Array) -> Array:
     return np.asarray(np.linalg.qr(np.column_stack([X, y]), mode="r"))
 
 
-def _groups(block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Rows by group; blocks are dealt out in turn."""
-    order = np.unique(block, return_inverse=True)[1]
-    groups = [np.flatnonzero(order % GROUPS == k) for k in range(GROUPS)]
-    return [rows for rows in groups if rows.size]
+def _stretches(values: Array) -> list[Array]:
+    """Parts of neighbouring samples, as many as are left out in turn."""
+    return np.array_split(values, GROUPS)

@@ -45,8 +45,6 @@ NEAR = 2.001
 """Factor to which gains are the published ones, and a little, so that twice is inside."""
 SAME_NUMBER = 0.02
 """How close M_bar comes to the published one times a unit of the torque."""
-WIDER = 1.25
-"""Factor on intervals of the weights: rounding of the reference is alike in all parts of a log."""
 OTHER = 0.1
 """Difference of the error's gain from the published one from which gains count as others."""
 _WEIGHTS = {
@@ -54,12 +52,6 @@ _WEIGHTS = {
     "extrapolating": "extrapolated (1 + α and −α)",
     "swapped": "exchanged (α and 1 − α)",
 }
-
-
-def half_of(fit: Fit) -> Array:
-    """Half of each parameter's 90 % interval (5,), those of the weights with what rounding may have moved."""
-    of_weights = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
-    return np.asarray(fit.half * (1.0 + (WIDER - 1.0) * of_weights) + of_weights * fit.bias)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +103,6 @@ class RecoveredController:
         return equally_good(self.fits) if self.fits else []
 
     @property
-    def half(self) -> Array:
-        """Half of each parameter's 90 % interval, see `half_of`."""
-        return half_of(self.best)
-
-    @property
     def prints_weights(self) -> bool:
         """Whether the numbers are given: of a log that cannot tell they need not hold the truth."""
         return self.answer == RECOVERED
@@ -132,7 +119,7 @@ class RecoveredController:
             return UNTOLD
         # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
         balance = abs(self.best.parameters[:2].sum() - 1.0)
-        balanced = balance <= CLOSE + self.half[:2].sum()
+        balanced = balance <= CLOSE + self.best.half[:2].sum()
         fine = self.rounding <= COARSE
         allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
         if self.best.bias > CLOSE:
@@ -225,7 +212,7 @@ class RecoveredController:
             name: estimator_weights(alpha, name)[:, self.place]
             for name in ("interpolating", "extrapolating", "swapped")
         }
-        reach = half_of(fit)[:2] + CLOSE
+        reach = fit.half[:2] + CLOSE
         near = [name for name, w in named.items() if (np.abs(w - fit.parameters[:2]) <= reach).all()]
         return near[0] if len(near) == 1 else ""
 
@@ -280,7 +267,7 @@ class RecoveredController:
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
         gains, i = self.expected.control.gains, self.place
-        values, half = self.best.parameters, self.half
+        values, half = self.best.parameters, self.best.half
         yield "w_1", values[0], half[0], None
         yield "w_2", values[1], half[1], None
         yield "M_bar", values[2], half[2], float(gains.M_bar.si[i])
