@@ -34,7 +34,7 @@ def edits(
     jobs: Jobs = -1,
     **folder: Unpack[Folder],
 ) -> Study:
-    """Which small change of the equations could have made a table of errors.
+    """Which small change of an equation explains a table of errors.
 
     An interrupted run goes on. With a comparison as configuration, plants are drawn around its arm.
 
