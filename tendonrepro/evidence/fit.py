@@ -287,24 +287,30 @@ def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
 def _without_errors(
     factor: Array, parameters: Array, hypothesis: Hypothesis, samples: int, errors: tuple[float, float]
 ) -> Array:
-    """Parameters where errors are taken off the remembered torques and the accelerations, of given variances.
+    """Parameters that fit best where remembered torques and accelerations have errors of given variances.
 
-    They are infinite where there is nothing in these but such errors.
+    What a fit leaves beyond these is taken for an error of the newest torque alone.
     """
-    if not any(errors):
-        return parameters
     matrix, target = factor[:, :-1], factor[:, -1]
-    scale, variance = _sizes(matrix), np.zeros(matrix.shape[1])
+    variance, values = np.zeros(matrix.shape[1]), coefficients(parameters, hypothesis)
     variance[:2], variance[2:4] = errors
-    square = (matrix.T @ matrix - np.diag(samples * variance)) / np.outer(scale, scale)
-    # What is zero throughout is no regressor, and has any size.
-    square += np.diag((~matrix.any(axis=0)).astype(float))
-    try:
-        lower = np.linalg.cholesky(square)
-    except np.linalg.LinAlgError:
-        return np.full_like(parameters, np.inf)
-    clean = np.column_stack([lower.T * scale, np.linalg.solve(lower, matrix.T @ target / scale)])
-    return _solved(clean, hypothesis, parameters)
+    own = max(_residual(factor, values) ** 2 / samples - float(values**2 @ variance), errors[0])
+    if not (own and variance.any()):
+        return parameters
+
+    def misses(x: Array) -> Array:
+        values = coefficients(x, hypothesis)
+        return np.asarray((target - matrix @ values) / np.sqrt(own + values**2 @ variance))
+
+    def slopes(x: Array) -> Array:
+        values, by_parameter = coefficients(x, hypothesis), coefficient_slopes(x, hypothesis)
+        size = own + values**2 @ variance
+        lighter = np.outer(misses(x), by_parameter.T @ (variance * values)) / size
+        return np.asarray(-(matrix @ by_parameter) / np.sqrt(size) - lighter)
+
+    scale = 1.0 / np.maximum(np.abs(parameters), 1e-3)
+    # With the full output it gives no warning where arithmetic ends it.
+    return np.asarray(leastsq(misses, parameters, Dfun=slopes, full_output=True, diag=scale, xtol=1e-10)[0])
 
 
 def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
