@@ -194,10 +194,8 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
 
 PARTS = (
     "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "misfits",
-    "repeats", "readings",
-    "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
-    "planted papers", "how probable", "the bound", "the least misfits", "single edits",
-    "every small change",
+    "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
+    "planted papers", "how probable", "the bound", "the least misfits", "single edits", "every small change",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""
 MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}
