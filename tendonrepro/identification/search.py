@@ -82,8 +82,8 @@ class SearchPoints:
 
     @property
     def seen(self) -> tuple[Array, Array]:
-        """All points that were looked at, (N, P), and their misfits, (N,)."""
-        table = self._kept.table
+        """Points that were looked at, (N, P), and their misfits, (N,); none if the first step is too long."""
+        table = self._kept.table if len(self._kept.table) else np.empty((0, self._width + 1))
         return table[:, : self._width], table[:, self._width : self._width + 1].reshape(-1)
 
 

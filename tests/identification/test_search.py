@@ -128,3 +128,11 @@ def test_killed_and_resumed_looks_at_the_same(tmp_path, search):
     np.testing.assert_array_equal(resumed[0], whole[0])
     np.testing.assert_array_equal(resumed[1], whole[1])
     searched(tmp_path / "cut.npy", search, None)
+
+
+def test_a_budget_below_one_step_looks_at_nothing(tmp_path):
+    look = SearchPoints(two_numbers, ROWS, 1, tmp_path / "few.npy", lambda _: None)
+    cma_es(np.full((4, ROWS), 0.5), EVERY, EVERY, look, 1)
+    points, misfits = look.seen
+    assert points.shape == (0, ROWS)
+    assert misfits.shape == (0,)
