@@ -19,9 +19,9 @@ from tendonrepro.results.figures.style import (
     open_figure,
 )
 
-NAMED = 12
-"""Edits that have a number and a bar, the likeliest first."""
-_ROW_MM, _MAP_MM, _FRAME_MM, _LETTERS = 5.0, 72.0, 24.0, 60
+NAMED, NUMBERED = 12, 5
+"""Edits that have a bar, and those that have their number beside their dots, the likeliest first."""
+_ROW_MM, _MAP_MM, _FRAME_MM, _LETTERS = 5.0, 72.0, 24.0, 44
 _EDGES = 0.6, 1.6
 _TICKS = 0.6, 0.8, 1.0, 1.2, 1.6
 _EDIT, _NONE, _TABLE = SERIES[0].colour, "#000000", SERIES[1].colour
@@ -48,8 +48,8 @@ def draw_edits(rows: EditRows, ratios: EditRows, factor: float, plants: int) -> 
     caption = (
         f"Every single edit that is stable on enough of {plants} plants, by two ratios of mean absolute "
         "errors (MAE). Dots are medians, the cross is without an edit, the star is the table. In the tinted "
-        "region the runs rank as in the table. Numbers are those of the likeliest edits, below with their "
-        "likelihood over that of no edit and the share of their stable plants with the order of the table. "
+        "region the runs rank as in the table. Numbers are those of the bars. A bar is an edit's likelihood "
+        "over that of no edit, and at its right the share of its stable plants with the order of the table. "
         f"An edit is named from a factor of {factor:,.0f} on, the dashed line."
     )
     return Drawing("edits", figure, panels, caption, origin=f"Simulated, tendonrepro edits, {plants} plants")
@@ -71,7 +71,7 @@ def _draw_map(panel: Axes, none: Json, ranked: EditRows, pair: tuple[int, int], 
     shown = np.array([[row["ratios"][place]["median"] for place in pair] for row in ranked])
     inside = np.clip(shown.reshape(-1, 2), *_EDGES)
     panel.plot(*inside.T, "o", color=_EDIT, markersize=2.4, alpha=0.5, markeredgewidth=0.0, clip_on=False)
-    for number, place in enumerate(inside[:NAMED], start=1):
+    for number, place in enumerate(inside[:NUMBERED], start=1):
         panel.annotate(str(number), place, textcoords="offset points", xytext=(2.5, 1.5), fontsize="xx-small")
     if none["ranked"]:
         panel.plot(*(none["ratios"][place]["median"] for place in pair), "x", color=_NONE, markersize=5.0)
