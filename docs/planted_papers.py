@@ -16,7 +16,8 @@ from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.verdicts.planted import NOISE, StableErrors, rate_of, verdicts_on_papers
+from tendonrepro.monte_carlo.shares import rate_of
+from tendonrepro.verdicts.planted import NOISE, StableErrors, verdicts_on_papers
 from tendonrepro.verdicts.rules import Ruling
 from tendonrepro.verdicts.statements import OK
 

@@ -15,6 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
+from scipy.stats import binomtest
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.published import METRICS, published, row_of
@@ -69,6 +70,14 @@ class Spread:
     low_interval: Ends | None
     high_interval: Ends | None
     plants: int
+
+
+def rate_of(hits: int, trials: int) -> Share:
+    """Share of independent trials, with its exact binomial interval at 95 %; NaN without trials."""
+    if not trials:
+        return Share(np.nan, None, 0)
+    ends = binomtest(hits, trials).proportion_ci(method="exact")
+    return Share(hits / trials, (float(ends.low), float(ends.high)), trials)
 
 
 def share_of(hits: Flags, replicate: NDArray[np.int64], counted: Flags | None = None) -> Share:

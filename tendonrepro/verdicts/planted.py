@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, Published
-from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share
+from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, rate_of
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import judge_plants
 from tendonrepro.verdicts.from_print import PERCENTAGES, error_of, formula_of
@@ -152,12 +151,6 @@ def print_of(paper: Published, joints: Sequence[int], errors: Array) -> Publishe
             formula = formula_of(paper, name)
             percentages[name] = formula.value(*map(printed.number, formula.names))
     return printed.with_numbers(percentages)
-
-
-def rate_of(hits: int, papers: int) -> Share:
-    """Share of made-up papers, with its exact binomial interval at 95 %."""
-    ends = binomtest(hits, papers).proportion_ci(method="exact")
-    return Share(hits / papers, (float(ends.low), float(ends.high)), papers)
 
 
 def false_contradicted(table: PlantTable, paper: Published, names: Sequence[str]) -> dict[str, Share]:

@@ -9,11 +9,11 @@ from support.made_claims import MadeEnsemble, spoil, verdict_on
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, published, row_of
+from tendonrepro.monte_carlo.shares import rate_of
 from tendonrepro.verdicts.planted import (
     RULES,
     false_contradicted,
     print_of,
-    rate_of,
     stable_errors,
     verdicts_on_papers,
     with_noise,

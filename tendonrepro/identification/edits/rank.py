@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
-from scipy.stats import binomtest
 
 from tendonrepro.arrays import Array
 from tendonrepro.identification.goal import Goal
+from tendonrepro.monte_carlo.shares import rate_of
 
 RUN_NOISE = 0.01
 """Standard deviation of the log of an error between runs that repeat: assumed, the paper repeats none."""
@@ -160,20 +160,11 @@ def ranking(of: Likelihoods, goal: Goal, without: int | None = None) -> Ranking:
     return Ranking(order, ratios, [k for k in order if ratios[k] > np.log(of.factor)])
 
 
-@dataclass(frozen=True)
-class Proportion:
-    """How many of how many, with an exact 95 % interval."""
-
-    count: int
-    of: int
-
-    def as_data(self) -> dict[str, float | int | None]:
-        """Plain values."""
-        if not self.of:
-            return {"count": 0, "of": 0, "share": None, "low": None, "high": None}
-        interval = binomtest(self.count, self.of).proportion_ci()
-        share, low, high = self.count / self.of, float(interval.low), float(interval.high)
-        return {"count": self.count, "of": self.of, "share": share, "low": low, "high": high}
+def _rate(count: int, of: int) -> dict[str, float | int | None]:
+    """How many of how many; null without any."""
+    rate = rate_of(count, of)
+    low, high = rate.interval or (None, None)
+    return {"count": count, "of": of, "share": rate.share if of else None, "low": low, "high": high}
 
 
 def planted(of: Likelihoods, papers: int, seed: int) -> dict[str, object]:
@@ -197,7 +188,7 @@ def planted(of: Likelihoods, papers: int, seed: int) -> dict[str, object]:
         "clean_named": (sum(bool(rank.named) for rank in clean), len(clean)),
     }
     tables = [{"edit": k, "place": place + 1} for k, place in zip(drawn, places, strict=True)]
-    shares = {name: Proportion(*count).as_data() for name, count in counts.items()}
+    shares = {name: _rate(*count) for name, count in counts.items()}
     return {"papers": papers, "factor": of.factor, **shares, "tables": tables}
 
 
