@@ -1,0 +1,54 @@
+"""Pages stay short: a new sentence replaces one, or stands on the page that is about it."""
+
+from __future__ import annotations
+
+import pytest
+from support import ROOT
+from support.pages import DOCS, NEEDS_DOCS
+
+pytestmark = NEEDS_DOCS
+
+LIMITS = {
+    "README.md": 1_500,
+    "architecture.md": 3_660,
+    "assumptions.md": 7_310,
+    "cli.md": 2_610,
+    "code.md": 480,
+    "configs.md": 4_210,
+    "dataset.md": 2_150,
+    "digitised.md": 490,
+    "findings.md": 3_700,
+    "gallery.md": 260,
+    "how_often_wrong.md": 860,
+    "index.md": 130,
+    "live.md": 620,
+    "notation.md": 2_450,
+    "notebook.md": 280,
+    "own_arm.md": 1_440,
+    "predictions.md": 2_040,
+    "python.md": 1_610,
+    "recover.md": 1_650,
+    "results.md": 3_840,
+    "slips.md": 3_780,
+    "tables.md": 6_750,
+    "theory.md": 3_100,
+    "tune.md": 1_160,
+    "tutorial.md": 1_190,
+    "verdicts.md": 4_440,
+}
+"""Most words of each page, made parts and tables included."""
+
+WORDS = {
+    path.name: len(path.read_text(encoding="utf-8").split())
+    for path in (ROOT / "README.md", *DOCS.glob("*.md"))
+    if path.exists()
+}
+
+
+def test_every_page_has_a_limit() -> None:
+    assert WORDS.keys() == LIMITS.keys()
+
+
+@pytest.mark.parametrize("page", LIMITS)
+def test_page_is_within_its_limit(page: str) -> None:
+    assert WORDS[page] <= LIMITS[page]
