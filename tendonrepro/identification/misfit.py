@@ -172,15 +172,10 @@ def rounding_misfit(sizes: Array, goal: Goal) -> float | None:
     return float(np.sqrt(np.mean(apart**2))) if np.isfinite(apart).all() else None
 
 
-class NearestDraw(NamedTuple):
-    """Values (P,) of the rows of the ranges, and how far the numbers are."""
-
-    values: Array
-    misfit: float
-
-
-def nearest_draw(ensemble: EnsembleData, goal: Goal, reading: str, window: Window = "whole") -> NearestDraw:
-    """Nearest draw whose runs all end well.
+def nearest_draws(
+    ensemble: EnsembleData, goal: Goal, reading: str, most: int, window: Window = "whole"
+) -> Array:
+    """Values (N, P) of the rows of the `most` nearest draws whose runs all end well, the nearest first.
 
     Parameters
     ----------
@@ -190,6 +185,8 @@ def nearest_draw(ensemble: EnsembleData, goal: Goal, reading: str, window: Windo
         The numbers.
     reading : str
         Its name.
+    most : int
+        How many draws, at most.
     window : {'whole', 'late', 'settled'}
         What errors average.
 
@@ -210,6 +207,5 @@ def nearest_draw(ensemble: EnsembleData, goal: Goal, reading: str, window: Windo
     stable = np.flatnonzero(drawn.ok.all(axis=1))
     if not stable.size:
         raise DataMissingError(f"no draw of the ensemble ends well under {reading}")
-    misfits = log_misfit(drawn, goal)[stable]
-    best = int(np.argmin(misfits))
-    return NearestDraw(ensemble.draws[stable[best]], float(misfits[best]))
+    nearest = stable[np.argsort(log_misfit(drawn, goal)[stable], kind="stable")]
+    return np.asarray(ensemble.draws[nearest[:most]])
