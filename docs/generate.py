@@ -28,7 +28,7 @@ from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.identification.edits.figures_edits import draw_edits
 from tendonrepro.reporting import contents
-from tendonrepro.reporting.figures import draw_orders
+from tendonrepro.reporting.figures import draw_answer, draw_orders
 from tendonrepro.reporting.readings import read_shown
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
@@ -57,6 +57,7 @@ def pictures() -> dict[str, Drawing]:
     shown, found, tuned = read_shown(DOCS / "results"), stored("predict"), stored("tune")
     edits = stored("edits")
     drawn = (
+        draw_answer(shown),
         draw_orders(shown),
         draw_map(shown, stored("closest")),
         draw_ranges(shown),

@@ -1,4 +1,4 @@
-"""The picture of the answer, from a stored ensemble: how the controllers rank under each reading."""
+"""Pictures of a stored ensemble: the answer in six rows, and how the controllers rank under each reading."""
 
 from __future__ import annotations
 
@@ -7,15 +7,77 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from tendonrepro.configuration.shown import GROUPS, STARTS_APART
+from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import published
+from tendonrepro.configuration.shown import BOTH, GROUPS, STARTS_APART, STEPS
+from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.readings import Row, Shown
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,
     Look,
     journal_style,
+    mark_cut,
     open_figure,
 )
+from tendonrepro.results.summary import CONTROLLERS
+
+ANSWER = {
+    PRINTED: ("as published: same start, same friction", "#004488"),
+    "reference_acceleration=absent": ("acceleration not fed forward", "#004488"),
+    STARTS_APART: ("each run starts up to 2° off", "#5B93CC"),
+    "run_friction=drawn": ("friction 0.7 to 1.4 times, run to run", "#5B93CC"),
+    STEPS: ("stored torque in 0.016 N m steps, Δ in degrees", "#5B93CC"),
+    BOTH: ("changed: a sign of Eq. (15), Δ in degrees", "#555555"),
+}
+"""Interpretations of `draw_answer`, each with its label and colour: all alike, something differs, changed."""
+_ANSWER_RATIO = (0.5, 1.72)
+"""Ends of the axis of `draw_answer`."""
+
+
+@journal_style()
+def draw_answer(shown: Shown) -> Drawing:
+    """Draw the mean error of joint 2, Controller 1 over Controller 2, in the rows of `ANSWER`."""
+    figure = open_figure(PAGE_MM, 74.0)
+    panel = figure.subplots()
+    rows = [(shown.box[name], *row) for name, row in ANSWER.items() if name in shown.box]
+    errors = [published().number(f"table2.{name}.mae.joint_2") for name in CONTROLLERS[:2]]
+    paper = errors[0] / errors[1]
+    panel.axvspan(_ANSWER_RATIO[0], 1.0, color="#E4EAF1", linewidth=0.0, zorder=0.0)
+    panel.axvline(1.0, color="#888888", linewidth=0.8)
+    panel.axvline(paper, color=_PAPER, linewidth=1.4, linestyle=(0.0, (4.0, 2.0)))
+    for place, (row, _, colour) in enumerate(rows):
+        ends = [row["c1_c2_joint_2_q05"], row["c1_c2_joint_2_q95"]]
+        panel.plot(ends, [place] * 2, color=colour, linewidth=4.0, solid_capstyle="butt")
+        look: Look = {"markersize": 6.0, "mfc": "white", "mec": colour, "mew": 1.6, "zorder": 3.0}
+        panel.plot([row["c1_c2_joint_2_median"]], [place], "o", **look)
+        mark_cut(panel, (ends[0], ends[1]), place, _ANSWER_RATIO, colour)
+    panel.set(xscale="log", xlim=_ANSWER_RATIO, ylim=(len(rows) - 0.5, -1.2))
+    ticks = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6)
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.minorticks_off()
+    panel.set_xlabel(
+        "mean error of joint 2: Controller 1 (α-TDE) over Controller 2 (TDE)\n"
+        "bars: central 90 % of the stable arms, circles: medians"
+    )
+    counts = [f"{percent(row['behind'])} of {row['plants']:,.0f}" for row, _, _ in rows]
+    right = panel.secondary_yaxis("right")
+    right.set_yticks([-0.8, *range(len(rows))], ["it is worse on", *counts])
+    panel.set_yticks(range(len(rows)), [label for _, label, _ in rows])
+    for axis in (panel, right):
+        axis.tick_params("y", length=0.0)
+        axis.spines[["left", "right", "top"]].set_visible(False)
+    panel.text(paper, -0.8, f"paper, one run each: {paper:.2f} ", color=_PAPER, ha="right", va="center")
+    panel.text(1.015, -0.8, "Controller 1 is worse →", va="center")
+    caption = (
+        "Mean error of joint 2, Controller 1 over Controller 2, in six cases, and the paper's. Bars have the "
+        "central 90 % of the plants on which all three controllers are stable, circles are medians. At the "
+        "right is on how many Controller 1 errs more. A plant is an arm with its motion. Dark blue: the runs "
+        "differ by their controllers alone. Pale blue: something else differs, or is left unsaid. Grey: an "
+        "equation is changed."
+    )
+    return Drawing("answer", figure, [panel], caption, origin=of_plants(shown))
+
 
 # Told apart in grey print by lightness: dark, light, lightest, middle.
 _LOOKS = {
@@ -24,6 +86,8 @@ _LOOKS = {
     "neither first nor last": ("#EDEDED", "black"),
     "Controller 1 last": ("#8A8A8A", "black"),
 }
+_PAPER = "#B5405A"
+"""Colour of the paper's number."""
 _LABELLED = 0.08
 """Shares from here on have their number in the bar."""
 

@@ -18,6 +18,7 @@ from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, CHOICES, KEPT, SHOWN, conditions
 from tendonrepro.reporting.contents import percent
+from tendonrepro.reporting.figures import ANSWER
 from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.tuning.bench import KNOWN, PUBLISHED
@@ -286,6 +287,23 @@ def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings:
 def test_what_is_shown_is_drawn_by_default() -> None:
     """By the very names that the next ensemble gives its readings."""
     assert SHOWN.keys() <= {reading.name for reading in default_readings(load_ensemble(None).config.pairs)}
+
+
+def test_picture_of_the_answer(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
+    """Bars, medians and counts of its rows, and the paper's ratio across."""
+    (panel,) = pictures["answer"].axes
+    rows = [readings[name] for name in ANSWER]
+    bars = [
+        [*line.get_xdata()] for line in panel.lines if [*line.get_ydata()] in [[row] * 2 for row in range(6)]
+    ]
+    assert bars == [[row["c1_c2_joint_2_q05"], row["c1_c2_joint_2_q95"]] for row in rows]
+    medians = [line.get_xydata().tolist() for line in panel.lines if line.get_marker() == "o"]
+    assert medians == [[[row["c1_c2_joint_2_median"], place]] for place, row in enumerate(rows)]
+    (right,) = panel.child_axes
+    counts = [label.get_text() for label in right.get_yticklabels()][1:]
+    assert counts == [f"{percent(row['behind'])} of {row['plants']:,.0f}" for row in rows]
+    (dashed,) = [line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == "--"]
+    assert dashed == pytest.approx(0.261 / 0.289)
 
 
 def test_picture_of_the_orders(readings: dict[str, Row], pictures: dict[str, Drawing]) -> None:
