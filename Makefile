@@ -72,9 +72,8 @@ findings: $(VENV)/.test  ## docs/results, and from it the made parts of findings
 pages: $(VENV)/.run  ## the parts of docs that are made from configurations, readings and commands
 	$(BIN)/python docs/pages.py
 
-notebook: $(VENV)/.test  ## the notebook of examples run again, and its page
+notebook: $(VENV)/.test  ## the notebook of examples run again
 	$(BIN)/python docs/notebook.py
-	$(BIN)/python docs/pages.py
 
 docs: $(VENV)/.docs  ## the site, build/docs/index.html, offline
 	@rm -rf docs/api build/docs build/doctrees

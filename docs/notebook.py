@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import nbformat
 from nbclient import NotebookClient
 
-from pages import NOTEBOOK
+NOTEBOOK = Path(__file__).parent.parent / "examples" / "notebook.ipynb"
 
 if __name__ == "__main__":
     held = nbformat.read(NOTEBOOK, as_version=4)

@@ -5,8 +5,6 @@ A part stands between ``<!-- made: NAME -->`` and ``<!-- end -->``; a test makes
 
 from __future__ import annotations
 
-import base64
-import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -165,40 +163,6 @@ def variables() -> str:
     return table(("Name", "Unit", "Meaning"), rows)
 
 
-NOTEBOOK = DOCS.parent / "examples" / "notebook.ipynb"
-PICTURE = DOCS / "notebook.png"
-
-
-def notebook() -> str:
-    """The cells of the notebook with what they show; its one picture is `PICTURE`."""
-    parts = []
-    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
-        text = "".join(cell["source"])
-        if cell["cell_type"] == "markdown":
-            parts.append(text.removeprefix("# The comparison in a notebook").strip())
-            continue
-        parts.append(f"```python\n{text}\n```")
-        for output in cell["outputs"]:
-            data = output.get("data", {})
-            if "image/png" in data:
-                parts.append(f"![What the last cell shows]({PICTURE.name})")
-            elif "text/html" in data:
-                # The style of pandas is of pages that have no other.
-                shown = re.sub(r"<style.*?</style>\n", "", "".join(data["text/html"]), flags=re.S)
-                parts.append("\n".join(line.strip() for line in shown.splitlines()))
-            else:
-                said = "".join(output.get("text") or data["text/plain"])
-                parts.append(f"```text\n{said.strip()}\n```")
-    return "\n\n".join(filter(None, parts))
-
-
-def pictures() -> list[bytes]:
-    """The pictures that the notebook holds."""
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-    shown = [output.get("data", {}) for cell in cells for output in cell.get("outputs", ())]
-    return [base64.b64decode("".join(data["image/png"])) for data in shown if "image/png" in data]
-
-
 def one_line() -> str:
     """A line of physics as tape, as instructions for eight experiments, as machine code, as JavaScript."""
     from llvmlite import binding
@@ -239,7 +203,7 @@ def one_line() -> str:
             "LLVM makes machine code of them. A processor with AVX2 takes four numbers at once, so there are two "
             "halves, and each product with its sum is one instruction:",
             code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
-            "The same tape as JavaScript, for [the page in a browser](live.md):",
+            "The same tape as JavaScript, for [the page in a browser](tutorial.md#move-things-in-a-browser):",
             code_block("js", script),
         )
     )
@@ -263,13 +227,10 @@ MAKERS: Mapping[str, Callable[[], str]] = {
     "the plain arm": lambda: unprinted(of_plain, ("plain",)),
     "the commands": commands,
     "the options": options,
-    "the notebook": notebook,
     "the variables of a trace": variables,
 }
 
 
 if __name__ == "__main__":
-    (picture,) = pictures()
-    PICTURE.write_bytes(picture)
     for path in sorted(DOCS.glob("*.md")):
         path.write_text(fresh(path.read_text(encoding="utf-8")), encoding="utf-8")
