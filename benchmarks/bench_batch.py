@@ -63,10 +63,7 @@ class Stated:
     """Plants of one case: our closed loops and the same numbers for the baselines."""
 
     def __init__(self, duration, overrides, count):
-        from tendonrepro.configuration.load import load_config
-
         self.loop, self.parameters, self.reference = stated_case(duration, overrides)
-        self.limits = load_config("plain", "compare").config.status
         self.loops, self.plain = different_plants(self.loop, self.parameters, count)
         self.checked = range(0, count, -(-count // CHECKED))
         # Compiles what is not there yet.
@@ -75,7 +72,7 @@ class Stated:
     def batch(self, loops, **options):
         from tendonrepro.simulation.batch import simulate_batch
 
-        return simulate_batch(loops, self.limits, **options)
+        return simulate_batch(loops, **options)
 
     def batch_error(self):
         """Largest error of q over the checked plants; a lane does not depend on its neighbours."""
@@ -228,10 +225,8 @@ def mix_case(draws=MIX_DRAWS, turns=TURNS):
     study = load_study(None, (), None, "default")
     box = study.populations["box"]
     loops = [*chain.from_iterable(box.loops(box.sample(study.seed, 0, 0, draws), study.cases))]
-    simulate_batch(loops, study.loaded.compare.status)  # compiles what is not there yet
-    seconds = statistics.median(
-        seconds_of(lambda: simulate_batch(loops, study.loaded.compare.status)) for _ in range(turns)
-    )
+    simulate_batch(loops)  # compiles what is not there yet
+    seconds = statistics.median(seconds_of(lambda: simulate_batch(loops)) for _ in range(turns))
     what = f"{len(loops)} runs of {draws} draws of the shipped ensemble, one core"
     return case(what, len(loops) / seconds, None, None, {}) | {"seconds": seconds}
 

@@ -84,7 +84,7 @@ def logs(plants: int) -> list[tuple[str, Log]]:
             dict(build_loops(under(parse_reading(reading), drawn, known), folder))[run]
             for run, reading in CASES
         ]
-        batch = simulate_batch(runs, drawn.status, record=True)
+        batch = simulate_batch(runs, record=True)
         if batch.traces and not batch.status.any():
             found += [
                 (" ".join(case), log_of(trace, run))

@@ -91,7 +91,7 @@ def scatter_of_repeats(ensemble: EnsembleData) -> dict[str, float]:
     masses = [place for place, name in enumerate(box.names) if "mass" in name]
     values[:, masses] *= 1.0 + MOVED * np.random.default_rng(0).standard_normal((len(values), len(masses)))
     cases = [study.cases[study.lookup[run, PRINTED]] for run in RUNS]
-    runs = [simulate_batch(loops, study.loaded.compare.status) for loops in zip(*box.loops(values, cases), strict=True)]
+    runs = [simulate_batch(loops) for loops in zip(*box.loops(values, cases), strict=True)]
     still = np.logical_and.reduce([run.status == OK for run in runs]).reshape(-1, REPEATS).all(axis=1)
     errors = np.log([[run.statistics[metric] for metric in METRICS] for run in runs])
     errors = errors.reshape(len(RUNS), len(METRICS), -1, REPEATS, errors.shape[-1])[:, :, still]

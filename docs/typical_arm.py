@@ -106,7 +106,7 @@ def typical_yaml(study: EnsembleStudy, sample: Preliminary) -> str:
     config = box.configured(values)
     named = dict(build_loops(config, study.loaded.base.folder))
     loops = [named[run] for run in RUNS]
-    batch = simulate_batch(loops, config.status)
+    batch = simulate_batch(loops)
     if (batch.status != STATUSES.index("ok")).any():
         message = "rounded to two digits the typical plant is no longer stable"
         raise TendonreproError(message)

@@ -244,7 +244,7 @@ def predictions(
 def _simulated(loaded: LoadedEnsemble, reading: Reading, names: Sequence[str], values: Array) -> Array:
     """Status of each run of plants (N, P) under a reading, then each of its statistics, (N, K)."""
     loops = [*loops_of_plants(loaded, values, reading)]
-    batch = simulate_batch(loops, loaded.compare.status, threads=processors())
+    batch = simulate_batch(loops, threads=processors())
     parts = [batch.status.astype(np.float64), *(batch.statistics[name] for name in names)]
     return np.column_stack([part.reshape(len(values), -1) for part in parts])
 

@@ -389,6 +389,8 @@ def _loop(
         L=config.sampling_period.si,
         solver=build_solver(config),
         divergence_limit=config.status.divergence_limit.si,
+        ringing_frequency=config.status.ringing_frequency.si,
+        ringing_share=config.status.ringing_share.si,
         cold=False,
         seed=int(config.seed.si),
     )
@@ -400,13 +402,13 @@ def build_solver(config: Config) -> Solver:
     return Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si)
 
 
-def run_status(loop: Loop, variables: Mapping[str, Array], config: Config) -> tuple[Status, float]:
+def run_status(loop: Loop, variables: Mapping[str, Array]) -> tuple[Status, float]:
     """Status of a run and its time, as `status_of`; one shorter than its reference has diverged."""
-    time, limits = variables["time"], config.status
+    time = variables["time"]
     if time.size < loop.reference.time.size:
         return "diverged", float(time[-1])
-    ringing = limits.ringing_frequency.si, limits.ringing_share.si
-    return status_of(time, variables["e"], limits.divergence_limit.si, *ringing)
+    limits = loop.divergence_limit, loop.ringing_frequency, loop.ringing_share
+    return status_of(time, variables["e"], *limits)
 
 
 class View(NamedTuple):

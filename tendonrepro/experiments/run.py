@@ -127,9 +127,7 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
     from tendonrepro.simulation.batch import simulate_batch
 
     with talk.bar(f"simulating {count_of(len(loops), 'run')}", len(loops)) as progress:
-        batch = simulate_batch(
-            [*loops.values()], loaded.config.status, progress=progress, record=True, tolerance=PRECISE
-        )
+        batch = simulate_batch([*loops.values()], progress=progress, record=True, tolerance=PRECISE)
     traces = []
     for (name, loop), variables in zip(loops.items(), batch.traces or (), strict=True):
         if variables is None:
@@ -142,7 +140,7 @@ def _simulate_together(loaded: LoadedConfig, loops: Mapping[str, Loop], talk: Ta
 def _trace(
     loaded: LoadedConfig, name: str, loop: Loop, variables: dict[str, Array], laws: Sequence[UserLaw] = ()
 ) -> Trace:
-    status, status_time = run_status(loop, variables, loaded.config)
+    status, status_time = run_status(loop, variables)
     attributes = _law(loaded.config, name, loop, laws)
     attributes |= {"reference_period": loop.reference.period, "status": status, "status_time": status_time}
     return Trace(name, variables.pop("time"), loaded.config.joints, variables, attributes)

@@ -266,10 +266,7 @@ def simulate(grid: Grid, talk: Talk) -> Sweep:
     """Simulate every run of every point."""
     total = sum(len(point.loops) for point in grid.points)
     with talk.bar(f"simulating {count_of(total, 'run')}", total) as progress:
-        batches = [
-            simulate_batch([*point.loops.values()], point.loaded.config.status, progress=progress)
-            for point in grid.points
-        ]
+        batches = [simulate_batch([*point.loops.values()], progress=progress) for point in grid.points]
     status = np.array(STATUSES)[np.array([batch.status for batch in batches])]
 
     def stacked(name: str) -> Array:

@@ -117,7 +117,7 @@ class Bench:
     def _measure(self, values: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         loops = self._loops(values, reading, runs)
         count, shape = len(loops), (len(values), len(runs))
-        batch = self.simulate([*loops, *self._stubs(reading, runs)], self.space.base.config.status)
+        batch = self.simulate([*loops, *self._stubs(reading, runs)])
         sizes = [batch.statistics[metric + SUFFIX[self.window]][:count] for metric in METRICS]
         ends = np.array([loop.reference.time[-1] for loop in loops])
         return Simulated(

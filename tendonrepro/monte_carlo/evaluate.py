@@ -15,10 +15,10 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes
 from tendonrepro.monte_carlo.plan import EnsembleStudy, Piece
 from tendonrepro.results.record_store import Records
-from tendonrepro.simulation.batch import Batch, Limits, simulate_batch
+from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
 
-Simulate: TypeAlias = Callable[[Sequence[Loop], Limits], Batch]
+Simulate: TypeAlias = Callable[[Sequence[Loop]], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
 _STUB = 64
@@ -31,7 +31,7 @@ def evaluated(
     """Records of the plants of a piece."""
     values = study.values(*piece)
     loops = [loop for of_plant in _loops(study, piece, values) for loop in of_plant]
-    batch = simulate(loops, study.loaded.compare.status)
+    batch = simulate(loops)
     records = np.empty(len(values), study.record_of(piece.population))
     records["draws"] = values
     # What overflows single precision is of a diverged run, and infinite for every purpose.
@@ -62,7 +62,7 @@ def refuse_alone(study: EnsembleStudy, law: UserLaw) -> None:
     try:
         (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, [law])
         loop = stub_of(loops[study.lookup[law.name, PRINTED]])
-        simulate_batch([loop], study.loaded.compare.status)
+        simulate_batch([loop])
     except UsageError:
         raise
     except Exception as error:

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,32 +37,8 @@ PACK = 1536
 The processor's cache sets no limit, for a bundle of lanes goes through a slice of time alone.
 """
 
-LINES_PER_RINGING = 32
-"""Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
-
-
 SLICE = 500
 """Samples after which experiments that ended leave their lane to others."""
-
-
-class InSI(Protocol):
-    """A number with a unit."""
-
-    @property
-    def si(self) -> float:
-        """Its value in SI units."""
-
-
-class Limits(Protocol):
-    """When a run rings: the section ``status`` of a configuration."""
-
-    @property
-    def ringing_frequency(self) -> InSI:
-        """Hz, above which error is ringing."""
-
-    @property
-    def ringing_share(self) -> InSI:
-        """Share of the error's power above it from which a run rings."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +68,6 @@ class Batch:
 
 def simulate_batch(
     loops: Sequence[Loop],
-    limits: Limits,
     *,
     progress: Callable[[int], None] | None = None,
     threads: int = 1,
@@ -107,8 +80,6 @@ def simulate_batch(
     ----------
     loops
         With the same number of joints.
-    limits
-        When a run rings.
     progress
         Called with the number of runs done since its last call.
     record
@@ -123,12 +94,12 @@ def simulate_batch(
         If there is no loop, or a law does not run on lanes.
     """
     _refuse_others(loops)
-    report, block = progress or (lambda _: None), partial(_block, frequency=limits.ringing_frequency.si)
+    report = progress or (lambda _: None)
 
     def run(places: Sequence[int]) -> int:
         pack = {place: loops[place] for place in places}
-        ended = run_pack(pack, parts[places[0]], block(loops[places[0]].L), record=record)
-        _keep(batch, pack, ended, limits)
+        ended = run_pack(pack, parts[places[0]], record=record)
+        _keep(batch, pack, ended)
         return len(places)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
@@ -136,7 +107,7 @@ def simulate_batch(
     with ThreadPoolExecutor(threads) as pool:
         ready = prepared_loops(loops, tolerance, pool.map)
         for alike in _alike(ready):
-            parts |= dict.fromkeys(alike, experiment_part(alike, block, record=record))
+            parts |= dict.fromkeys(alike, experiment_part(alike, record=record))
         steps = np.array([loop.steps for loop in ready])
         batch = _unresolved(loops, steps, record=record)
         for done in pool.map(run, _packs(loops, parts, steps, size)):
@@ -176,11 +147,12 @@ def _branches(loop: Loop) -> Hashable:
 def _packs(
     loops: Sequence[Loop], parts: Mapping[int, CompiledPart], steps: NDArray[np.int64], size: int
 ) -> Iterator[list[int]]:
-    """Places of each pack, of one code and sampling period, sorted by motion and steps."""
-    groups: dict[tuple[int, float], list[int]] = {}
+    """Places of each pack, of one code, sampling period and ringing frequency, sorted by motion and steps."""
+    groups: dict[tuple[int, float, float], list[int]] = {}
     motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
     for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
-        groups.setdefault((id(parts[place]), loops[place].L), []).append(place)
+        loop = loops[place]
+        groups.setdefault((id(parts[place]), loop.L, loop.ringing_frequency), []).append(place)
     for places in groups.values():
         places.sort(key=lambda place: (motions[id(loops[place].reference)], *steps[place][::-1]))
         for start in range(0, len(places), size):
@@ -198,23 +170,18 @@ def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool
     )
 
 
-def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended, limits: Limits) -> None:
-    places, L, frequency = list(loops), next(iter(loops.values())).L, limits.ringing_frequency.si
-    fast = _fast_shares(ended, _block(L, frequency), L, frequency)
+def _keep(batch: Batch, loops: Mapping[int, Loop], ended: Ended) -> None:
+    places, first = list(loops), next(iter(loops.values()))
+    fast = _fast_shares(ended, first.block, first.L, first.ringing_frequency)
     for name, values in streaming.finished(ended.sums, ended.count, fast).items():
         batch.statistics[name][places] = values.T
-    ringing = (fast > limits.ringing_share.si).any(axis=0)
+    ringing = (fast > np.array([loop.ringing_share for loop in loops.values()])).any(axis=0)
     codes = [STATUSES.index(name) for name in ("diverged", "ringing", "ok")]
     batch.status[places] = np.select([ended.diverged, ringing], codes[:2], codes[2])
     for (place, loop), count, trace in zip(loops.items(), ended.count, ended.trace, strict=True):
         batch.status_time[place] = loop.reference.time[count - 1]
         if batch.traces is not None:
             batch.traces[place] = loop.trace(trace[:count])
-
-
-def _block(L: float, frequency: float) -> int:
-    """Samples whose errors are summed up for the spectrum."""
-    return max(1, int(1.0 / (L * LINES_PER_RINGING * frequency)))
 
 
 def _fast_shares(ended: Ended, block: int, L: float, frequency: float) -> Array:
@@ -253,9 +220,10 @@ class Ended:
     trace: Array
 
 
-def run_pack(loops: Mapping[int, Loop], part: CompiledPart, block: int, *, record: bool) -> Ended:
-    """Run experiments of one sampling period, by place in the batch, in blocks of so many samples."""
+def run_pack(loops: Mapping[int, Loop], part: CompiledPart, *, record: bool) -> Ended:
+    """Run experiments of one sampling period and ringing frequency, by place in the batch."""
     first, count, named = next(iter(loops.values())), len(loops), part.rows.named
+    block = first.block
     n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
     signals = Signals([*loops.values()])
     kept = {"block": TraceBuffer(named["block"], n, block)}

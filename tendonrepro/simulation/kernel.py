@@ -298,16 +298,11 @@ class CompiledPart:
         return columns(bundles)[:, : len(places)]
 
 
-def experiment_part(
-    alike: Mapping[int, PreparedLoop], block: Callable[[float], int], *, record: bool
-) -> CompiledPart:
-    """Compile law and plant of loops alike in all that chooses branches, by place in the batch.
-
-    Errors are summed up over ``block(L)`` samples.
-    """
+def experiment_part(alike: Mapping[int, PreparedLoop], *, record: bool) -> CompiledPart:
+    """Compile law and plant of loops alike in all that chooses branches, by place in the batch."""
     loops, rests, steps = zip(*alike.values(), strict=True)
     ordered = [*zip(loops, rests, strict=True)]
-    numbers = law_numbers(ordered, block)
+    numbers = law_numbers(ordered)
     plants = stacked([loop.plant for loop in loops])
     counts = np.array(steps, dtype=np.float64).T
     first = {
@@ -327,7 +322,7 @@ def single_part(loop: Loop, rest: Rest, *, sampled: bool) -> CompiledPart:
     plant = stacked([loop.plant])
     if not sampled:
         return _compiled(single_code((plant,), control.command), {}, {0: 0}, lanes=1)
-    numbers = law_numbers([(loop, rest)], lambda _: 1)
+    numbers = law_numbers([(loop, rest)])
     written = single_code((plant, numbers), loop.controller.command or control.command)
     return _compiled(written, _first_rows([(loop, rest)], numbers), {0: 0}, lanes=1)
 
@@ -343,8 +338,8 @@ def _compiled(
     return CompiledPart(rows, start, column, dict(zip(code, run, strict=True)), prepare, lanes)
 
 
-def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int]) -> LawNumbers:
-    """Stack all numbers of loops but their plants'; errors are summed up over ``block(L)`` samples."""
+def law_numbers(loops: Sequence[tuple[Loop, Rest]]) -> LawNumbers:
+    """Stack all numbers of loops but their plants'."""
     phases: dict[int, streaming.Thresholds] = {}
     for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)
@@ -356,7 +351,7 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]], block: Callable[[float], int
                 hardware=loop.hardware(rest),
                 phases=phases[id(loop.reference)],
                 samples=np.array(float(loop.reference.time.size)),
-                block=np.array(float(block(loop.L))),
+                block=np.array(float(loop.block)),
             )
             for loop, rest in loops
         ]

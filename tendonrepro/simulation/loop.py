@@ -17,6 +17,9 @@ from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, q
 from tendonrepro.physics.linalg import times
 from tendonrepro.physics.trajectory import late
 
+LINES_PER_RINGING = 32
+"""Blocks of summed errors are this many times shorter than a period of the ringing frequency."""
+
 LARGEST_TORQUE = 1e6
 """Torque, N m, beyond which a run has diverged even before its error shows it."""
 
@@ -98,6 +101,8 @@ class Loop:
         Sampling period, s.
     divergence_limit
         Tracking error that ends the run, rad.
+    ringing_frequency, ringing_share
+        A run rings from this share of the error's power above this frequency, Hz, on.
     cold
         A brake held the arm until the start, and the controller has seen no torque; else its own did.
     seed
@@ -117,10 +122,17 @@ class Loop:
     L: float
     solver: Solver
     divergence_limit: float
+    ringing_frequency: float
+    ringing_share: float
     cold: bool
     seed: int
     start_offset: Array | None = None
     reference_lag: float = 0.0
+
+    @property
+    def block(self) -> int:
+        """Samples whose errors are summed up for the spectrum."""
+        return max(1, int(1.0 / (self.L * LINES_PER_RINGING * self.ringing_frequency)))
 
     @property
     def start_angles(self) -> Array:

@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.control import SECOND
-from tendonrepro.configuration.models.experiment import StatusLimits
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.experiments.loops import Once, build_law, run_loop
 from tendonrepro.experiments.rig import build_plant, start_angles
@@ -72,7 +71,6 @@ class TrialPlants(NamedTuple):
     alpha: Array
     newest: float
     known: Sequence[tuple[Array, Array]]
-    limits: StatusLimits
 
 
 class Candidate(NamedTuple):
@@ -114,7 +112,6 @@ def posed(config: CompareConfig) -> TrialPlants:
         alpha=config.control.gains.alpha.si,
         newest=build_law(filtering, SECOND).rate_filter,
         known=[known_along(bare, along) for along in motions],
-        limits=config.status,
     )
 
 
@@ -175,7 +172,7 @@ def _entering(torque: Array, law: Law, *, increments: bool) -> Array:
 def measure(plants: TrialPlants, candidates: Sequence[Candidate], runs: int = TUNED) -> Performance:
     """Run candidates on one draw, in the first so many runs."""
     loops = [loop for candidate in candidates for loop in loops_of(plants, candidate, runs)]
-    batch = simulate_batch(loops, plants.limits)
+    batch = simulate_batch(loops)
     shape = len(candidates), runs, -1
     names = ("mae", "rmse", "fast_share", "torque_step_rms")
     mae, rmse, share, steps = (batch.statistics[name].reshape(shape) for name in names)

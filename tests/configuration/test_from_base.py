@@ -246,7 +246,7 @@ def test_a_new_arm_is_stable_in_the_comparison_that_comes_with_it(tmp_path: Path
             assert abs(np.linalg.eigvals(matrix)).max() < 0.9999
     start = {name: getattr(loop.reference, name)[:64] for name in ("time", "q_d", "dq_d", "ddq_d")}
     short = replace(loop, reference=replace(loop.reference, **start))
-    resolved = simulate_batch([short], config.status).status != STATUSES.index("unresolved")
+    resolved = simulate_batch([short]).status != STATUSES.index("unresolved")
     assert resolved.all(), "the compiled stepper follows it"
 
 

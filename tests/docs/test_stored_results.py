@@ -54,11 +54,7 @@ def made_again(sample: dict[str, Any]) -> dict[str, Batch]:
     values = np.array(columns).T
     by_case = zip(*box.loops(values, study.cases), strict=True)
     wanted = {study.lookup[run, sample["reading"]]: run for run in sample["runs"]}
-    return {
-        wanted[place]: simulate_batch(loops, study.loaded.compare.status)
-        for place, loops in enumerate(by_case)
-        if place in wanted
-    }
+    return {wanted[place]: simulate_batch(loops) for place, loops in enumerate(by_case) if place in wanted}
 
 
 def test_plants_end_as_when_they_were_stored(sample: dict[str, Any], made_again: dict[str, Batch]) -> None:

@@ -94,7 +94,7 @@ def batch_errors(metric: str, *overrides: str) -> np.ndarray:
     """MAE or RMSE of Controllers 1 to 3 in degrees, (3, joints)."""
     loaded = load_config("plain", "compare", overrides=overrides)
     loops = dict(build_loops(loaded.config, loaded.folder))
-    batch = simulate_batch([loops[name] for name in CONTROLLERS], loaded.config.status)
+    batch = simulate_batch([loops[name] for name in CONTROLLERS])
     assert not batch.status.any()
     return np.rad2deg(batch.statistics[metric])
 

@@ -48,7 +48,7 @@ def test_samples_are_rounded_in_the_unit_of_their_range(typical: Any) -> None:
 def test_the_shipped_one_is_stable_and_uses_nothing_of_the_paper_s_results() -> None:
     loaded = load_config(None, "compare")
     assert isinstance(loaded.config, CompareConfig)
-    batch = simulate_batch([*dict(build_loops(loaded.config, loaded.folder)).values()], loaded.config.status)
+    batch = simulate_batch([*dict(build_loops(loaded.config, loaded.folder)).values()])
     assert (batch.status == STATUSES.index("ok")).all()
     assert "identified" not in loaded.yaml_text
     assert loaded.config.manipulator.tendons.damping_factor.si == 1.0

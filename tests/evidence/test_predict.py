@@ -17,7 +17,7 @@ from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.ensemble import load_around, load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
-from tendonrepro.configuration.models.experiment import CompareRun, StatusLimits
+from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
 from tendonrepro.console import QUIET, Talk
@@ -72,7 +72,7 @@ def test_alpha_0_is_controller_2_while_that_keeps_eta(reading: str, is_one: bool
     config = under(parse_reading(reading), COMPARE, {})
     loops = dict(build_loops(config, LOADED.base.folder))
     both = [with_alpha(0.0, loops, config.control.readings), loops[SECOND]]
-    changed, beside = simulate_batch(both, COMPARE.status).statistics["mae"]
+    changed, beside = simulate_batch(both).statistics["mae"]
     assert (changed == beside).all() == is_one
 
 
@@ -111,7 +111,7 @@ def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:
     apart = compare.model_copy(update={"runs": {**compare.runs, SECOND: _beside(compare.runs[SECOND])}})
     loops = dict(build_loops(apart, folder))
     elsewhere = BY_NAME["repeat"].change(loops, READINGS_OF)
-    found = simulate_batch([loops[FIRST], together, elsewhere], compare.status).statistics
+    found = simulate_batch([loops[FIRST], together, elsewhere]).statistics
     first, same, other = found["mae"]
     assert (same == first).all()
     assert (abs(other / first - 1.0) > 0.02).all()
@@ -140,7 +140,7 @@ def test_loops_of_a_plant_are_those_of_its_configuration() -> None:
         (given[len(RUNS) + names.index("alpha_0.3")], with_alpha(0.3, expected, config.control.readings)),
     ]
     both = [loop for pair in shown for loop in pair]
-    errors = simulate_batch(both, LOADED.compare.status).statistics["mae"]
+    errors = simulate_batch(both).statistics["mae"]
     assert (errors[0::2] == errors[1::2]).all()
 
 
@@ -186,7 +186,7 @@ def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
 ) -> None:
     calls: list[int] = []
 
-    def counting(loops: Sequence[Loop], *_: StatusLimits, **__: int) -> Batch:
+    def counting(loops: Sequence[Loop], **_: int) -> Batch:
         calls.append(len(loops))
         if len(calls) == deadly:
             raise KeyboardInterrupt

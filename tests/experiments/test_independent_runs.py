@@ -41,7 +41,7 @@ def errors(offsets: dict[str, list[float]]) -> dict[str, np.ndarray]:
     loaded = load_config("plain", "compare", overrides=changes)
     assert isinstance(loaded.config, CompareConfig)
     loops = dict(build_loops(loaded.config, loaded.folder))
-    batch = simulate_batch([*loops.values()], loaded.config.status)
+    batch = simulate_batch([*loops.values()])
     assert (batch.status == STATUSES.index("ok")).all()
     sizes = np.rad2deg([batch.statistics["mae"], batch.statistics["rmse"]])
     return {run: sizes[:, place] for place, run in enumerate(loops)}

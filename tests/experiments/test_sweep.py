@@ -76,7 +76,7 @@ class TestRun:
         loaded = load_config("plain", "compare", overrides=(ONE, label, *step), controllers=(1, 2))
         loops = dict(build_loops(loaded.config, loaded.folder))
         assert list(loops) == found.grid.runs
-        alone = simulate_batch(list(loops.values()), loaded.config.status)
+        alone = simulate_batch(list(loops.values()))
         assert found.status[place].tolist() == [STATUSES[status] for status in alone.status]
         np.testing.assert_array_equal(found.status_time[place], alone.status_time)
         for name, statistic in sweep.IN_DEGREES.items():

@@ -150,7 +150,7 @@ def test_a_recorded_law_runs_as_the_law_and_an_edit_as_its_reading() -> None:
 
     def run(**changes: object) -> Array:
         controller = replace(loop.controller, **changes)  # type: ignore[arg-type]
-        batch = simulate_batch([replace(loop, controller=controller)], config().status)
+        batch = simulate_batch([replace(loop, controller=controller)])
         return np.concatenate([batch.statistics[name][0] for name in ("mae", "torque_step_rms")])
 
     assert np.array_equal(run(), run(command=EditedLaw(law), on_lanes=True))

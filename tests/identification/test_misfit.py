@@ -83,9 +83,9 @@ class TestBench:
     def test_large_batches_are_cut_and_stubs_left_out(self, monkeypatch):
         sizes = []
 
-        def counting(loops, limits):
+        def counting(loops):
             sizes.append(len(loops))
-            return made_up(loops, limits)
+            return made_up(loops)
 
         monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
         space = space_of(loaded())

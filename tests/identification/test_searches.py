@@ -169,7 +169,7 @@ def test_written_config_gives_the_same_numbers(tmp_path, window, factor):
     data = identified(tmp_path / "out", readings="printed,phi_branch=power", **asked)
     best = min(data["readings"], key=lambda held: held["misfit_log"])
     loops = dict(build_loops(load_config(data["config"], "compare").config, Path()))
-    batch = made_up([loops[name] for name in RUNS], None)
+    batch = made_up([loops[name] for name in RUNS])
     whole = np.rad2deg(np.stack([batch.statistics[name] for name in ("mae", "rmse")], axis=1)).ravel()
     np.testing.assert_allclose(factor * whole, [row["ours_deg"] for row in best["numbers"]], rtol=1e-12)
 

@@ -239,7 +239,7 @@ def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> No
         (arms,) = study.populations.values()
         itself = np.ones((1, len(arms.rows)))
         (short,) = arms.loops(itself, study.cases, study.laws)
-        errors.append(simulate_batch([short[study.lookup["mine", "printed"]]], study.loaded.compare.status))
+        errors.append(simulate_batch([short[study.lookup["mine", "printed"]]]))
     assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 
 

@@ -48,12 +48,12 @@ class Stop(KeyboardInterrupt):
 def stop_after(blocks):
     left = blocks
 
-    def simulate(loops, limits):
+    def simulate(loops):
         nonlocal left
         left -= 1
         if left < 0:
             raise Stop
-        return fake_batch(loops, limits)
+        return fake_batch(loops)
 
     return simulate
 

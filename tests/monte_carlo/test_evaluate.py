@@ -19,7 +19,7 @@ def test_results_stand_in_the_place_of_their_draw_and_case():
     loops = study.populations["box"].loops(records["draws"], study.cases)
     for record, of_plant in zip(records, loops, strict=True):
         for c, loop in enumerate(of_plant):
-            alone = fake_batch([loop], None)
+            alone = fake_batch([loop])
             assert record["status"][c] == alone.status[0]
             for name in STATISTICS:
                 np.testing.assert_array_equal(record[name][c], alone.statistics[name][0].astype(np.float32))

@@ -100,6 +100,8 @@ def small_step(plant, law, size, samples, delay=0):
         L=L,
         solver=Solver("dop853", 1e-13, 1e-17, L),
         divergence_limit=np.inf,
+        ringing_frequency=3.0,
+        ringing_share=0.5,
         cold=False,
         seed=0,
     )

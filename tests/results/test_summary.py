@@ -148,7 +148,7 @@ def test_a_trace_has_the_statistics_of_the_batch() -> None:
     """The shipped arm starts cold, so its first epsilon is 124 rad/s2."""
     loaded = load_config("compare", "compare", overrides=["manipulator.actuator.torque_limit=[4, 4, 4]"])
     loops = all_loops(loaded)
-    batch = simulate_batch([*loops.values()], loaded.config.status, record=True)
+    batch = simulate_batch([*loops.values()], record=True)
     assert batch.traces is not None
     for k, (name, loop) in enumerate(loops.items()):
         variables = dict(batch.traces[k] or {})

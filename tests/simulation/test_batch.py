@@ -11,7 +11,7 @@ import pytest
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.load import CompareConfig, load_config
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import Readings
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
@@ -39,10 +39,9 @@ NEAR = 3.8e-5
 """The same while torque pulses of encoder counts hit the steep part of friction: a tenth of a count."""
 
 
-def loaded(*overrides: str) -> tuple[CompareConfig, dict[str, Loop]]:
+def loaded(*overrides: str) -> dict[str, Loop]:
     found = load_config("plain", "compare", overrides=overrides)
-    assert isinstance(found.config, CompareConfig)
-    return found.config, dict(build_loops(found.config, found.folder))
+    return dict(build_loops(found.config, found.folder))
 
 
 def cut(loop: Loop, duration: float) -> Loop:
@@ -51,10 +50,8 @@ def cut(loop: Loop, duration: float) -> Loop:
     return replace(loop, reference=DesiredMotion(**parts, period=reference.period))
 
 
-def traced(
-    config: CompareConfig, loops: list[Loop], tolerance: float = TOLERANCE
-) -> tuple[Batch, list[dict[str, Array]]]:
-    batch = simulate_batch(loops, config.status, record=True, tolerance=tolerance)
+def traced(loops: list[Loop], tolerance: float = TOLERANCE) -> tuple[Batch, list[dict[str, Array]]]:
+    batch = simulate_batch(loops, record=True, tolerance=tolerance)
     assert batch.traces is not None
     return batch, [trace for trace in batch.traces if trace is not None]
 
@@ -82,17 +79,17 @@ def sizes(e: Array) -> dict[str, Array]:
 
 
 def test_with_ideal_encoders_every_run_is_the_reference_steppers() -> None:
-    config, loops = loaded(IDEAL)
+    loops = loaded(IDEAL)
     short = [cut(loop, 3.0) for loop in loops.values()]
-    batch, traces = traced(config, short)
+    batch, traces = traced(short)
     assert [STATUSES[status] for status in batch.status] == ["ok"] * 4
     for trace, loop in zip(traces, short, strict=True):
         assert_same_run(trace, loop)
 
 
 def test_with_counts_runs_agree_up_to_the_first_differing_count() -> None:
-    config, loops = loaded()
-    batch, traces = traced(config, list(loops.values()))
+    loops = loaded()
+    batch, traces = traced(list(loops.values()))
     for k, (trace, loop) in enumerate(zip(traces[:3], list(loops.values())[:3], strict=True)):
         truth = simulate(loop)
         assert near_until_a_count_differs(trace, truth) > 400
@@ -145,10 +142,10 @@ READINGS = (
 def test_runs_of_all_readings_do_not_mix() -> None:
     """No switch of one law is taken for its neighbour's; code for parts that others have rounds otherwise."""
     found = [loaded(IDEAL, *override.split(";")) for override in READINGS]
-    config, many = found[0][0], [cut(loops["controller_1"], 0.3) for _, loops in found]
-    together = simulate_batch(many, config.status)
+    many = [cut(loops["controller_1"], 0.3) for loops in found]
+    together = simulate_batch(many)
     for k, loop in enumerate(many):
-        alone = simulate_batch([loop], config.status)
+        alone = simulate_batch([loop])
         for name in ("mae", "rmse", "torque_rms", "H_hat_rms"):
             ours, theirs = together.statistics[name][k], alone.statistics[name][0]
             np.testing.assert_allclose(ours, theirs, rtol=1e-11, err_msg=f"{name} {READINGS[k]}")
@@ -157,15 +154,15 @@ def test_runs_of_all_readings_do_not_mix() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("override", READINGS)
 def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: str) -> None:
-    config, loops = loaded(IDEAL, *override.split(";"))
+    loops = loaded(IDEAL, *override.split(";"))
     # Jumps at zero error and of the torque's steps amplify rounding; short runs stay clear of it.
     short = [cut(loop, 0.02 if override in UNSTABLE else 0.5) for loop in loops.values()]
-    _, traces = traced(config, short, 1e-6)
+    _, traces = traced(short, 1e-6)
     for trace, loop in zip(traces, short, strict=True):
         assert_same_run(trace, loop)
 
 
-def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop]]:
+def damped_plants(count: int, duration: float) -> list[Loop]:
     """Controller 1 on the box's first plants whose linear loop decays at 0.5 s⁻¹ or faster."""
     ensemble = load_ensemble(None)
     box = population_of(ensemble)
@@ -181,15 +178,15 @@ def damped_plants(count: int, duration: float) -> tuple[CompareConfig, list[Loop
             actuator = loop.actuator._replace(resolution=0.0, noise=0.0)
             loops.append(replace(cut(loop, duration), plant=quiet, actuator=actuator))
         if len(loops) == count:
-            return ensemble.compare, loops
+            return loops
     raise AssertionError
 
 
 @pytest.mark.slow
 def test_sixty_four_plants_of_the_box_run_as_in_the_reference_stepper() -> None:
-    config, loops = damped_plants(64, 1.0)
+    loops = damped_plants(64, 1.0)
     ideal = [replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0)) for loop in loops]
-    batch = simulate_batch(ideal, config.status, record=True, tolerance=1e-8)
+    batch = simulate_batch(ideal, record=True, tolerance=1e-8)
     assert batch.traces is not None
     for loop, trace in zip(ideal, batch.traces, strict=True):
         assert trace is not None
@@ -198,25 +195,25 @@ def test_sixty_four_plants_of_the_box_run_as_in_the_reference_stepper() -> None:
 
 
 def test_a_run_knows_nothing_of_its_neighbours() -> None:
-    config, loops = loaded("manipulator.encoders.joint.noise=1e-5")
+    loops = loaded("manipulator.encoders.joint.noise=1e-5")
     names = "controller_1", "controller_2", "controller_1_payload"
     runs = [replace(cut(loops[name], 0.9), seed=seed) for seed, name in enumerate(names)]
-    stiff = cut(loaded(*STIFF)[1]["controller_3"], 0.7)
+    stiff = cut(loaded(*STIFF)["controller_3"], 0.7)
     # What ends early leaves its lane to others.
     runs += [cut(loops["controller_2"], 0.3), stiff]
     many = [runs[k] for k in (0, 3, 2, 1, 4, 3, 2, 2, 3, 0, 3, 1, 2, 3, 3, 3, 4)]
-    together = simulate_batch(many, config.status, threads=2)
+    together = simulate_batch(many, threads=2)
     for k in (0, 1, 2, 3, 4, 12):
-        alone = simulate_batch([many[k]], config.status)
+        alone = simulate_batch([many[k]])
         for name in STATISTICS:
             np.testing.assert_array_equal(together.statistics[name][k], alone.statistics[name][0], name)
 
 
 def test_statistics_obey_equation_23_and_count_what_rings() -> None:
     """All are held to signals in test_streaming, and those that a trace has to it in test_summary."""
-    config, loops = loaded()
+    loops = loaded()
     loop = loops["controller_1"]
-    batch, (trace,) = traced(config, [loop])
+    batch, (trace,) = traced([loop])
     found = {name: values[0] for name, values in batch.statistics.items()}
     # A count jumps by 384 rad/s2 in the measured acceleration; in H - H_hat it cancels, Eq. (19).
     assert (found["epsilon_max"] < 0.1 * np.deg2rad(0.022) / loop.L**2).all()
@@ -228,19 +225,18 @@ def test_statistics_obey_equation_23_and_count_what_rings() -> None:
 
 
 def test_a_run_rings_where_one_joint_does() -> None:
-    config, loops = loaded()
+    loops = loaded()
     run = cut(loops["controller_1"], 1.0)
-    shares = simulate_batch([run], config.status).statistics["fast_share"][0]
+    shares = simulate_batch([run]).statistics["fast_share"][0]
     for share, status in ((1.01 * shares.max(), "ok"), (shares.mean(), "ringing")):
-        limits = loaded(f"status.ringing_share={share}")[0].status
-        assert STATUSES[simulate_batch([run], limits).status[0]] == status
+        assert STATUSES[simulate_batch([replace(run, ringing_share=share)]).status[0]] == status
 
 
 def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
     """Also if it rings."""
-    config, loops = loaded(IDEAL, "status.divergence_limit=0.5", "status.ringing_share=1e-9")
+    loops = loaded(IDEAL, "status.divergence_limit=0.5", "status.ringing_share=1e-9")
     loop = loops["controller_1"]
-    batch, (trace,) = traced(config, [loop])
+    batch, (trace,) = traced([loop])
     truth = simulate(loop)
     assert STATUSES[batch.status[0]] == "diverged"
     assert trace["time"].size == truth["time"].size
@@ -250,9 +246,9 @@ def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:
 
 def test_stiff_dry_friction_is_followed_within_a_billionth_of_a_radian() -> None:
     """Standstill, break-away, motion and standstill again, in 48 steps a sample."""
-    _, loops = loaded(IDEAL, *STIFF)
+    loops = loaded(IDEAL, *STIFF)
     runs = [cut(loops[name], 5.0) for name in ("controller_1", "controller_3")]
-    batch = simulate_batch(runs, loaded()[0].status, record=True)
+    batch = simulate_batch(runs, record=True)
     assert (batch.steps == 48).all()
     assert batch.traces is not None
     for run, trace in zip(runs, batch.traces, strict=True):
@@ -262,15 +258,15 @@ def test_stiff_dry_friction_is_followed_within_a_billionth_of_a_radian() -> None
 
 
 def test_a_plant_too_fast_to_resolve_gets_a_status_not_a_guess() -> None:
-    config, loops = loaded("manipulator.friction.link.smoothing_velocity=[1e-5,1e-5,1e-5]")
-    batch = simulate_batch([loops["controller_1"]], config.status)
+    loops = loaded("manipulator.friction.link.smoothing_velocity=[1e-5,1e-5,1e-5]")
+    batch = simulate_batch([loops["controller_1"]])
     assert STATUSES[batch.status[0]] == "unresolved"
     assert batch.steps[0] == 0
     assert np.isnan(batch.statistics["mae"]).all()
 
 
 def test_modes_without_friction_are_those_of_the_plants_matrices() -> None:
-    _, loops = loaded()
+    loops = loaded()
     plant = frictionless(loops["controller_1"].plant)
     modes = plant_modes(stacked([plant]), np.zeros((2, 1)))[-1][0, 0]
     expected = np.linalg.eigvals(plant_matrices(np.zeros(2), plant)[0])
@@ -304,7 +300,7 @@ def test_what_decays_faster_than_a_sample_never_grows_by_its_steps(turn: float) 
 
 
 def test_no_loops_and_a_law_of_somebody_else_are_refused() -> None:
-    config, loops = loaded()
+    loops = loaded()
     loop = loops["controller_1"]
     assert isinstance(loop.controller, TimeDelayController)
 
@@ -314,4 +310,4 @@ def test_no_loops_and_a_law_of_somebody_else_are_refused() -> None:
     other = replace(loop, controller=TimeDelayController(loop.controller.law, strange))
     for refused, message in (([], "no loops"), ([other], "own control laws")):
         with pytest.raises(TendonreproError, match=message):
-            simulate_batch(refused, config.status)
+            simulate_batch(refused)

@@ -82,7 +82,7 @@ def test_a_sample_of_an_experiment_is_that_of_python(run: str) -> None:
     loop = dict(build_loops(found.config, found.folder))[run]
     rest = rest_at(np.zeros(2), loop.plant)
     code = Writer(experiment_rows(2))
-    write_sample(code, law_numbers([(loop, rest)], lambda _: 1), command, statistics=False, record=True)
+    write_sample(code, law_numbers([(loop, rest)]), command, statistics=False, record=True)
     x, torque = code.rows.parameters(code.tape, stacked([loop.plant])), code.read("torque", 2)
     t: Any = code.tape.write("time")
     h: Any = code.number("period") * 0.5

@@ -31,7 +31,7 @@ def run_of(unilateral, *overrides):
     finer = "solver.rtol=1e-7", "solver.atol=1e-9"
     changes = (*THROWN, *finer, f"manipulator.tendons.unilateral={unilateral}", *overrides)
     loaded = load_config("plain", "compare", overrides=changes, controllers=[1])
-    return loaded.config, dict(build_loops(loaded.config, loaded.folder))["controller_1"]
+    return dict(build_loops(loaded.config, loaded.folder))["controller_1"]
 
 
 def tension_of(trace, loop):
@@ -86,12 +86,12 @@ def by_hand(trace):
 
 @pytest.fixture(scope="module")
 def thrown():
-    config, loop = run_of("on")
-    return config, loop, simulate(loop)
+    loop = run_of("on")
+    return loop, simulate(loop)
 
 
 def test_a_slack_run_is_that_of_a_program_of_its_own(thrown):
-    _, loop, trace = thrown
+    loop, trace = thrown
     tension = tension_of(trace, loop)
     assert tension.min() > -1e-9
     assert (slack_time(trace["time"], tension) > 0.05).all(), "both tendons go slack"
@@ -101,9 +101,9 @@ def test_a_slack_run_is_that_of_a_program_of_its_own(thrown):
 
 
 def test_batch_and_reference_stepper_agree_while_tendons_are_slack(thrown):
-    config, loop, truth = thrown
-    both = [loop, run_of("off")[1]]
-    trace, pushing = simulate_batch(both, config.status, record=True, tolerance=1e-8).traces
+    loop, truth = thrown
+    both = [loop, run_of("off")]
+    trace, pushing = simulate_batch(both, record=True, tolerance=1e-8).traces
     assert tension_of(pushing, loop).min() < -1.0, "its neighbour may push"
     assert len(trace["q"]) == len(truth["q"])
     # Steps meet the corner of the slack somewhere inside, and later the arm is thrown about.
@@ -115,19 +115,16 @@ def test_batch_and_reference_stepper_agree_while_tendons_are_slack(thrown):
 def test_a_preload_that_keeps_all_tense_leaves_every_bit():
     preload = ("manipulator.tensioner.force=60", "reference.rise=0.6", "reference.hold=0.01")
     loops = {unilateral: run_of(unilateral, *preload) for unilateral in ("off", "on")}
-    runs = {unilateral: simulate(loop) for unilateral, (_, loop) in loops.items()}
-    assert tension_of(runs["on"], loops["on"][1]).min() > 5.0
+    runs = {unilateral: simulate(loop) for unilateral, loop in loops.items()}
+    assert tension_of(runs["on"], loops["on"]).min() > 5.0
     for name, values in runs["off"].items():
         assert (values == runs["on"][name]).all(), name
-    batch = {
-        unilateral: simulate_batch([loop], config.status, record=True).traces[0]
-        for unilateral, (config, loop) in loops.items()
-    }
+    batch = {unilateral: simulate_batch([loop], record=True).traces[0] for unilateral, loop in loops.items()}
     assert batch["on"]["q"] == pytest.approx(batch["off"]["q"], abs=1e-12)
 
 
 def test_off_leaves_nothing_in_the_code(monkeypatch):
-    plants = {word: stacked([run_of(word)[1].plant]) for word in ("off", "on")}
+    plants = {word: stacked([run_of(word).plant]) for word in ("off", "on")}
     off, on = (advance_source(plants[word], experiment_rows(2)) for word in ("off", "on"))
     assert off.count("\n") < on.count("\n")
     monkeypatch.setattr(drive, "pulled", lambda torque, _: torque)
@@ -135,7 +132,7 @@ def test_off_leaves_nothing_in_the_code(monkeypatch):
 
 
 def test_a_tendon_that_would_push_at_rest_has_no_torque():
-    _, loop = run_of("on", "manipulator.tensioner.force=0")
+    loop = run_of("on", "manipulator.tensioner.force=0")
     light = loop.plant._replace(arm=loop.plant.arm._replace(b=-np.ones(2)))
     state, torque = rest_state(np.zeros(2), light), holding_torque(np.zeros(2), light)
     winch = drive.to_winch_torque(torque, light.drive)

@@ -20,9 +20,8 @@ from tendonrepro.studies.lifecycle import carry_out
 SHARES = {"ok": 0.8, "ringing": 0.08, "diverged": 0.08, "unresolved": 0.04}
 
 
-def fake_batch(loops, limits):
+def fake_batch(loops):
     """Pseudo-statistics of each loop alone."""
-    del limits
     numbers, codes = [], []
     for loop in loops:
         rng = np.random.default_rng(fingerprint(loop))
@@ -75,10 +74,10 @@ DRAWS = 32
 """The fewest that the small study takes: 16 blocks."""
 
 
-def slow_batch(loops, limits):
+def slow_batch(loops):
     """The same, slow enough for something to happen meanwhile."""
     time.sleep(0.3)
-    return fake_batch(loops, limits)
+    return fake_batch(loops)
 
 
 def run_small(folder, jobs):

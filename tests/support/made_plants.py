@@ -41,9 +41,9 @@ def plants():
     return measured(PRINTED.values * np.exp(noise))
 
 
-def made_up(loops, limits, threads=1):
+def made_up(loops, threads=1):
     """A stepper of a few unknowns: size by motor damping and link length, order by the law's weights."""
-    del limits, threads
+    del threads
     mae, rmse = np.deg2rad([_size(loop) for loop in loops]).swapaxes(0, 1)
     values = dict.fromkeys(STATISTICS, np.zeros((len(loops), 2))) | {"mae": mae, "rmse": rmse}
     values |= {"mae_late": 2.0 * mae, "rmse_late": 2.0 * rmse}

@@ -86,7 +86,7 @@ class EditStudy:
         for law in self.laws:
             stub = stub_of(loops[law.name])
             try:
-                simulate_batch([stub], self.loaded.compare.status)
+                simulate_batch([stub])
                 law_of(stub)
             except Exception as error:
                 raise refused_on_lanes(law.name, error) from error
@@ -177,7 +177,7 @@ def _block(study: EditStudy, identity: str, kind: RecordType, plants: range) -> 
         for reading in study.readings
         for (run, _), law in cells.items()
     ]
-    batch = simulate_batch(loops, study.loaded.compare.status)
+    batch = simulate_batch(loops)
     records = np.empty(len(plants), kind)
     records["status"] = batch.status.reshape(records["status"].shape)
     # What overflows single precision is of a diverged run, and infinite for every purpose.

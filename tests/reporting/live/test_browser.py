@@ -66,7 +66,7 @@ def by_python(loaded: LoadedConfig, steps: Mapping[str, int] | None = None) -> d
                 patch.setattr(
                     resolution, "steps_needed", lambda modes, *_, m=steps[name]: np.full(len(modes), m)
                 )
-            batch = simulate_batch([loop], loaded.config.status, record=True)
+            batch = simulate_batch([loop], record=True)
         trace = (batch.traces or [None])[0]
         assert trace is not None
         error = np.degrees(trace["e"][first:])
