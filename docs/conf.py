@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import sys
+from pathlib import Path
 from typing import Any, get_origin
 
 from docutils import nodes
@@ -10,6 +12,10 @@ from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
 import tendonrepro
+
+sys.path.insert(0, str(Path(__file__).parent))
+import generate
+import pages
 
 project = "tendonrepro"
 version = release = tendonrepro.__version__
@@ -53,7 +59,8 @@ linkcheck_ignore = [r"https://doi\.org/10\.3390/.*", r"http://localhost.*"]
 def with_directives(app: Sphinx, name: str, source: list[str]) -> None:
     """Pages are plain Markdown, and read well without this site; what they mark becomes a directive here."""
     # autosummary looks for its directives in the files themselves, so these are whole there, in comments.
-    source[0] = re.sub(r"<!-- forge -->.*?<!-- site\n(.*?)-->", r"\1", source[0], flags=re.DOTALL)
+    text = re.sub(r"<!-- forge -->.*?<!-- site\n(.*?)-->", r"\1", source[0], flags=re.DOTALL)
+    source[0] = pages.of_site(text, {**pages.MAKERS, **generate.MAKERS})
 
 
 def inline_math(self: Any, node: nodes.Element) -> None:

@@ -21,10 +21,10 @@ import numpy as np
 from findings_pictures import draw_map, draw_ranges
 from harvest import take
 from pages import fresh
-from stored_results import DOCS, nearest, of_joints, stored
+from stored_results import DOCS, of_joints, stored
 
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.shown import CHANGED, GROUPS, KEPT
+from tendonrepro.configuration.shown import GROUPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.identification.edits.figures_edits import draw_edits
 from tendonrepro.reporting import contents
@@ -34,6 +34,7 @@ from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts.ledger import read_ledger
+from tendonrepro.verdicts.report import claims_table
 
 README = DOCS.parent / "README.md"
 PAGES = (README, *(DOCS / f"{name}.md" for name in
@@ -42,6 +43,7 @@ PAGES = (README, *(DOCS / f"{name}.md" for name in
 
 def write_pages() -> None:
     """Fill the made parts of the pages, draw the pictures, and describe them where they stand."""
+    (DOCS / "results" / "claims.csv").write_text(claims_csv(), encoding="utf-8")
     drawn = pictures()
     for page in (*DOCS.glob("*.md"), README):
         text = page.read_text(encoding="utf-8")
@@ -50,6 +52,11 @@ def write_pages() -> None:
         for drawing in drawn.values():
             save_drawing(drawing, Path(folder))
             shutil.copy(Path(folder) / f"{drawing.stem}.png", DOCS)
+
+
+def claims_csv() -> str:
+    """Every claim and number with its verdict, as ``tendonrepro claims`` writes them."""
+    return claims_table([*read_ledger(stored("claims")).verdicts.values()]).csv()
 
 
 def pictures() -> dict[str, Drawing]:
@@ -138,7 +145,7 @@ FILTERS: Mapping[str, Callable[[Any], Any]] = {
 
 
 def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Closest plants, the nearest first, and of those whose errors are of joints that with equations kept or changed."""
+    """Closest plants, the nearest first."""
     draws, bounds = (stored(name)["misfit_log"] for name in ("draws", "bounds"))
     searched = [
         {
@@ -154,11 +161,8 @@ def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
         for held in sorted(found["readings"], key=lambda held: held["misfit_log"])
     ]
     return {
-        "budget": found.get("budget"),
         "searched": searched,
         "nearest": {held["name"]: held for held in searched},
-        "kept": nearest(searched, of_joints(KEPT)),
-        "changed": nearest(searched, of_joints(CHANGED)),
     }
 
 
@@ -194,7 +198,7 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 PARTS = (
-    "the headline", "what it depends on", "the answer", "why", "robustness", "the closest", "closest plants", "misfits",
+    "the headline", "what it depends on", "the answer", "why", "robustness", "closest plants", "misfits",
     "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
     "planted papers", "how probable", "the bound", "the least misfits", "single edits", "every small change",
 )  # fmt: skip

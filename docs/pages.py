@@ -1,6 +1,7 @@
 """Write the parts of pages that are made from the package: ``make pages``.
 
-A part stands between ``<!-- made: NAME -->`` and ``<!-- end -->``; a test makes each again and compares.
+A part stands between ``<!-- made: NAME -->`` and ``<!-- end -->``. Of a long table a page has some rows, between
+``<!-- site: NAME -->`` and ``<!-- end -->``, and the site has all. A test makes each part again and compares.
 """
 
 from __future__ import annotations
@@ -13,15 +14,37 @@ from typing import Any
 from tendonrepro.reporting import contents
 
 DOCS = Path(__file__).parent
-PART = re.compile(r"(<!-- made: ([\w ]+) -->\n).*?(<!-- end -->)", re.S)
+PART = re.compile(r"(?P<head><!-- (?P<kind>made|site): (?P<name>[\w ]+) -->\n)(?P<shown>.*?)(?P<end><!-- end -->)", re.S)
+Makers = Mapping[str, Callable[[], str]]
 
 
-def fresh(text: str, makers: Mapping[str, Callable[[], str]] | None = None) -> str:
+def fresh(text: str, makers: Makers | None = None) -> str:
     """A page with the parts made again that `makers` know, by default those of this file."""
-    makers = makers or MAKERS
-    return PART.sub(
-        lambda part: f"{part[1]}\n{makers[part[2]]()}\n\n{part[3]}" if part[2] in makers else part[0], text
-    )
+    return _filled(text, makers or MAKERS, lambda part, made: excerpt(part["shown"], made) if part["kind"] == "site" else made)
+
+
+def of_site(text: str, makers: Makers) -> str:
+    """A page whose long tables are whole."""
+    return _filled(text, makers, lambda part, made: made if part["kind"] == "site" else part["shown"].strip())
+
+
+def _filled(text: str, makers: Makers, filling: Callable[[re.Match[str], str], str]) -> str:
+    def filled(part: re.Match[str]) -> str:
+        if part["name"] not in makers:
+            return part[0]
+        return f"{part['head']}\n{filling(part, makers[part['name']]())}\n\n{part['end']}"
+
+    return PART.sub(filled, text)
+
+
+def excerpt(shown: str, whole: str) -> str:
+    """Those lines of a table whose first cell is shown."""
+    kept = set(map(_first_cell, shown.splitlines()))
+    return "\n".join(line for line in whole.splitlines() if _first_cell(line) in kept)
+
+
+def _first_cell(line: str) -> str:
+    return line.removeprefix("|").partition("|")[0].strip()
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -30,26 +53,12 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in escaped)
 
 
-def pairs() -> str:
-    from tendonrepro.configuration.ensemble import load_ensemble
-
-    return "\n".join(f"- `{'+'.join(pair)}`" for pair in load_ensemble(None).config.pairs)
-
-
-def unprinted(
-    wanted: Callable[[str, bool], bool], experiments: Sequence[str] = ("compare", "decouple")
-) -> str:
-    """Values of shipped experiments that the paper does not print, by key and whether all of them hold them."""
+def unprinted(*experiments: str) -> str:
+    """Values of shipped experiments that the paper does not print."""
     from tendonrepro.configuration.load import load_config
 
-    trees = [load_config(name, None).tree for name in experiments]
-    keys = [dict(contents.quantities(tree)) for tree in trees]
-    kept = [
-        row
-        for row in contents.value_rows(trees)
-        if row[3] != "printed" and wanted(row[0].strip("`"), all(row[0].strip("`") in held for held in keys))
-    ]
-    return table(("Key", "Value", "Unit", "Origin", "Why"), kept)
+    rows = contents.value_rows([load_config(name, None).tree for name in experiments])
+    return table(("Key", "Value", "Unit", "Origin", "Why"), [row for row in rows if row[3] != "printed"])
 
 
 def readings() -> str:
@@ -70,18 +79,6 @@ def readings() -> str:
             (key, axis.printed, ", ".join(axis.alternatives), runs(axis.affects), axis.at.place, axis.about)
         )
     return table(("Reading", "Default", "Alternatives", "Changes the runs", "Place", "About"), rows)
-
-
-def of_compare(key: str, both: bool) -> bool:
-    return not both and not key.startswith(("manipulator.", "position_loop.", "runs.decouple", "runs.pull"))
-
-
-def of_plain(key: str, _both: bool) -> bool:
-    return key.startswith(("manipulator.", "posture", "reference", "disturbance"))
-
-
-def of_decouple(key: str, both: bool) -> bool:
-    return not both and key.startswith(("position_loop.", "runs.decouple", "runs.pull"))
 
 
 def keys() -> str:
@@ -214,17 +211,13 @@ def code_block(language: str, text: str) -> str:
     return f"```{language}\n{text}\n```"
 
 
-MAKERS: Mapping[str, Callable[[], str]] = {
+MAKERS: Makers = {
     "one line": one_line,
     "the box": lambda: table(contents.BOX_HEADS, contents.box_rows()),
     "the readings": readings,
     "the keys": keys,
-    "the pairs of readings": pairs,
-    "the manipulator": lambda: unprinted(lambda key, _: key.startswith("manipulator.")),
-    "both experiments": lambda: unprinted(lambda key, both: both and not key.startswith("manipulator.")),
-    "the comparison": lambda: unprinted(of_compare),
-    "the decoupling experiment": lambda: unprinted(of_decouple),
-    "the plain arm": lambda: unprinted(of_plain, ("plain",)),
+    "the values": lambda: unprinted("compare", "decouple"),
+    "the plain arm": lambda: unprinted("plain"),
     "the commands": commands,
     "the options": options,
     "the variables of a trace": variables,

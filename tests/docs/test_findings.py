@@ -70,8 +70,31 @@ def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
         assert pages.fresh(text, generate.MAKERS) == text, (
             f"docs/{name} has a part of another day: make findings"
         )
-    parts = [part[2] for text in texts.values() for part in pages.PART.finditer(text)]
+    parts = [part["name"] for text in texts.values() for part in pages.PART.finditer(text)]
     assert sorted(parts) == sorted([*pages.MAKERS, *generate.MAKERS])
+
+
+def test_the_site_has_rows_for_each_long_table(makers: list[Any]) -> None:
+    """The page keeps some of them; the rest a command or a file of docs/results has, too."""
+    pages, generate, _ = makers
+    known = {**pages.MAKERS, **generate.MAKERS}
+    marked = [
+        part for path in DOCS.glob("*.md") for part in pages.PART.finditer(path.read_text(encoding="utf-8"))
+    ]
+    tables = {part["name"]: part["shown"].strip().splitlines() for part in marked if part["kind"] == "site"}
+    assert tables
+    for name, shown in tables.items():
+        head, rule, *rows = whole = known[name]().splitlines()
+        assert (head, rule) == tuple(shown[:2])
+        assert set(shown) < set(whole)
+        assert all(row.startswith("| ") for row in rows)
+        assert (
+            len(pages.of_site(f"<!-- site: {name} -->\n<!-- end -->", known).splitlines()) == len(whole) + 4
+        )
+
+
+def test_claims_as_a_table_are_those_that_are_stored(makers: list[Any]) -> None:
+    assert (DOCS / "results" / "claims.csv").read_text(encoding="utf-8") == makers[1].claims_csv()
 
 
 def test_pictures_are_described_by_their_captions(makers: list[Any], pictures: dict[str, Drawing]) -> None:
